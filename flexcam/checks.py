@@ -1,0 +1,200 @@
+"""The one voice for refused input: where, what was given, what is allowed, why, what to do."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong with an input.
+
+    Parameters
+    ----------
+    where
+        The place in the user's own terms: a key path with its line, a node, a parameter.
+    given
+        What stands there.
+    allowed
+        What may stand there.
+    why
+        The reason for the limit.
+    remedy
+        What to do about it.
+
+    Examples
+    --------
+    >>> print(Fault("run.speed", "-5 rpm", "a speed above zero", "the cam turns forward", "give the speed as positive"))
+    run.speed: given -5 rpm; allowed: a speed above zero; the cam turns forward; give the speed as positive
+    """
+
+    where: str
+    given: str
+    allowed: str
+    why: str
+    remedy: str
+
+    def __str__(self) -> str:
+        head = f"{self.where}: given {self.given}; allowed: {self.allowed}"
+        return "; ".join(part for part in (head, self.why, self.remedy) if part)
+
+    def as_dict(self) -> dict[str, str]:
+        """Return the five facts by name, as ``--json`` prints them."""
+        return asdict(self)
+
+
+class FlexcamError(Exception):
+    """Base of every error that flexcam raises on purpose."""
+
+
+class InputError(FlexcamError, ValueError):
+    """Refused input, with every fault that was found.
+
+    Parameters
+    ----------
+    faults
+        One or more faults.
+
+    Examples
+    --------
+    >>> try:
+    ...     positive("diameter", -1.0, "m")
+    ... except InputError as refusal:
+    ...     print(refusal.faults[0].where)
+    diameter
+    """
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults: tuple[Fault, ...] = tuple(faults)
+        super().__init__("\n".join(map(str, self.faults)))
+
+
+def refuse(where: str, given: object, allowed: str, why: str = "", remedy: str = "") -> InputError:
+    """Return the refusal of a single value, to be raised by the caller.
+
+    Parameters
+    ----------
+    where, given, allowed, why, remedy
+        As in `Fault`; `given` is shown by its `repr` unless it is text.
+
+    Returns
+    -------
+    InputError
+        The error with one fault.
+
+    Examples
+    --------
+    >>> str(refuse("elements", 0, "a whole number from 1"))
+    'elements: given 0; allowed: a whole number from 1'
+    """
+    shown = given if isinstance(given, str) else repr(given)
+    return InputError([Fault(where, shown, allowed, why, remedy)])
+
+
+def positive(where: str, value: float, unit: str, *, zero: bool = False) -> float:
+    """Return `value` if it is finite and above zero (or zero, where allowed).
+
+    Parameters
+    ----------
+    where
+        Name of the quantity.
+    value
+        The number, in SI.
+    unit
+        SI unit, for the message.
+    zero
+        Whether zero is allowed.
+
+    Returns
+    -------
+    float
+        The value itself.
+
+    Raises
+    ------
+    InputError
+        If the value is negative, not finite, or zero where zero is not allowed.
+
+    Examples
+    --------
+    >>> positive("length", 2.0, "m")
+    2.0
+    """
+    number = float(value)
+    if np.isfinite(number) and (number > 0.0 or (zero and number == 0.0)):
+        return number
+    allowed = f"a finite number, {'zero or more' if zero else 'above zero'}"
+    raise refuse(where, f"{number:g} {unit}".rstrip(), allowed, remedy="check sign and unit")
+
+
+def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+    """Return a read-only copy of `values` as a float array of the given shape.
+
+    Parameters
+    ----------
+    where
+        Name of the quantity.
+    values
+        Numbers, any array-like.
+    shape
+        Expected shape; None stands for any length.
+
+    Returns
+    -------
+    ndarray
+        Read-only copy, float64.
+
+    Raises
+    ------
+    InputError
+        If the shape differs or a number is not finite.
+
+    Examples
+    --------
+    >>> finite_array("offset", [0, 0, 1], (3,)).flags.writeable
+    False
+    """
+    array = np.array(values, dtype=float)
+    fits = array.ndim == len(shape) and all(
+        n is None or n == m for n, m in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        raise refuse(where, f"shape {array.shape}", "shape " + " x ".join("any" if n is None else str(n) for n in shape))
+    if not np.isfinite(array).all():
+        first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise refuse(f"{where}{list(first)}", str(array[first]), "finite numbers only")
+    array.setflags(write=False)
+    return array
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return a hint at the nearest known name, or an empty text.
+
+    Parameters
+    ----------
+    name
+        What was written.
+    known
+        What exists.
+
+    Returns
+    -------
+    str
+        ``did you mean 'x'?`` or nothing.
+
+    Examples
+    --------
+    >>> did_you_mean("stifness", ["stiffness", "damping"])
+    "did you mean 'stiffness'?"
+    """
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return f"did you mean {near[0]!r}?" if near else ""

@@ -1,0 +1,87 @@
+"""Names, order and signs that every module shares.
+
+A node has six components in global axes: translations ``ux uy uz`` and rotations ``rx ry rz`` (right-hand rule).
+A beam element has the same six at its first node, then at its second, in local axes (x along the member). Axial
+force is positive in tension.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexcam.checks import did_you_mean, finite_array, refuse
+from flexcam.linalg import FloatArray
+
+COMPONENTS = ("ux", "uy", "uz", "rx", "ry", "rz")
+"""The six components of a node, in the order of every array."""
+
+
+def component(name: str, where: str = "component") -> int:
+    """Return the position of a component among the six.
+
+    Parameters
+    ----------
+    name
+        One of `COMPONENTS`.
+    where
+        The place, for the message.
+
+    Returns
+    -------
+    int
+        0 to 5.
+
+    Raises
+    ------
+    InputError
+        If there is no such component.
+
+    Examples
+    --------
+    >>> component("rx")
+    3
+    """
+    if name in COMPONENTS:
+        return COMPONENTS.index(name)
+    raise refuse(where, repr(name), ", ".join(COMPONENTS), did_you_mean(name, COMPONENTS))
+
+
+def direction(value: str | FloatArray | tuple[float, ...], where: str = "direction") -> FloatArray:
+    """Return a direction in the six components of a node.
+
+    Parameters
+    ----------
+    value
+        A component name with an optional sign (``"uy"``, ``"-uy"``), three numbers (a translation) or six.
+    where
+        The place, for the message.
+
+    Returns
+    -------
+    ndarray
+        Shape (6,), global axes; translations and rotations each of unit length where given.
+
+    Raises
+    ------
+    InputError
+        If it is no component, not three or six finite numbers, or zero.
+
+    Examples
+    --------
+    >>> direction("-uy")
+    array([ 0., -1.,  0.,  0.,  0.,  0.])
+    """
+    if isinstance(value, str):
+        unit = np.zeros(6)
+        unit[component(value.lstrip("+-"), where)] = -1.0 if value.startswith("-") else 1.0
+        return unit
+    six = np.zeros(6)
+    given = finite_array(where, value, (None,))
+    if len(given) not in (3, 6) or not given.any():
+        raise refuse(where, given.tolist(), "a component name, or three or six numbers, not all zero")
+    six[: len(given)] = given
+    for part in (six[:3], six[3:]):
+        length = np.linalg.norm(part)
+        if length > 0.0:
+            part /= length
+    return six

@@ -1,0 +1,145 @@
+"""Degrees of freedom: which components of which nodes may move, and their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.fem.conventions import COMPONENTS, component
+from flexcam.fem.mesh import Mesh
+from flexcam.linalg import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class DofMap:
+    """Numbers of the free components, node after node, ux to rz.
+
+    Parameters
+    ----------
+    numbers
+        Shape (nodes, 6); -1 where a support holds the component.
+    names
+        A name per free component, such as ``"cam.uy"``.
+
+    Examples
+    --------
+    >>> mesh = Mesh([[0, 0, 0], [1, 0, 0]], {"bar": [0, 1]}, {"root": [0], "tip": [1]})
+    >>> dofs = dof_map(mesh, [("root", COMPONENTS)])
+    >>> dofs.size, dofs.names[1]
+    (6, 'tip.uy')
+    """
+
+    numbers: IntArray
+    names: tuple[str, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of degrees of freedom."""
+        return len(self.names)
+
+    def vector(self, node: int, direction: FloatArray) -> FloatArray:
+        """Return the row that picks the motion of a node along a direction.
+
+        Parameters
+        ----------
+        node
+            Node number.
+        direction
+            Weights of the six components, shape (6,), global axes.
+
+        Returns
+        -------
+        ndarray
+            Shape (size,); its product with the unknowns is the motion, the row itself a unit load there.
+        """
+        row = np.zeros(self.size)
+        free = self.numbers[node] >= 0
+        row[self.numbers[node][free]] = direction[free]
+        return row
+
+    def nodal(self, unknowns: FloatArray) -> FloatArray:
+        """Return unknowns spread over all nodes, zero where held.
+
+        Parameters
+        ----------
+        unknowns
+            Shape (..., size).
+
+        Returns
+        -------
+        ndarray
+            Shape (..., nodes, 6), global axes.
+        """
+        padded = np.concatenate([unknowns, np.zeros((*unknowns.shape[:-1], 1))], axis=-1)
+        return padded[..., self.numbers]
+
+    def rigid_motion(self, mesh: Mesh, direction: FloatArray) -> FloatArray:
+        """Return the free components of a unit rigid motion about the origin.
+
+        Parameters
+        ----------
+        mesh
+            The mesh of the nodes.
+        direction
+            Shape (6,): unit translation and/or rotation, global axes.
+
+        Returns
+        -------
+        ndarray
+            Shape (size,).
+        """
+        motion = np.tile(direction, (len(mesh.nodes), 1))
+        motion[:, :3] += np.cross(direction[3:], mesh.nodes)
+        row = np.zeros(self.size)
+        free = self.numbers >= 0
+        row[self.numbers[free]] = motion[free]
+        return row
+
+
+def dof_map(mesh: Mesh, supports: Iterable[tuple[str, Iterable[str]]]) -> DofMap:
+    """Number the free components of a mesh.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    supports
+        Pairs of a point name and the components held there.
+
+    Returns
+    -------
+    DofMap
+        The numbering.
+
+    Raises
+    ------
+    InputError
+        If a point or a component does not exist.
+
+    Examples
+    --------
+    >>> mesh = Mesh([[0, 0, 0], [1, 0, 0]], {"bar": [0, 1]}, {"root": [0]})
+    >>> dof_map(mesh, [("root", ["uy", "uz", "rx"])]).size
+    9
+    """
+    free = np.ones((len(mesh.nodes), 6), dtype=bool)
+    for point, components in supports:
+        for name in components:
+            free[mesh.select(point, f"supports.{point}"), component(name, f"supports.{point}")] = False
+    used = np.zeros(len(mesh.nodes), dtype=bool)
+    used[mesh.elements().ravel()] = True
+    free &= used[:, None]  # a node without an element has nothing to move
+    numbers = np.full(free.shape, -1, dtype=np.intp)
+    numbers[free] = np.arange(np.count_nonzero(free))
+    node_names = _node_names(mesh)
+    return DofMap(numbers, tuple(f"{node_names[n]}.{COMPONENTS[c]}" for n, c in np.argwhere(free).tolist()))
+
+
+def _node_names(mesh: Mesh) -> list[str]:
+    names = [f"node {n}" for n in range(len(mesh.nodes))]
+    for point, index in reversed(mesh.points.items()):
+        if len(index) == 1:
+            names[index[0]] = point
+    return names

@@ -1,0 +1,187 @@
+"""The 12-DOF beam element in space: a bar, a torsion bar and two bending planes side by side.
+
+Local order: ux uy uz rx ry rz at node 1, then at node 2. In the x-y plane the rotation is rz = dv/dx; in the x-z plane
+ry = -dw/dx, so that plane is the same bending element with the signs of its rotations turned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.fem.elements import axial, bending
+from flexcam.linalg import FloatArray, IntArray
+
+AXIAL = np.array([0, 6])
+TORSION = np.array([3, 9])
+PLANE_XY = np.array([1, 5, 7, 11])
+PLANE_XZ = np.array([2, 4, 8, 10])
+_TURNED = np.outer([1.0, -1.0, 1.0, -1.0], [1.0, -1.0, 1.0, -1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Beams:
+    """Properties of e straight beam elements, every field an array over the elements.
+
+    Parameters
+    ----------
+    nodes
+        Node numbers of both ends, shape (e, 2).
+    length
+        Lengths, m, shape (e,).
+    triads
+        Local axes as rows, shape (e, 3, 3): ``u_local = R u_global``.
+    EA, GJ, EIy, EIz
+        Rigidities, N and N m^2, shape (e,).
+    rho_A, rho_Ip, rho_Iy, rho_Iz
+        Mass (kg/m), polar and rotary inertia (kg m) per length, shape (e,). Switched-off rotary inertia is zero.
+    phi_y, phi_z
+        Shear parameters of bending in the x-y and x-z plane, shape (e,); zero without shear deformation.
+    lumped
+        1 where the mass is lumped, else 0, shape (e,).
+
+    Examples
+    --------
+    `flexcam.fem.beams` makes them from a mesh and its members.
+    """
+
+    nodes: IntArray
+    length: FloatArray
+    triads: FloatArray
+    EA: FloatArray
+    GJ: FloatArray
+    EIy: FloatArray
+    EIz: FloatArray
+    rho_A: FloatArray
+    rho_Ip: FloatArray
+    rho_Iy: FloatArray
+    rho_Iz: FloatArray
+    phi_y: FloatArray
+    phi_z: FloatArray
+    lumped: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.length)
+
+
+def _place(bar: FloatArray, twist: FloatArray, xy: FloatArray, xz: FloatArray) -> FloatArray:
+    full = np.zeros((len(xy), 12, 12))
+    full[:, AXIAL[:, None], AXIAL] = bar
+    full[:, TORSION[:, None], TORSION] = twist
+    full[:, PLANE_XY[:, None], PLANE_XY] = xy
+    full[:, PLANE_XZ[:, None], PLANE_XZ] = xz * _TURNED
+    return full
+
+
+def stiffness(beams: Beams) -> FloatArray:
+    """Return the elastic stiffness of every element.
+
+    Parameters
+    ----------
+    beams
+        The elements.
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 12, 12), local axes, SI.
+    """
+    return _place(
+        axial.stiffness(beams.EA, beams.length),
+        axial.stiffness(beams.GJ, beams.length),
+        bending.stiffness(beams.EIz, beams.length, beams.phi_y),
+        bending.stiffness(beams.EIy, beams.length, beams.phi_z),
+    )
+
+
+def mass(beams: Beams) -> FloatArray:
+    """Return the mass matrix of every element, consistent or lumped as it asks.
+
+    Parameters
+    ----------
+    beams
+        The elements.
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 12, 12), local axes, SI.
+    """
+    return _place(
+        axial.mass(beams.rho_A, beams.length, beams.lumped),
+        axial.mass(beams.rho_Ip, beams.length, beams.lumped),
+        _bending_mass(beams, beams.rho_Iz, beams.phi_y),
+        _bending_mass(beams, beams.rho_Iy, beams.phi_z),
+    )
+
+
+def _bending_mass(beams: Beams, rho_I: FloatArray, phi: FloatArray) -> FloatArray:
+    consistent = bending.translational_mass(beams.rho_A, beams.length, phi)
+    consistent += bending.rotary_mass(rho_I, beams.length, phi)
+    lumped = bending.lumped_mass(beams.rho_A, rho_I, beams.length)
+    return np.where(beams.lumped[:, None, None] > 0.0, lumped, consistent)
+
+
+def geometric(beams: Beams, axial_force: FloatArray) -> FloatArray:
+    """Return the geometric stiffness of every element under an axial force.
+
+    Parameters
+    ----------
+    beams
+        The elements.
+    axial_force
+        N, tension positive, shape (e,).
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 12, 12), local axes, N/m.
+    """
+    nothing = np.zeros((len(beams), 2, 2))
+    return _place(
+        nothing,
+        nothing,
+        bending.geometric(axial_force, beams.length, beams.phi_y),
+        bending.geometric(axial_force, beams.length, beams.phi_z),
+    )
+
+
+def to_global(beams: Beams, local: FloatArray) -> FloatArray:
+    """Return element matrices turned from local into global axes, ``T^T k T``.
+
+    Parameters
+    ----------
+    beams
+        The elements.
+    local
+        Shape (e, 12, 12), local axes.
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 12, 12), global axes.
+    """
+    R = beams.triads[:, None, None]
+    blocks = local.reshape(-1, 4, 3, 4, 3).swapaxes(2, 3)
+    turned = np.swapaxes(R, -1, -2) @ blocks @ R
+    return turned.swapaxes(2, 3).reshape(-1, 12, 12)
+
+
+def axial_force(beams: Beams, nodal: FloatArray) -> FloatArray:
+    """Return the axial force of every element from nodal displacements.
+
+    Parameters
+    ----------
+    beams
+        The elements.
+    nodal
+        Displacements in global axes, shape (nodes, 6), m and rad.
+
+    Returns
+    -------
+    ndarray
+        N, tension positive, shape (e,).
+    """
+    stretch = nodal[beams.nodes[:, 1], :3] - nodal[beams.nodes[:, 0], :3]
+    return beams.EA / beams.length * np.sum(stretch * beams.triads[:, 0], axis=1)

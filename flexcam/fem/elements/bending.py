@@ -1,0 +1,191 @@
+"""Bending of a two-node beam in one principal plane, with or without shear deformation.
+
+Unknowns v1, r1, v2, r2: deflection and rotation of the section, r = dv/dx for a slender beam. The shear parameter is
+``phi = 12 E I/(kappa A G L^2)``; phi = 0 is the Euler-Bernoulli beam. The interpolation is the one that solves the
+homogeneous static equations, so static nodal values are exact for both theories.
+
+Sources: stiffness: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), eq. 5.116; masses: Z. Friedman
+and J. B. Kosmatka, An improved two-node Timoshenko beam finite element, Comput. Struct. 47 (1993), eqs. 28-30;
+geometric stiffness: J. B. Kosmatka, An improved two-node finite element for stability and natural frequencies of
+axially loaded Timoshenko beams, Comput. Struct. 57 (1995). The tests integrate the shape functions again.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexcam.linalg import FloatArray
+
+
+def _symmetric(L: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, e: FloatArray, f: FloatArray) -> FloatArray:
+    """Lay out [[a, bL, c, dL], [., eL^2, -dL, fL^2], [., ., a, -bL], [., ., ., eL^2]] per element.
+
+    Every matrix of the element has this form, because turning the beam end for end maps
+    (v1, r1, v2, r2) to (v2, -r2, v1, -r1).
+    """
+    rows = [
+        [a, b * L, c, d * L],
+        [b * L, e * L**2, -d * L, f * L**2],
+        [c, -d * L, a, -b * L],
+        [d * L, f * L**2, -b * L, e * L**2],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def stiffness(EI: FloatArray, L: FloatArray, phi: FloatArray) -> FloatArray:
+    """Return EI/((1+phi) L^3) [12, 6L, -12, 6L; ., (4+phi)L^2, -6L, (2-phi)L^2; ...].
+
+    Parameters
+    ----------
+    EI
+        Bending rigidity, N m^2, shape (e,).
+    L
+        Lengths, m, shape (e,).
+    phi
+        Shear parameter, shape (e,).
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 4, 4), local axes.
+
+    Examples
+    --------
+    >>> one = np.ones(1)
+    >>> stiffness(one, one, 0.0 * one)[0]
+    array([[ 12.,   6., -12.,   6.],
+           [  6.,   4.,  -6.,   2.],
+           [-12.,  -6.,  12.,  -6.],
+           [  6.,   2.,  -6.,   4.]])
+    """
+    k = EI / ((1.0 + phi) * L**3)
+    return _symmetric(L, 12 * k, 6 * k, -12 * k, 6 * k, (4 + phi) * k, (2 - phi) * k)
+
+
+def translational_mass(rho_A: FloatArray, L: FloatArray, phi: FloatArray) -> FloatArray:
+    """Return the consistent mass; for phi = 0 it is rho A L/420 [156, 22L, 54, -13L; ., 4L^2, 13L, -3L^2; ...].
+
+    Parameters
+    ----------
+    rho_A
+        Mass per length, kg/m, shape (e,).
+    L
+        Lengths, m, shape (e,).
+    phi
+        Shear parameter, shape (e,).
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 4, 4), local axes.
+
+    Examples
+    --------
+    >>> one = np.ones(1)
+    >>> translational_mass(420 * one, one, 0 * one)[0].round(9)
+    array([[156.,  22.,  54., -13.],
+           [ 22.,   4.,  13.,  -3.],
+           [ 54.,  13., 156., -22.],
+           [-13.,  -3., -22.,   4.]])
+    """
+    m = rho_A * L / (840.0 * (1.0 + phi) ** 2)
+    return _symmetric(
+        L,
+        (312 + 588 * phi + 280 * phi**2) * m,
+        (44 + 77 * phi + 35 * phi**2) * m,
+        (108 + 252 * phi + 140 * phi**2) * m,
+        -(26 + 63 * phi + 35 * phi**2) * m,
+        (8 + 14 * phi + 7 * phi**2) * m,
+        -(6 + 14 * phi + 7 * phi**2) * m,
+    )
+
+
+def rotary_mass(rho_I: FloatArray, L: FloatArray, phi: FloatArray) -> FloatArray:
+    """Return the rotary inertia; for phi = 0 it is rho I/(30L) [36, 3L, -36, 3L; ., 4L^2, -3L, -L^2; ...].
+
+    Parameters
+    ----------
+    rho_I
+        Rotary inertia per length, kg m, shape (e,).
+    L
+        Lengths, m, shape (e,).
+    phi
+        Shear parameter, shape (e,).
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 4, 4), local axes.
+
+    Examples
+    --------
+    >>> one = np.ones(1)
+    >>> rotary_mass(30 * one, one, 0 * one)[0, 0].round(9)
+    array([ 36.,   3., -36.,   3.])
+    """
+    m = rho_I / (30.0 * L * (1.0 + phi) ** 2)
+    return _symmetric(
+        L, 36 * m, (3 - 15 * phi) * m, -36 * m, (3 - 15 * phi) * m,
+        (4 + 5 * phi + 10 * phi**2) * m, (-1 - 5 * phi + 5 * phi**2) * m,
+    )  # fmt: skip
+
+
+def geometric(N: FloatArray, L: FloatArray, phi: FloatArray) -> FloatArray:
+    """Return the geometric stiffness; for phi = 0 it is N/(30L) [36, 3L, -36, 3L; ., 4L^2, -3L, -L^2; ...].
+
+    Parameters
+    ----------
+    N
+        Axial force, N, tension positive, shape (e,).
+    L
+        Lengths, m, shape (e,).
+    phi
+        Shear parameter, shape (e,).
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 4, 4), local axes.
+
+    Examples
+    --------
+    >>> one = np.ones(1)
+    >>> geometric(30 * one, one, 0 * one)[0, 1].round(9)
+    array([ 3.,  4., -3., -1.])
+    """
+    n = N / (60.0 * L * (1.0 + phi) ** 2)
+    return _symmetric(
+        L, (72 + 120 * phi + 60 * phi**2) * n, 6 * n, -(72 + 120 * phi + 60 * phi**2) * n, 6 * n,
+        (8 + 10 * phi + 5 * phi**2) * n, -(2 + 10 * phi + 5 * phi**2) * n,
+    )  # fmt: skip
+
+
+def lumped_mass(rho_A: FloatArray, rho_I: FloatArray, L: FloatArray) -> FloatArray:
+    """Return the diagonal mass: half the beam at each end, rotations by diagonal scaling (m L^2/78) plus rho I L/2.
+
+    Source: E. Hinton, T. Rock, O. C. Zienkiewicz, A note on mass lumping, Earthq. Eng. Struct. Dyn. 4 (1976).
+
+    Parameters
+    ----------
+    rho_A
+        Mass per length, kg/m, shape (e,).
+    rho_I
+        Rotary inertia per length, kg m, shape (e,); zero where it is switched off.
+    L
+        Lengths, m, shape (e,).
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 4, 4), diagonal, local axes.
+
+    Examples
+    --------
+    >>> one = np.ones(1)
+    >>> np.diag(lumped_mass(78 * one, 0 * one, one)[0])
+    array([39.,  1., 39.,  1.])
+    """
+    half, turn = rho_A * L / 2.0, rho_A * L**3 / 78.0 + rho_I * L / 2.0
+    zero = 0.0 * L
+    rows = [[half, zero, zero, zero], [zero, turn, zero, zero], [zero, zero, half, zero], [zero, zero, zero, turn]]
+    return np.moveaxis(np.array(rows), -1, 0)

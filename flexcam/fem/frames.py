@@ -1,0 +1,82 @@
+"""Local axes of beam elements in space."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexcam.checks import refuse
+from flexcam.linalg import FloatArray
+
+_PARALLEL = 1e-6
+"""Sine of the angle below which an orientation vector cannot fix the local y axis: six digits are lost there."""
+
+_NEAR_VERTICAL = 0.02
+"""Sine of the angle to global y below which the default orientation is global -x (about one degree)."""
+
+
+def default_orientation(axis: FloatArray) -> FloatArray:
+    """Return the orientation vector used where none is given.
+
+    It is global y, so that a shaft along x has its local axes parallel to the global ones; for a member
+    within about one degree of global y it is global -x, the same triad turned by 90 degrees about z.
+
+    Parameters
+    ----------
+    axis
+        Unit vector along the member, shape (3,), global axes.
+
+    Returns
+    -------
+    ndarray
+        Shape (3,), global axes.
+
+    Examples
+    --------
+    >>> default_orientation(np.array([0.0, 1.0, 0.0]))
+    array([-1.,  0.,  0.])
+    """
+    vertical = np.hypot(axis[0], axis[2]) < _NEAR_VERTICAL
+    return np.array([-1.0, 0.0, 0.0]) if vertical else np.array([0.0, 1.0, 0.0])
+
+
+def triads(axes: FloatArray, orientations: FloatArray) -> FloatArray:
+    """Return the local axes of elements as rows of rotation matrices.
+
+    Local x runs along the element, local y lies in the plane of x and the orientation vector, on its side,
+    and z = x cross y. With R the triad, ``u_local = R u_global``.
+
+    Parameters
+    ----------
+    axes
+        Unit vectors along the elements, shape (e, 3), global axes.
+    orientations
+        Orientation vectors, shape (e, 3), global axes, any length.
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 3, 3); rows are local x, y, z in global axes.
+
+    Raises
+    ------
+    InputError
+        If an orientation vector is zero or parallel to its element.
+
+    Examples
+    --------
+    >>> triads(np.array([[0.0, 1.0, 0.0]]), np.array([[-1.0, 0.0, 0.0]]))[0]
+    array([[ 0.,  1.,  0.],
+           [-1.,  0.,  0.],
+           [ 0.,  0.,  1.]])
+    """
+    along = np.sum(axes * orientations, axis=1, keepdims=True)
+    across = orientations - along * axes
+    length = np.linalg.norm(across, axis=1)
+    bad = np.flatnonzero(length <= _PARALLEL * np.linalg.norm(orientations, axis=1))
+    if bad.size:
+        raise refuse(
+            f"orientation of element {bad[0]}", orientations[bad[0]].tolist(), "a vector that is not along the member",
+            "it fixes the direction of local y", "choose one across the member",
+        )  # fmt: skip
+    y = across / length[:, None]
+    return np.stack([axes, y, np.cross(axes, y)], axis=1) + 0.0  # + 0.0 turns -0.0 into 0.0

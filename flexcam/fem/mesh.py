@@ -1,0 +1,180 @@
+"""A mesh of members: nodes in space, members as chains of nodes, named points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexcam.checks import Fault, InputError, did_you_mean, finite_array, refuse
+from flexcam.linalg import FloatArray, IntArray
+
+
+def _frozen_index(values: ArrayLike) -> IntArray:
+    index = np.array(values, dtype=np.intp)
+    index.setflags(write=False)
+    return index
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Nodes, members and named points; every array is copied and read-only.
+
+    Parameters
+    ----------
+    nodes
+        Coordinates, m, shape (n, 3), global axes.
+    lines
+        Member name to its node numbers in order along the member, shape (m + 1,) for m elements.
+    points
+        Point name to node numbers, shape (k,); a name of one node also names it in messages.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, an element has no length, a member has no element, or two nodes coincide.
+
+    Examples
+    --------
+    >>> mesh = Mesh([[0, 0, 0], [1, 0, 0]], {"bar": [0, 1]}, {"tip": [1]})
+    >>> mesh.node("tip"), mesh.node_name(1), mesh.node_name(0)
+    (1, 'tip', 'node 0')
+    """
+
+    nodes: FloatArray
+    lines: Mapping[str, IntArray]
+    points: Mapping[str, IntArray]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "nodes", finite_array("nodes", self.nodes, (None, 3)))
+        for field in ("lines", "points"):
+            frozen = {name: _frozen_index(index) for name, index in getattr(self, field).items()}
+            object.__setattr__(self, field, MappingProxyType(frozen))
+        faults = [*_range_faults(self)]
+        faults += [] if faults else [*_length_faults(self), *_duplicate_faults(self)]
+        if faults:
+            raise InputError(faults)
+
+    def node(self, name: str, where: str = "point") -> int:
+        """Return the number of the one node that a point name stands for.
+
+        Raises
+        ------
+        InputError
+            If there is no such point, or it names several nodes.
+        """
+        index = self.select(name, where)
+        if len(index) != 1:
+            raise refuse(where, repr(name), "a point of one node", f"it names {len(index)} nodes")
+        return int(index[0])
+
+    def select(self, name: str, where: str = "point") -> IntArray:
+        """Return the node numbers of a named point, shape (k,).
+
+        Raises
+        ------
+        InputError
+            If there is no such point.
+        """
+        if name in self.points:
+            return self.points[name]
+        known = ", ".join(self.points) or "(the mesh names no points)"
+        raise refuse(where, repr(name), f"a point of the mesh: {known}", did_you_mean(name, self.points))
+
+    def node_name(self, node: int) -> str:
+        """Return the name of a node: that of a point of its own, or its number."""
+        for name, index in self.points.items():
+            if len(index) == 1 and index[0] == node:
+                return name
+        return f"node {node}"
+
+    def elements(self) -> IntArray:
+        """Return both node numbers of every element, shape (e, 2), member after member."""
+        pairs = [np.column_stack([line[:-1], line[1:]]) for line in self.lines.values()]
+        return np.concatenate(pairs) if pairs else np.zeros((0, 2), np.intp)
+
+    def element_ranges(self) -> dict[str, slice]:
+        """Return where the elements of every member stand in `elements`."""
+        ends = np.cumsum([0, *(len(line) - 1 for line in self.lines.values())]).tolist()
+        return {name: slice(a, b) for name, a, b in zip(self.lines, ends[:-1], ends[1:], strict=True)}
+
+    def connected(self, node: int) -> IntArray:
+        """Return the nodes that members connect to a node, itself included, shape (k,), ascending."""
+        reached = {node}
+        chains = [set(line.tolist()) for line in self.lines.values()]
+        while touching := [chain for chain in chains if chain & reached]:
+            reached.update(*touching)
+            chains = [chain for chain in chains if chain not in touching]
+        return np.array(sorted(reached), dtype=np.intp)
+
+
+def refined(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
+    """Return the mesh with every element of some members divided into equal parts.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    divisions
+        Member name to the number of parts of each of its elements, from 1.
+
+    Returns
+    -------
+    Mesh
+        Old nodes keep their numbers; new ones follow them.
+
+    Examples
+    --------
+    >>> refined(Mesh([[0, 0, 0], [1, 0, 0]], {"bar": [0, 1]}, {}), {"bar": 4}).lines["bar"]
+    array([0, 2, 3, 4, 1])
+    """
+    nodes, lines = [mesh.nodes], {}
+    count = len(mesh.nodes)
+    for name, line in mesh.lines.items():
+        parts = divisions.get(name, 1)
+        share = np.arange(1, parts) / parts
+        start, end = mesh.nodes[line[:-1], None], mesh.nodes[line[1:], None]
+        nodes.append((start + share[:, None] * (end - start)).reshape(-1, 3))
+        fresh = count + np.arange((len(line) - 1) * (parts - 1)).reshape(len(line) - 1, parts - 1)
+        lines[name] = np.append(np.column_stack([line[:-1], fresh]).ravel(), line[-1])
+        count += fresh.size
+    return Mesh(np.concatenate(nodes), lines, mesh.points)
+
+
+def _range_faults(mesh: Mesh) -> list[Fault]:
+    faults: list[Fault] = []
+    total = len(mesh.nodes)
+    for name, index in [*mesh.lines.items(), *mesh.points.items()]:
+        if index.size and not (0 <= index.min() and index.max() < total):
+            faults.append(Fault(f"mesh group {name!r}", f"node {index.max()}", f"nodes 0 to {total - 1}", "", ""))
+    faults += [
+        Fault(f"member {name!r}", f"{len(line)} nodes", "two or more", "a member has at least one element", "")
+        for name, line in mesh.lines.items()
+        if len(line) < 2
+    ]
+    return faults
+
+
+def _length_faults(mesh: Mesh) -> list[Fault]:
+    ends = mesh.nodes[mesh.elements()]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    return [
+        Fault(f"element {e}", f"nodes {a} and {b} at the same place", "two nodes apart", "an element has a length",
+              "merge the nodes or move one")
+        for e, (a, b) in enumerate(mesh.elements().tolist())
+        if length[e] == 0.0
+    ]  # fmt: skip
+
+
+def _duplicate_faults(mesh: Mesh) -> list[Fault]:
+    """Two nodes at one place are almost always a joint that was meant and is not there."""
+    _, first, count = np.unique(mesh.nodes, axis=0, return_index=True, return_counts=True)
+    faults: list[Fault] = []
+    for node in first[count > 1].tolist():
+        same = np.flatnonzero((mesh.nodes == mesh.nodes[node]).all(axis=1)).tolist()
+        why = "members meet only at a shared node"
+        faults.append(Fault(f"nodes {same}", str(mesh.nodes[node].tolist()), "one node at one place", why, "merge them"))
+    return faults

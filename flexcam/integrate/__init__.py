@@ -1,0 +1,25 @@
+"""Time integration and static equilibrium: the generalized-alpha family on any `System`, results in blocks.
+
+Knows no beam and no cam; may import `system`, `response`, `linalg` and `checks`.
+A new scheme of the family is a constructor in `scheme`; another kind of integrator is a file beside `step`.
+"""
+
+from flexcam.integrate.problem import Problem, SaveAt, State
+from flexcam.integrate.scheme import Scheme, generalized_alpha, hht, newmark
+from flexcam.integrate.solve import outline, solve
+from flexcam.integrate.statics import equilibrium, rest, static_displacement
+
+__all__ = [
+    "Problem",
+    "SaveAt",
+    "Scheme",
+    "State",
+    "equilibrium",
+    "generalized_alpha",
+    "hht",
+    "newmark",
+    "outline",
+    "rest",
+    "solve",
+    "static_displacement",
+]

@@ -1,0 +1,96 @@
+"""What `solve` is asked: a system, how the cam turns, the step, the start, and what to save."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.checks import finite_array, positive, refuse
+from flexcam.linalg import FloatArray
+from flexcam.system import Drive, System
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Displacements and velocities at an instant.
+
+    Parameters
+    ----------
+    displacement, velocity
+        Shape (n,), SI; copied and read-only.
+    time
+        s.
+    """
+
+    displacement: FloatArray
+    velocity: FloatArray
+    time: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "displacement", finite_array("start displacement", self.displacement, (None,)))
+        object.__setattr__(self, "velocity", finite_array("start velocity", self.velocity, (None,)))
+
+    @classmethod
+    def rest(cls, size: int) -> State:
+        """Return zero displacement and velocity at time zero."""
+        return cls(np.zeros(size), np.zeros(size))
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A transient to be solved with a fixed step.
+
+    Parameters
+    ----------
+    system
+        The equations.
+    drive
+        How the cam turns.
+    step
+        s.
+    steps
+        Number of steps.
+    start
+        None for rest.
+
+    Raises
+    ------
+    InputError
+        If the step is not positive, there is no step, or the start has another size than the system.
+    """
+
+    system: System
+    drive: Drive
+    step: float
+    steps: int
+    start: State | None = None
+
+    def __post_init__(self) -> None:
+        positive("step", self.step, "s")
+        if self.steps < 1:
+            raise refuse("steps", self.steps, "a whole number from 1")
+        if self.start is not None and self.start.displacement.shape != (self.system.size,):
+            given = f"{self.start.displacement.size} unknowns"
+            raise refuse("start", given, f"the {self.system.size} unknowns of the system")
+
+
+@dataclass(frozen=True)
+class SaveAt:
+    """What of a run is kept; probes and channels are kept at every step.
+
+    Parameters
+    ----------
+    field_every
+        All unknowns at every so many steps, the first and the last step included.
+    fields_per_block
+        Saved fields handed out together.
+    """
+
+    field_every: int = 20
+    fields_per_block: int = 32
+
+    def __post_init__(self) -> None:
+        for name in ("field_every", "fields_per_block"):
+            if getattr(self, name) < 1:
+                raise refuse(f"save.{name}", getattr(self, name), "a whole number from 1")

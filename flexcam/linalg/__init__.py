@@ -1,0 +1,22 @@
+"""Matrices as coordinate triplets, their factorization and their null space.
+
+Imports numpy and, above a few hundred unknowns, scipy; nothing of flexcam but `checks`.
+Another matrix form or solver goes here, behind `factorize`.
+"""
+
+from flexcam.linalg.factor import DENSE_LIMIT, Factor, SingularMatrixError, diagonal_scale, factorize, operator
+from flexcam.linalg.nullspace import null_space
+from flexcam.linalg.triplets import FloatArray, IntArray, Triplets
+
+__all__ = [
+    "DENSE_LIMIT",
+    "Factor",
+    "FloatArray",
+    "IntArray",
+    "SingularMatrixError",
+    "Triplets",
+    "diagonal_scale",
+    "factorize",
+    "null_space",
+    "operator",
+]

@@ -1,0 +1,166 @@
+"""Solve with one matrix many times: a dense inverse for small systems, sparse LU above."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from flexcam.checks import FlexcamError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from scipy.sparse import csr_array
+
+    from flexcam.linalg.triplets import FloatArray, Triplets
+
+DENSE_LIMIT = 300
+"""Up to this many unknowns a dense product beats a sparse one, and scipy need not be imported."""
+
+
+class SingularMatrixError(FlexcamError, ArithmeticError):
+    """The matrix has no inverse: some motion has neither mass nor stiffness.
+
+    Parameters
+    ----------
+    unknowns
+        Positions of unknowns that take part in that motion, where they are known.
+    """
+
+    def __init__(self, unknowns: tuple[int, ...] = ()) -> None:
+        self.unknowns = unknowns
+        super().__init__(f"the matrix is singular at unknowns {list(unknowns)}")
+
+
+class Factor(Protocol):
+    """Something that solves ``A x = b`` for one fixed A."""
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Return x for a right-hand side of shape (n,) or (n, k)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class _Inverse:
+    inverse: FloatArray
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        return self.inverse @ right
+
+
+@dataclass(frozen=True, eq=False)
+class _SparseLU:
+    lu_solve: Callable[[FloatArray], FloatArray]
+    scale: FloatArray
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        scale = self.scale if right.ndim == 1 else self.scale[:, None]
+        return scale * self.lu_solve(scale * right)
+
+
+def diagonal_scale(matrix: Triplets) -> FloatArray:
+    """Return 1/sqrt of the diagonal: it removes the units, so that translations and rotations compare.
+
+    Parameters
+    ----------
+    matrix
+        Symmetric matrix with a non-negative diagonal.
+
+    Returns
+    -------
+    ndarray
+        Shape (n,); 1 where the diagonal is zero.
+
+    Examples
+    --------
+    >>> from flexcam.linalg import Triplets
+    >>> diagonal_scale(Triplets.from_dense([[4.0, 0.0], [0.0, 0.0]]))
+    array([0.5, 1. ])
+    """
+    diagonal = np.abs(matrix.diagonal())
+    return 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+
+
+def factorize(matrix: Triplets) -> Factor:
+    """Return the factorization of a symmetric matrix.
+
+    Parameters
+    ----------
+    matrix
+        Symmetric, non-singular.
+
+    Returns
+    -------
+    Factor
+        Its `solve` takes right-hand sides of shape (n,) or (n, k).
+
+    Raises
+    ------
+    SingularMatrixError
+        If there is no inverse to working precision.
+
+    Examples
+    --------
+    >>> from flexcam.linalg import Triplets
+    >>> factorize(Triplets.from_dense([[2.0, 0.0], [0.0, 4.0]])).solve(np.array([2.0, 2.0]))
+    array([1. , 0.5])
+    """
+    scale = diagonal_scale(matrix)
+    if matrix.size <= DENSE_LIMIT:
+        return _dense_inverse(scale[:, None] * matrix.dense() * scale, scale)
+    return _sparse_lu(matrix, scale)
+
+
+def _dense_inverse(scaled: FloatArray, scale: FloatArray) -> _Inverse:
+    dead = np.flatnonzero(~scaled.any(axis=1))
+    if dead.size:
+        raise SingularMatrixError(tuple(dead.tolist()))
+    try:
+        inverse = np.linalg.inv(scaled)
+    except np.linalg.LinAlgError:
+        raise SingularMatrixError(_null_unknowns(scaled)) from None
+    if not np.isfinite(inverse).all() or np.abs(inverse).max(initial=0.0) > 1.0 / np.finfo(float).eps:
+        raise SingularMatrixError(_null_unknowns(scaled))
+    return _Inverse(scale[:, None] * inverse * scale)
+
+
+def _null_unknowns(scaled: FloatArray) -> tuple[int, ...]:
+    """Return the unknowns that move most in the motion the matrix does not resist."""
+    weakest = np.abs(np.linalg.svd(scaled)[2][-1])
+    return tuple(np.flatnonzero(weakest > 0.5 * weakest.max()).tolist())
+
+
+def _sparse_lu(matrix: Triplets, scale: FloatArray) -> _SparseLU:
+    from scipy.sparse import diags_array  # noqa: PLC0415 - a small run does without scipy
+    from scipy.sparse.linalg import splu  # noqa: PLC0415
+
+    spread = diags_array(scale)
+    try:
+        lu = splu((spread @ matrix.csr() @ spread).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    except RuntimeError:  # SuperLU's only sign of an exactly zero pivot
+        raise SingularMatrixError from None
+    return _SparseLU(lu.solve, scale)
+
+
+def operator(matrix: Triplets) -> FloatArray | csr_array:
+    """Return the form of the matrix whose products are fastest at its size.
+
+    Parameters
+    ----------
+    matrix
+        Any square matrix.
+
+    Returns
+    -------
+    ndarray or csr_array
+        Both multiply with ``@``.
+
+    Examples
+    --------
+    >>> from flexcam.linalg import Triplets
+    >>> operator(Triplets.zeros(2)) @ np.ones(2)
+    array([0., 0.])
+    """
+    return matrix.dense() if matrix.size <= DENSE_LIMIT else matrix.csr()

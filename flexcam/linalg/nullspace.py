@@ -1,0 +1,62 @@
+"""Motions that a stiffness matrix does not resist: rigid-body motions and mechanisms."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexcam.linalg.factor import DENSE_LIMIT, diagonal_scale
+from flexcam.linalg.triplets import FloatArray, Triplets
+
+_ROUNDING = 64.0 * np.finfo(float).eps
+"""Eigenvalues of the diagonally scaled matrix below this are rounding: K's own entries carry one eps each."""
+
+_AT_MOST = 24
+"""Motions sought in a sparse matrix: six rigid ones for each of four unconnected parts."""
+
+
+def null_space(matrix: Triplets) -> FloatArray:
+    """Return a basis of the motions that a symmetric matrix does not resist.
+
+    The matrix is scaled to a unit diagonal first, so the answer does not depend on units. Above a few
+    hundred unknowns the smallest eigenvalues come from shift-invert Lanczos; the shift exists only inside
+    that search and is not added to the stiffness.
+
+    Parameters
+    ----------
+    matrix
+        Symmetric, positive semi-definite, n unknowns.
+
+    Returns
+    -------
+    ndarray
+        Shape (n, k), k the number of such motions (0 for a supported structure); orthonormal with the matrix's
+        diagonal as weight.
+
+    Examples
+    --------
+    >>> from flexcam.linalg import Triplets
+    >>> null_space(Triplets.from_dense([[1.0, -1.0], [-1.0, 1.0]])).round(3).T ** 2
+    array([[0.5, 0.5]])
+    """
+    if matrix.size == 0:
+        return np.zeros((0, 0))
+    scale = diagonal_scale(matrix)
+    search = _dense_motions if matrix.size <= 2 * DENSE_LIMIT else _lanczos_motions
+    return scale[:, None] * search(matrix, scale)
+
+
+def _dense_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
+    values, vectors = np.linalg.eigh(scale[:, None] * matrix.dense() * scale)
+    return vectors[:, values < _ROUNDING]
+
+
+def _lanczos_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
+    from scipy.sparse import diags_array  # noqa: PLC0415 - a small run does without scipy
+    from scipy.sparse.linalg import eigsh  # noqa: PLC0415
+
+    spread = diags_array(scale)
+    scaled = (spread @ matrix.csr() @ spread).tocsc()
+    start = np.random.default_rng(0).standard_normal(matrix.size)
+    shift = -1e-10
+    values, vectors = eigsh(scaled, k=min(_AT_MOST, matrix.size - 2), sigma=shift, v0=start)
+    return vectors[:, np.abs(values) < _ROUNDING]

@@ -1,0 +1,99 @@
+"""A square sparse matrix kept as coordinate triplets, so that a small run never imports scipy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Triplets:
+    """Square matrix as (row, column, value) triplets; entries at the same place add up.
+
+    Parameters
+    ----------
+    size
+        Number of rows and columns.
+    rows, cols
+        Places of the entries, shape (k,).
+    values
+        Entries, shape (k,).
+
+    Examples
+    --------
+    >>> Triplets.from_dense([[2.0, -1.0], [-1.0, 2.0]]).times(np.array([1.0, 1.0]))
+    array([1., 1.])
+    """
+
+    size: int
+    rows: IntArray
+    cols: IntArray
+    values: FloatArray
+
+    @classmethod
+    def zeros(cls, size: int) -> Self:
+        """Return the zero matrix."""
+        return cls(size, np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0))
+
+    @classmethod
+    def from_dense(cls, matrix: FloatArray | list[list[float]]) -> Self:
+        """Return the non-zero entries of a dense square matrix, shape (n, n)."""
+        dense = np.asarray(matrix, dtype=float)
+        rows, cols = np.nonzero(dense)
+        return cls(len(dense), rows, cols, dense[rows, cols])
+
+    @classmethod
+    def outer(cls, left: FloatArray, right: FloatArray, factor: float = 1.0) -> Self:
+        """Return ``factor * left right^T`` of two vectors, shape (n,), entry by entry where both are non-zero."""
+        i, j = np.flatnonzero(left), np.flatnonzero(right)
+        values = factor * np.outer(left[i], right[j])
+        return cls(len(left), np.repeat(i, len(j)), np.tile(j, len(i)), values.ravel())
+
+    def dense(self) -> FloatArray:
+        """Return the matrix as an array, shape (size, size)."""
+        flat = np.bincount(self.rows * self.size + self.cols, weights=self.values, minlength=self.size**2)
+        return flat.reshape(self.size, self.size)
+
+    def csr(self) -> csr_array:
+        """Return the matrix in scipy's compressed row form (imports scipy)."""
+        from scipy.sparse import coo_array  # noqa: PLC0415 - a small run does without scipy
+
+        return coo_array((self.values, (self.rows, self.cols)), shape=(self.size, self.size)).tocsr()
+
+    def times(self, vector: FloatArray) -> FloatArray:
+        """Return the product with a vector, shape (size,)."""
+        return np.bincount(self.rows, weights=self.values * vector[self.cols], minlength=self.size)
+
+    def diagonal(self) -> FloatArray:
+        """Return the diagonal, shape (size,)."""
+        on = self.rows == self.cols
+        return np.bincount(self.rows[on], weights=self.values[on], minlength=self.size)
+
+    def scaled(self, factor: float) -> Self:
+        """Return the matrix times a number."""
+        return type(self)(self.size, self.rows, self.cols, factor * self.values)
+
+    def __add__(self, other: Triplets) -> Self:
+        return type(self)(
+            self.size,
+            np.concatenate([self.rows, other.rows]),
+            np.concatenate([self.cols, other.cols]),
+            np.concatenate([self.values, other.values]),
+        )
+
+    def part(self, index: IntArray) -> Self:
+        """Return the rows and columns named by `index`, renumbered in its order."""
+        place = np.full(self.size, -1, dtype=np.intp)
+        place[index] = np.arange(len(index))
+        rows, cols = place[self.rows], place[self.cols]
+        inside = (rows >= 0) & (cols >= 0)
+        return type(self)(len(index), rows[inside], cols[inside], self.values[inside])

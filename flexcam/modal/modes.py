@@ -1,0 +1,155 @@
+"""Natural frequencies and shapes of ``K x = omega^2 M x``, exact for the lowest modes under extreme mass ratios.
+
+With K = L L^T the eigenvalues of ``L^-1 M L^-T`` are 1/omega^2: the lowest modes are the largest eigenvalues, which a
+symmetric solver gives to full precision whatever the spread of masses (solving for omega^2 directly loses them: a
+point-mass ratio of 1e12 makes the first one negative). Motions without stiffness are found apart and are exactly zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.linalg import DENSE_LIMIT, FloatArray, Triplets, diagonal_scale, null_space
+from flexcam.response import Cause, RunFailedError, Status
+
+_LOST = 1e-6
+"""Relative error of an eigenvalue above which a mode is left out rather than shown wrong."""
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Natural modes, from the lowest.
+
+    Parameters
+    ----------
+    omegas
+        Angular frequencies, rad/s, shape (k,); zero for motions without stiffness.
+    shapes
+        Mass-orthonormal shapes, shape (n, k).
+    rigid
+        How many of them (the first ones) have no stiffness.
+    lost
+        How many higher modes were left out because rounding would have spoilt them.
+
+    Examples
+    --------
+    `modes` makes them.
+    """
+
+    omegas: FloatArray
+    shapes: FloatArray
+    rigid: int
+    lost: int = 0
+
+    @property
+    def frequencies(self) -> FloatArray:
+        """Frequencies, Hz, shape (k,)."""
+        return self.omegas / (2.0 * np.pi)
+
+
+def modes(mass: Triplets, stiffness: Triplets, count: int | None = None) -> Modes:
+    """Return the lowest natural modes.
+
+    Parameters
+    ----------
+    mass
+        Symmetric, positive semi-definite, n unknowns; unknowns without mass take part in no mode of their own.
+    stiffness
+        Symmetric, positive semi-definite; singular where a motion is free.
+    count
+        How many modes, the ones without stiffness included; None for all that can be computed (up to a few
+        hundred unknowns) or twenty (above).
+
+    Returns
+    -------
+    Modes
+        Mass-orthonormal, ascending.
+
+    Raises
+    ------
+    RunFailedError
+        If a free motion has no mass, or the stiffness is not positive (a load beyond buckling).
+
+    Examples
+    --------
+    >>> pair = modes(Triplets.from_dense([[1.0, 0.0], [0.0, 1.0]]), Triplets.from_dense([[4.0, 0.0], [0.0, 9.0]]))
+    >>> pair.omegas
+    array([2., 3.])
+    """
+    rigid = _mass_orthonormal(null_space(stiffness), mass)
+    solver = _dense if mass.size <= 2 * DENSE_LIMIT else _lanczos
+    squares, shapes, lost = solver(mass, stiffness, rigid, count)
+    omegas = np.concatenate([np.zeros(rigid.shape[1]), np.sqrt(squares)])
+    shapes = np.concatenate([rigid, shapes], axis=1)
+    wanted = len(omegas) if count is None else min(count, len(omegas))
+    return Modes(omegas[:wanted], _signed(shapes[:, :wanted]), min(rigid.shape[1], wanted), lost)
+
+
+def _mass_orthonormal(motions: FloatArray, mass: Triplets) -> FloatArray:
+    if not motions.shape[1]:
+        return motions
+    gram = motions.T @ _times(mass, motions)
+    values, vectors = np.linalg.eigh(gram)
+    if values[0] <= 1e-13 * values[-1]:
+        text = "a motion of the model has neither stiffness nor mass"
+        raise RunFailedError(Status(Cause.SINGULAR, text, "support it or give it a mass"))
+    return motions @ (vectors / np.sqrt(values))
+
+
+def _dense(mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | None) -> tuple[FloatArray, FloatArray, int]:
+    scale = diagonal_scale(stiffness)
+    M = scale[:, None] * mass.dense() * scale
+    K = scale[:, None] * stiffness.dense() * scale
+    free = rigid / scale[:, None]
+    held = M @ free
+    # Stiffness on the rigid motions alone, felt through M: every other mode is M-orthogonal to them and unchanged.
+    L = _cholesky(K + held @ held.T / max(1.0, float(np.abs(held).max(initial=0.0)) ** 2))
+    flexible = np.linalg.solve(L, np.linalg.solve(L, M).T)
+    known = np.linalg.qr(L.T @ free)[0]
+    flexible -= known @ (known.T @ flexible)
+    flexible -= (flexible @ known) @ known.T
+    values, vectors = np.linalg.eigh(0.5 * (flexible + flexible.T))
+    values, vectors = values[::-1], vectors[:, ::-1]
+    limit = len(values) * np.finfo(float).eps * values[0] if len(values) else 0.0
+    massive = np.linalg.matrix_rank(M, hermitian=True) - rigid.shape[1] if len(values) else 0
+    good = int(np.count_nonzero(values[:massive] * _LOST > limit))
+    if count is not None:
+        good = min(good, max(count - rigid.shape[1], 0))
+        massive = good
+    shapes = scale[:, None] * np.linalg.solve(L.T, vectors[:, :good]) / np.sqrt(values[:good])
+    return 1.0 / values[:good], shapes, massive - good
+
+
+def _cholesky(K: FloatArray) -> FloatArray:
+    try:
+        return np.linalg.cholesky(K)
+    except np.linalg.LinAlgError:
+        text = "the stiffness is not positive: an axial load is beyond buckling"
+        raise RunFailedError(Status(Cause.SINGULAR, text, "lower the compressive force")) from None
+
+
+def _lanczos(mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | None) -> tuple[FloatArray, FloatArray, int]:
+    """Shift-invert Lanczos with a small negative shift: ``(K + s M)^-1 M`` exists for singular K as well."""
+    from scipy.sparse.linalg import eigsh  # noqa: PLC0415 - a small run does without scipy
+
+    wanted = 20 if count is None else count
+    M, K = mass.csr(), stiffness.csr()
+    shift = -1e-6 * float(np.median(stiffness.diagonal() / np.maximum(mass.diagonal(), np.finfo(float).tiny)))
+    start = np.random.default_rng(0).standard_normal(mass.size)
+    values, vectors = eigsh(K, k=min(wanted, mass.size - 2), M=M, sigma=shift, v0=start)
+    order = np.argsort(values)[rigid.shape[1] :]
+    return np.maximum(values[order], 0.0), vectors[:, order], 0
+
+
+def _times(mass: Triplets, columns: FloatArray) -> FloatArray:
+    return np.column_stack([mass.times(c) for c in columns.T])
+
+
+def _signed(shapes: FloatArray) -> FloatArray:
+    """Return the shapes with their largest entry positive, so that a rerun on another machine draws the same."""
+    if not shapes.size:
+        return shapes
+    largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(shapes.shape[1])]
+    return shapes * np.where(largest < 0.0, -1.0, 1.0)

@@ -1,0 +1,299 @@
+"""What a run gives back: histories, fields, a status with its cause, and figures of the run.
+
+`solve` hands out its results in blocks; a `Sink` takes them: memory, a file, a progress bar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Protocol
+
+import numpy as np
+
+from flexcam.checks import FlexcamError, did_you_mean, refuse
+from flexcam.linalg import FloatArray
+
+
+class Cause(StrEnum):
+    """Why a run ended."""
+
+    DONE = "done"
+    INTERRUPTED = "interrupted"
+    NOT_FINITE = "not-finite"
+    NO_CONVERGENCE = "no-convergence"
+    SINGULAR = "singular"
+
+
+@dataclass(frozen=True)
+class Status:
+    """How a run ended: the cause, the place and what to do.
+
+    Parameters
+    ----------
+    cause
+        One of `Cause`.
+    text
+        What happened, in words, with time, cam angle and unknown by name.
+    remedy
+        What to do about it.
+
+    Examples
+    --------
+    >>> Status().ok
+    True
+    """
+
+    cause: Cause = Cause.DONE
+    text: str = "the run is complete"
+    remedy: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the run reached its end."""
+        return self.cause is Cause.DONE
+
+    def __str__(self) -> str:
+        return f"{self.cause}: {self.text}" + (f"; {self.remedy}" if self.remedy else "")
+
+
+class RunFailedError(FlexcamError, RuntimeError):
+    """A computation that could not be finished.
+
+    Parameters
+    ----------
+    status
+        Cause, place and remedy.
+    """
+
+    def __init__(self, status: Status) -> None:
+        self.status = status
+        super().__init__(str(status))
+
+
+@dataclass(frozen=True)
+class Stats:
+    """Figures of a run.
+
+    Parameters
+    ----------
+    steps
+        Steps done.
+    unknowns
+        Degrees of freedom integrated.
+    factorizations
+        Matrices factorized.
+    iterations
+        Newton iterations of local forces, all steps together.
+    seconds
+        Time spent in the step loop, s.
+    """
+
+    steps: int = 0
+    unknowns: int = 0
+    factorizations: int = 0
+    iterations: int = 0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Displacement, velocity and acceleration over some instants, arrays of one shape (times, columns)."""
+
+    displacement: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+    @classmethod
+    def joined(cls, parts: Sequence[Series]) -> Series:
+        """Return the parts one after the other."""
+        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in cls.__annotations__))
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Results of some successive steps.
+
+    Parameters
+    ----------
+    time, angle
+        s and rad, shape (b,).
+    probes
+        All probe scalars side by side, shape (b, p).
+    channels
+        All channels side by side, shape (b, c).
+    field_time, field_angle
+        Instants of the saved fields, shape (f,).
+    fields
+        All unknowns at those instants, shape (f, n).
+    """
+
+    time: FloatArray
+    angle: FloatArray
+    probes: Series
+    channels: FloatArray
+    field_time: FloatArray
+    field_angle: FloatArray
+    fields: Series
+
+
+class Sink(Protocol):
+    """Something that takes results as they come."""
+
+    def write(self, block: Block) -> None:
+        """Take the next block."""
+        ...
+
+    def close(self, status: Status, stats: Stats) -> None:
+        """Learn how the run ended; called once, also after a failure."""
+        ...
+
+
+@dataclass(frozen=True)
+class Outline:
+    """Names of what a run saves, in the order of the block's columns.
+
+    Parameters
+    ----------
+    unknowns
+        Name per column of the fields.
+    probes
+        Pairs of probe name and its component names.
+    channels
+        Pairs of channel name and unit.
+    """
+
+    unknowns: tuple[str, ...]
+    probes: tuple[tuple[str, tuple[str, ...]], ...]
+    channels: tuple[tuple[str, str], ...]
+
+    def columns(self, name: str) -> slice:
+        """Return the columns of a probe, or of one component of it given as ``probe.component``.
+
+        Raises
+        ------
+        InputError
+            If nothing of that name was saved.
+        """
+        first = 0
+        known: list[str] = []
+        for probe, components in self.probes:
+            if name == probe:
+                return slice(first, first + len(components))
+            for i, one in enumerate(components):
+                if name == f"{probe}.{one}":
+                    return slice(first + i, first + i + 1)
+            known += [probe, *(f"{probe}.{one}" for one in components if len(components) > 1)]
+            first += len(components)
+        raise refuse("probe", repr(name), ", ".join(known) or "(no probe was saved)", did_you_mean(name, known))
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Motion of one probe over time.
+
+    Parameters
+    ----------
+    name
+        Of the probe.
+    components
+        Names of its scalars.
+    displacement, velocity, acceleration
+        m, m/s, m/s^2 (rad where a component is a rotation); shape (steps,) for a probe of one scalar, else
+        (steps, components).
+    """
+
+    name: str
+    components: tuple[str, ...]
+    displacement: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Result of a run.
+
+    Parameters
+    ----------
+    outline
+        Names of everything saved.
+    time, angle
+        Instants of the histories, s and rad (cam angle), shape (steps + 1,).
+    probes
+        Probe histories side by side; use ``response["valve"]``.
+    channels
+        Channel name to its history, shape (steps + 1,).
+    field_time, field_angle, fields
+        All unknowns at the saved instants.
+    status, stats
+        How the run ended, and its figures.
+
+    Examples
+    --------
+    ``response["valve"].displacement``, ``response["cam.uy"].velocity``, ``response.channels["contacts.intake.force"]``.
+    """
+
+    outline: Outline
+    time: FloatArray
+    angle: FloatArray
+    probes: Series
+    channels: Mapping[str, FloatArray]
+    field_time: FloatArray
+    field_angle: FloatArray
+    fields: Series
+    status: Status = field(default_factory=Status)
+    stats: Stats = field(default_factory=Stats)
+
+    def __getitem__(self, name: str) -> History:
+        """Return the history of a probe, or of one component of it (``"cam.uy"``)."""
+        columns = self.outline.columns(name)
+        one = columns.stop - columns.start == 1
+        parts = dict(self.outline.probes)
+        components = parts[name] if name in parts else (name.rpartition(".")[2],)
+        picked = [
+            values[:, columns.start] if one else values[:, columns]
+            for values in (self.probes.displacement, self.probes.velocity, self.probes.acceleration)
+        ]
+        return History(name, components, *picked)
+
+
+class Memory:
+    """The sink that keeps everything and makes the `Response`.
+
+    Parameters
+    ----------
+    outline
+        Names of what will come.
+    """
+
+    def __init__(self, outline: Outline) -> None:
+        self._outline = outline
+        self._blocks: list[Block] = []
+        self._end = (Status(), Stats())
+
+    def write(self, block: Block) -> None:
+        """Keep a block."""
+        self._blocks.append(block)
+
+    def close(self, status: Status, stats: Stats) -> None:
+        """Keep the end."""
+        self._end = (status, stats)
+
+    def response(self) -> Response:
+        """Return everything that was kept."""
+        blocks = self._blocks
+        channels = np.concatenate([b.channels for b in blocks])
+        return Response(
+            outline=self._outline,
+            time=np.concatenate([b.time for b in blocks]),
+            angle=np.concatenate([b.angle for b in blocks]),
+            probes=Series.joined([b.probes for b in blocks]),
+            channels={name: channels[:, i] for i, (name, _) in enumerate(self._outline.channels)},
+            field_time=np.concatenate([b.field_time for b in blocks]),
+            field_angle=np.concatenate([b.field_angle for b in blocks]),
+            fields=Series.joined([b.fields for b in blocks]),
+            status=self._end[0],
+            stats=self._end[1],
+        )

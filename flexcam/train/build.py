@@ -1,0 +1,167 @@
+"""From a model to its equations: the flexible system and the rigid one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from flexcam import modal
+from flexcam.fem import COMPONENTS, DofMap
+from flexcam.fem.damping import modal as modal_damping
+from flexcam.fem.damping import rayleigh
+from flexcam.linalg import FloatArray, Triplets
+from flexcam.system import AngleFunction, CamMotion, Channel, Load, Probe, System
+from flexcam.train.model import Model
+from flexcam.train.published import Coupling, couple, follower_train, preload, steady
+from flexcam.train.structure import Structure, build_structure, find_node
+
+
+def build_system(model: Model, speed: float) -> System:
+    """Return the equations of the flexible mechanism.
+
+    Parameters
+    ----------
+    model
+        The model.
+    speed
+        Camshaft speed, rad/s: the preload of a published load depends on it.
+
+    Returns
+    -------
+    System
+        Everything the integrator needs.
+
+    Raises
+    ------
+    InputError
+        If a part is attached to something that does not exist, or nothing resists the lift.
+    """
+    structure = build_structure(model)
+    couplings = [couple(structure, name, contact, speed) for name, contact in model.contacts.items()]
+    return System(
+        mass=structure.mass,
+        damping=structure.dampers + _damping(structure),
+        stiffness=structure.stiffness,
+        names=structure.dofs.names,
+        loads=tuple(load for c in couplings for load in c.loads),
+        local_forces=tuple(force for c in couplings for force in c.forces),
+        probes=tuple(_probe(structure, point) for point in model.probes),
+        channels=tuple(_numbered(couplings)),
+    )
+
+
+def _damping(structure: Structure) -> Triplets:
+    given = structure.model.damping
+    matrix = rayleigh(structure.mass, structure.stiffness, given.alpha, given.beta)
+    if given.modal == 0.0:
+        return matrix
+    modes = modal.modes(structure.mass, structure.stiffness)
+    return matrix + modal_damping(structure.mass, modes.shapes, modes.omegas, given.modal)
+
+
+def _numbered(couplings: Iterable[Coupling]) -> Iterable[Channel]:
+    """Yield the channels with positions counted over the whole system."""
+    loads = forces = 0
+    for coupling in couplings:
+        for channel in coupling.channels:
+            yield replace(
+                channel,
+                loads=tuple(loads + k for k in channel.loads),
+                forces=tuple((forces + i, scalar) for i, scalar in channel.forces),
+            )
+        loads, forces = loads + len(coupling.loads), forces + len(coupling.forces)
+
+
+def _probe(structure: Structure, point: str) -> Probe:
+    if structure.model.rocker_at(point) is not None:
+        return Probe(point, (point,), structure.row(point, np.zeros(6))[None, :], (None,))
+    node = find_node(structure.model, point, "output.probes")
+    rows = np.array([structure.dofs.vector(node, unit) for unit in np.eye(6)])
+    return Probe(point, COMPONENTS, rows, (None,) * 6)
+
+
+def build_rigid(model: Model, speed: float) -> System:
+    """Return the same mechanism with rigid members: no unknowns, the follower's train follows the lift.
+
+    Parameters
+    ----------
+    model
+        The model.
+    speed
+        Camshaft speed, rad/s.
+
+    Returns
+    -------
+    System
+        Of size zero; its probes are prescribed, its channels hold the contact force
+        ``P_pr + K s + M (s'' omega^2 + s' omega')`` and the torque of that force.
+
+    Raises
+    ------
+    InputError
+        As `build_system`.
+    """
+    structure = build_structure(model)
+    loads: list[Load] = []
+    channels: list[Channel] = []
+    for name, contact in model.contacts.items():
+        event = model.cams[contact.cam].event
+        train = follower_train(structure, contact, f"contacts.{name}.follower")
+        force = preload(structure, contact, train, model.cams[contact.cam], speed)
+        parts = (_scaled(event, train.stiffness), steady(force), _inertia(train.mass, event))
+        places = tuple(range(len(loads), len(loads) + len(parts)))
+        loads += [Load(f"contacts.{name}", np.zeros(0), part) for part in parts]
+        channels += [
+            Channel(f"contacts.{name}.force", "N", places),
+            Channel(f"contacts.{name}.torque", "N m", places, factor=_slope(event)),
+        ]
+    nothing = Triplets.zeros(0)
+    probes = tuple(_rigid_probe(structure, _probe(structure, point)) for point in model.probes)
+    return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels))
+
+
+def _scaled(event: AngleFunction, factor: float) -> Callable[[CamMotion], FloatArray]:
+    return lambda motion: factor * event(motion.angle, 0)
+
+
+def _inertia(mass: float, event: AngleFunction) -> Callable[[CamMotion], FloatArray]:
+    return lambda motion: mass * (event(motion.angle, 2) * motion.speed**2 + event(motion.angle, 1) * motion.rate)
+
+
+def _slope(event: AngleFunction) -> AngleFunction:
+    return lambda angle, order: event(angle, order + 1)
+
+
+def _rigid_probe(structure: Structure, probe: Probe) -> Probe:
+    """Return the probe as the rigid train moves it: its share of every follower's motion times that cam's lift."""
+    shares: list[tuple[np.ndarray, AngleFunction]] = []
+    for name, contact in structure.model.contacts.items():
+        train = follower_train(structure, contact, f"contacts.{name}.follower")
+        shares.append((probe.rows @ train.motion, structure.model.cams[contact.cam].event))
+    offsets = tuple(_combined([(float(s[i]), event) for s, event in shares]) for i in range(len(probe.components)))
+    return Probe(probe.name, probe.components, np.zeros((len(probe.components), 0)), offsets)
+
+
+def _combined(parts: list[tuple[float, AngleFunction]]) -> AngleFunction | None:
+    moving = [(share, event) for share, event in parts if share != 0.0]
+    if not moving:
+        return None
+    return lambda angle, order: sum((share * event(angle, order) for share, event in moving), np.zeros_like(angle))
+
+
+def dofs_of(model: Model) -> DofMap:
+    """Return the numbering of a model's unknowns.
+
+    Parameters
+    ----------
+    model
+        The model.
+
+    Returns
+    -------
+    DofMap
+        The numbering `build_system` uses.
+    """
+    return build_structure(model).dofs

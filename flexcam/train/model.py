@@ -1,0 +1,161 @@
+"""The valve train as a value: what it consists of, no matrices yet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from flexcam.fem import Damping, Member, Mesh, PointMass
+from flexcam.linalg import FloatArray
+from flexcam.motion import LiftEvent
+
+
+@dataclass(frozen=True)
+class MassAt:
+    """A rigid body at a point: a named node, or the point a rocker defines (then only its mass counts)."""
+
+    at: str
+    body: PointMass
+
+
+@dataclass(frozen=True, eq=False)
+class Spring:
+    """A spring and damper along one direction, to ground or between two points.
+
+    Parameters
+    ----------
+    at
+        A named node, or the point a rocker defines.
+    direction
+        Weights of the six components, shape (6,), global axes; without meaning at a rocker's point.
+    stiffness, damping
+        N/m and N s/m, or N m/rad and N m s/rad for a rotation.
+    to
+        The other end; None for ground.
+    installed_force
+        Force it is installed with, N: it pushes against `direction`; None where nothing is stated.
+    """
+
+    at: str
+    direction: FloatArray
+    stiffness: float
+    damping: float = 0.0
+    to: str | None = None
+    installed_force: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Rocker:
+    """A rigid rocker without bending: the valve moves by the ratio of the arms.
+
+    Parameters
+    ----------
+    start
+        Named node it is driven at.
+    point
+        Name of the point it defines (the valve).
+    arms
+        Arm at the driven node and at the valve, m.
+    inertia
+        About the rocker's shaft, kg m^2.
+    direction
+        Direction of the motion at the driven node, shape (6,); the point's motion is positive with it.
+    """
+
+    start: str
+    point: str
+    arms: tuple[float, float]
+    inertia: float
+    direction: FloatArray
+
+    @property
+    def ratio(self) -> float:
+        """Motion of the point per motion of the driven node."""
+        return self.arms[1] / self.arms[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Cam:
+    """A cam on the camshaft.
+
+    Parameters
+    ----------
+    at
+        Named node of the camshaft.
+    event
+        Lift over the cam angle.
+    """
+
+    at: str
+    event: LiftEvent
+
+
+@dataclass(frozen=True, eq=False)
+class PublishedLoad:
+    """The published coupling: the cam drives the follower by a force (Tayeb and Sliman, eqs. 21-26).
+
+    Parameters
+    ----------
+    cam
+        Name of the cam.
+    follower
+        Named node of the follower (tappet).
+    direction
+        Direction of the lift, shape (6,), translation only.
+    shaft_axis
+        Unit vector along the camshaft in the sense of rotation, shape (3,).
+    preload_factor
+        Preload as a multiple of the force the rigid train needs for contact.
+    cam_deflection
+        Whether the force feels the shaft's deflection, U_c of (21).
+    cam_torque
+        Whether the force twists the shaft, T_CF of (24).
+    """
+
+    cam: str
+    follower: str
+    direction: FloatArray
+    shaft_axis: FloatArray
+    preload_factor: float = 2.5
+    cam_deflection: bool = False
+    cam_torque: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A flexible mechanism: mesh, members, supports and everything attached to them.
+
+    Parameters
+    ----------
+    mesh
+        Nodes, members as chains, named points.
+    members
+        Member name to its data.
+    supports
+        Point name to the components held.
+    masses, springs, rockers, cams, contacts
+        Attached parts by name.
+    damping
+        Of the whole structure.
+    probes
+        Points to watch: named nodes or points of rockers.
+
+    Examples
+    --------
+    `flexcam.case.build_model` makes one from a case; `flexcam.train.build_system` turns it into equations.
+    """
+
+    mesh: Mesh
+    members: Mapping[str, Member]
+    supports: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    masses: Mapping[str, MassAt] = field(default_factory=dict)
+    springs: Mapping[str, Spring] = field(default_factory=dict)
+    rockers: Mapping[str, Rocker] = field(default_factory=dict)
+    cams: Mapping[str, Cam] = field(default_factory=dict)
+    contacts: Mapping[str, PublishedLoad] = field(default_factory=dict)
+    damping: Damping = field(default_factory=Damping)
+    probes: tuple[str, ...] = ()
+
+    def rocker_at(self, point: str) -> Rocker | None:
+        """Return the rocker that defines a point, or None."""
+        return next((r for r in self.rockers.values() if r.point == point), None)

@@ -1,0 +1,243 @@
+"""The published coupling as separable loads and one local force.
+
+Equations of M. M. Tayeb and A. S. Sliman, Flexibility analysis of cam mechanism, with its errata corrected:
+
+- (21) ``P_v = P_pr + K_KE (Y_c + U_c)`` acts on the follower along the lift and on the shaft against it.
+- (22) ``K_KE`` is the stiffness of pushrod and retaining spring in series; the print has its inverse. Here it is the
+  static stiffness the follower node sees, which is that series value for any pushrod and spring.
+- (24), (25) ``T_CF = P_v X_c`` with ``X_c = dY_c/dtheta`` opposes the rotation on the rise.
+- The preload is a multiple of the inertia force of the rigid train, ``M max(-s'')``, unless the spring states its
+  installed force. The spring is installed with the same force, so the preload alone moves nothing but the shaft.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.checks import refuse
+from flexcam.integrate import static_displacement
+from flexcam.linalg import FloatArray
+from flexcam.response import RunFailedError
+from flexcam.system import AngleFunction, AngleVector, CamMotion, Channel, Load, LocalForce, Reaction
+from flexcam.train.model import Cam, PublishedLoad
+from flexcam.train.structure import Structure, find_node, spring_row
+
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 7201)
+"""Where the largest deceleration is sought: 0.05 deg resolves it to 1e-6 for the smooth laws."""
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerTrain:
+    """Everything that moves with a follower, as one rigid body along the lift.
+
+    Parameters
+    ----------
+    motion
+        Unit motion of its unknowns along the lift, shape (n,).
+    mass, stiffness
+        kg and N/m of that motion, at the follower.
+    """
+
+    motion: FloatArray
+    mass: float
+    stiffness: float
+
+
+def follower_train(structure: Structure, contact: PublishedLoad, where: str) -> FollowerTrain:
+    """Return the rigid body that a follower and what hangs on it make.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    contact
+        The contact, for follower and direction.
+    where
+        The place, for the message.
+
+    Returns
+    -------
+    FollowerTrain
+        Its motion, mass and stiffness at the follower.
+    """
+    node = find_node(structure.model, contact.follower, where)
+    reached = structure.model.mesh.connected(node)
+    motion = sum((structure.dofs.vector(n, contact.direction) for n in reached.tolist()), np.zeros(structure.dofs.size))
+    mass, stiffness = structure.mass, structure.stiffness
+    return FollowerTrain(motion, float(motion @ mass.times(motion)), float(motion @ stiffness.times(motion)))
+
+
+def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -> float:
+    """Return K_KE of (22): the static stiffness at the follower along the lift, N/m.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    contact
+        The contact.
+    where
+        The place, for the message.
+
+    Returns
+    -------
+    float
+        N/m.
+
+    Raises
+    ------
+    InputError
+        If nothing resists the lift: without a spring the published load is not defined.
+    """
+    push = structure.dofs.vector(find_node(structure.model, contact.follower, where), contact.direction)
+    try:
+        give = float(push @ static_displacement(structure.stiffness, push, structure.dofs.names))
+    except RunFailedError as failure:
+        given, why = "a follower that nothing holds against the lift", str(failure.status.text)
+        raise refuse(where, given, "a spring on the follower's train", why, "add it under [springs]") from None
+    return 1.0 / give
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """Loads, local forces and channels of one contact; positions count within these tuples."""
+
+    loads: tuple[Load, ...]
+    forces: tuple[LocalForce, ...]
+    channels: tuple[Channel, ...]
+
+
+def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, cam: Cam, speed: float) -> float:
+    """Return the preload at the follower, N.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    contact
+        The contact.
+    train
+        The follower's train.
+    cam
+        The cam.
+    speed
+        Camshaft speed, rad/s.
+
+    Returns
+    -------
+    float
+        The springs' installed force at the follower where one states it, else the factor times the largest force
+        the rigid train's inertia needs to stay in contact.
+    """
+    stated = [
+        -float(train.motion @ spring_row(structure, name, spring)) * spring.installed_force
+        for name, spring in structure.model.springs.items()
+        if spring.installed_force is not None
+    ]
+    if stated:
+        return abs(sum(stated))
+    deceleration = float(np.max(-cam.event(_ANGLES, 2))) * speed**2
+    return contact.preload_factor * train.mass * deceleration
+
+
+def steady(value: float) -> Callable[[CamMotion], FloatArray]:
+    """Return the load history that is `value` at every instant.
+
+    Parameters
+    ----------
+    value
+        N.
+
+    Returns
+    -------
+    Callable
+        Of the cam motion.
+    """
+    return lambda motion: np.full_like(motion.angle, value)
+
+
+def couple(structure: Structure, name: str, contact: PublishedLoad, speed: float) -> Coupling:
+    """Return the published coupling of one cam and its follower.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    name
+        Name of the contact.
+    contact
+        The contact.
+    speed
+        Camshaft speed, rad/s; the preload depends on it.
+
+    Returns
+    -------
+    Coupling
+        Its loads, local force and channels.
+    """
+    where = f"contacts.{name}.follower"
+    cam = structure.model.cams[contact.cam]
+    train, K = follower_train(structure, contact, where), series_stiffness(structure, contact, where)
+    force = preload(structure, contact, train, cam, speed)
+    lift, axis = contact.direction, np.concatenate([np.zeros(3), contact.shaft_axis])
+    push = structure.row(contact.follower, lift) - structure.row(cam.at, lift)
+    twist = -structure.row(cam.at, axis)
+
+    def torque(motion: CamMotion) -> FloatArray:
+        return (force + K * cam.event(motion.angle)) * cam.event(motion.angle, 1)
+
+    def arm(angle: FloatArray, order: int) -> FloatArray:
+        return cam.event(angle, order + 1)
+
+    loads = [
+        Load(f"contacts.{name}.lift", push, lambda motion: K * cam.event(motion.angle)),
+        Load(f"contacts.{name}.preload", push - _spring_share(structure, train), steady(force), installed=True),
+    ]
+    if contact.cam_torque:
+        loads.append(Load(f"contacts.{name}.torque", twist, torque))
+    local: tuple[LocalForce, ...] = ()
+    if contact.cam_deflection:
+        both = (push[None, :], (_one,)) if not contact.cam_torque else (np.array([push, twist]), (_one, arm))
+        sensed = AngleVector.constant(structure.row(cam.at, lift))
+        local = (LocalForce(f"contacts.{name}", (sensed,), (AngleVector(*both),), _Linear(K), (_zero,)),)
+    acting = ((0, 0),) if local else ()
+    return Coupling(tuple(loads), local, (
+        Channel(f"contacts.{name}.force", "N", (0, 1), acting),
+        Channel(f"contacts.{name}.torque", "N m", (0, 1), acting, arm),
+    ))  # fmt: skip
+
+
+def _spring_share(structure: Structure, train: FollowerTrain) -> FloatArray:
+    """Return the vector of the springs' installed forces that balances a unit force at the follower.
+
+    Several springs share it as their stiffness does.
+    """
+    rows = [(spring.stiffness, spring_row(structure, n, spring)) for n, spring in structure.model.springs.items()]
+    share = sum((k * float(train.motion @ row) * row for k, row in rows), np.zeros(structure.dofs.size))
+    return share / train.stiffness if train.stiffness > 0.0 else share
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """f = K gamma."""
+
+    stiffness: float
+
+    @property
+    def start_state(self) -> FloatArray:
+        return np.zeros(0)
+
+    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:  # noqa: ARG002
+        K = np.array([[self.stiffness]])
+        return Reaction(K[0] * gap, K, np.zeros((1, 1)), np.zeros(0))
+
+
+def _one(angle: FloatArray, order: int) -> FloatArray:
+    return np.full_like(angle, 1.0 if order == 0 else 0.0)
+
+
+def _zero(angle: FloatArray, order: int) -> FloatArray:  # noqa: ARG001 - the signature of an angle function
+    return np.zeros_like(angle)

@@ -1,0 +1,155 @@
+"""Matrices of the structure: beams, masses, springs and rockers of a model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam import fem
+from flexcam.checks import did_you_mean, refuse
+from flexcam.fem import Beams, DofMap, along, mass_at
+from flexcam.linalg import FloatArray, Triplets
+from flexcam.train.model import MassAt, Model, Spring
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """The passive part of a model as matrices.
+
+    Parameters
+    ----------
+    model
+        What it was made from.
+    beams, dofs
+        Elements and unknowns.
+    mass, stiffness, dampers
+        n x n, SI; `dampers` holds the discrete dampers only.
+
+    Examples
+    --------
+    `build_structure` makes one.
+    """
+
+    model: Model
+    beams: Beams
+    dofs: DofMap
+    mass: Triplets
+    stiffness: Triplets
+    dampers: Triplets
+
+    def row(self, point: str, direction: FloatArray, where: str = "point") -> FloatArray:
+        """Return the row that picks the motion of a named point, shape (n,).
+
+        Parameters
+        ----------
+        point
+            A named node, or the point of a rocker (then the direction has no say).
+        direction
+            Shape (6,), global axes.
+        where
+            The place, for the message.
+
+        Returns
+        -------
+        ndarray
+            Shape (n,).
+
+        Raises
+        ------
+        InputError
+            If there is no such point.
+        """
+        rocker = self.model.rocker_at(point)
+        if rocker is not None:
+            return rocker.ratio * self.row(rocker.start, rocker.direction)
+        return self.dofs.vector(find_node(self.model, point, where), direction)
+
+
+def find_node(model: Model, point: str, where: str) -> int:
+    """Return the node of a named point.
+
+    Parameters
+    ----------
+    model
+        The model.
+    point
+        Its name.
+    where
+        The place, for the message.
+
+    Returns
+    -------
+    int
+        Node number.
+
+    Raises
+    ------
+    InputError
+        If neither the mesh nor a rocker defines it.
+    """
+    if point not in model.mesh.points:
+        known = [*model.mesh.points, *(r.point for r in model.rockers.values())]
+        raise refuse(where, repr(point), f"a point: {', '.join(known)}", did_you_mean(point, known))
+    return model.mesh.node(point, where)
+
+
+def build_structure(model: Model) -> Structure:
+    """Assemble the passive part of a model.
+
+    Parameters
+    ----------
+    model
+        The model.
+
+    Returns
+    -------
+    Structure
+        Its matrices.
+
+    Raises
+    ------
+    InputError
+        If a part is attached to something that does not exist.
+    """
+    beams = fem.beams(model.mesh, model.members)
+    dofs = fem.dof_map(model.mesh, model.supports.items())
+    bare = Structure(model, beams, dofs, Triplets.zeros(dofs.size), Triplets.zeros(dofs.size), Triplets.zeros(dofs.size))
+    mass, stiffness, dampers = fem.mass(beams, dofs), fem.stiffness(beams, dofs), bare.dampers
+    for name, part in model.masses.items():
+        mass = mass + _mass(bare, name, part)
+    for rocker in model.rockers.values():
+        mass = mass + along(bare.row(rocker.start, rocker.direction), rocker.inertia / rocker.arms[0] ** 2)
+    for name, spring in model.springs.items():
+        row = spring_row(bare, name, spring)
+        stiffness, dampers = stiffness + along(row, spring.stiffness), dampers + along(row, spring.damping)
+    return Structure(model, beams, dofs, mass, stiffness, dampers)
+
+
+def spring_row(structure: Structure, name: str, spring: Spring) -> FloatArray:
+    """Return the row of a spring's stretch: motion at its point less that at its other end, shape (n,).
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    name
+        Of the spring, for the message.
+    spring
+        The spring.
+
+    Returns
+    -------
+    ndarray
+        Shape (n,).
+    """
+    row = structure.row(spring.at, spring.direction, f"springs.{name}.at")
+    if spring.to is not None:
+        row = row - structure.row(spring.to, spring.direction, f"springs.{name}.to")
+    return row
+
+
+def _mass(structure: Structure, name: str, part: MassAt) -> Triplets:
+    if structure.model.rocker_at(part.at) is not None:
+        return along(structure.row(part.at, np.zeros(6)), part.body.mass)
+    return mass_at(find_node(structure.model, part.at, f"masses.{name}.at"), part.body, structure.dofs)

@@ -1,0 +1,213 @@
+"""Units at the boundary: text such as ``"40 kN/m"`` becomes an SI number, once, here.
+
+The table is small on purpose (a full unit library costs more start-up time than a run) and is held
+against pint in the tests.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from flexcam.checks import InputError, did_you_mean, refuse
+
+Exponents = tuple[int, int, int, int]
+"""Exponents of metre, kilogram, second, radian."""
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
+_FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*([+-]?\d+))?\s*")
+
+_NONE: Exponents = (0, 0, 0, 0)
+_PREFIXED: dict[str, tuple[float, Exponents]] = {
+    "m": (1.0, (1, 0, 0, 0)),
+    "g": (1e-3, (0, 1, 0, 0)),
+    "s": (1.0, (0, 0, 1, 0)),
+    "N": (1.0, (1, 1, -2, 0)),
+    "Pa": (1.0, (-1, 1, -2, 0)),
+    "J": (1.0, (2, 1, -2, 0)),
+    "W": (1.0, (2, 1, -3, 0)),
+    "Hz": (1.0, (0, 0, -1, 0)),
+    "rad": (1.0, (0, 0, 0, 1)),
+}
+_PREFIXES = {"": 1.0, "G": 1e9, "M": 1e6, "k": 1e3, "d": 1e-1, "c": 1e-2, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "n": 1e-9}
+_PLAIN: dict[str, tuple[float, Exponents]] = {
+    "1": (1.0, _NONE),
+    "%": (0.01, _NONE),
+    "t": (1e3, (0, 1, 0, 0)),
+    "bar": (1e5, (-1, 1, -2, 0)),
+    "deg": (math.pi / 180.0, (0, 0, 0, 1)),
+    "°": (math.pi / 180.0, (0, 0, 0, 1)),
+    "rev": (2.0 * math.pi, (0, 0, 0, 1)),
+    "rpm": (math.pi / 30.0, (0, 0, -1, 1)),
+    "min": (60.0, (0, 0, 1, 0)),
+    "h": (3600.0, (0, 0, 1, 0)),
+    "in": (0.0254, (1, 0, 0, 0)),
+    "ft": (0.3048, (1, 0, 0, 0)),
+    "lb": (0.45359237, (0, 1, 0, 0)),
+    "lbf": (4.4482216152605, (1, 1, -2, 0)),
+    "psi": (6894.757293168361, (-1, 1, -2, 0)),
+}
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A kind of quantity: its exponents, the SI unit it is shown in, and an example of its text.
+
+    Parameters
+    ----------
+    name
+        The engineer's word for it.
+    exponents
+        Exponents of metre, kilogram, second, radian.
+    si
+        Symbol of the SI unit.
+    example
+        A valid text, for messages.
+
+    Examples
+    --------
+    >>> DIMENSIONS["stiffness"].si
+    'N/m'
+    """
+
+    name: str
+    exponents: Exponents
+    si: str
+    example: str
+
+
+def _table(*rows: tuple[str, Exponents, str, str]) -> dict[str, Dimension]:
+    return {name: Dimension(name, exponents, si, example) for name, exponents, si, example in rows}
+
+
+DIMENSIONS = _table(
+    ("number", _NONE, "", "0.5"),
+    ("length", (1, 0, 0, 0), "m", "25 mm"),
+    ("area", (2, 0, 0, 0), "m^2", "490 mm^2"),
+    ("second moment", (4, 0, 0, 0), "m^4", "19000 mm^4"),
+    ("mass", (0, 1, 0, 0), "kg", "0.15 kg"),
+    ("inertia", (2, 1, 0, 0), "kg m^2", "1e-4 kg m^2"),
+    ("density", (-3, 1, 0, 0), "kg/m^3", "7800 kg/m^3"),
+    ("stress", (-1, 1, -2, 0), "Pa", "207 GPa"),
+    ("force", (1, 1, -2, 0), "N", "300 N"),
+    ("moment", (2, 1, -2, 0), "N m", "5 N m"),
+    ("stiffness", (0, 1, -2, 0), "N/m", "40 kN/m"),
+    ("rotational stiffness", (2, 1, -2, -1), "N m/rad", "5 kN m/rad"),
+    ("damping", (0, 1, -1, 0), "N s/m", "2 kN s/m"),
+    ("rotational damping", (2, 1, -1, -1), "N m s/rad", "1 N m s/rad"),
+    ("time", (0, 0, 1, 0), "s", "20 us"),
+    ("rate", (0, 0, -1, 0), "1/s", "5.36 1/s"),
+    ("angle", (0, 0, 0, 1), "rad", "180 deg"),
+    ("speed", (0, 0, -1, 1), "rad/s", "3000 rpm"),
+    ("acceleration", (1, 0, -2, 0), "m/s^2", "9.81 m/s^2"),
+)
+
+
+def _unit(symbol: str) -> tuple[float, Exponents] | None:
+    if symbol in _PLAIN:
+        return _PLAIN[symbol]
+    for base, (factor, exponents) in _PREFIXED.items():
+        prefix = symbol.removesuffix(base)
+        if symbol.endswith(base) and prefix in _PREFIXES:
+            return _PREFIXES[prefix] * factor, exponents
+    return None
+
+
+def _known_symbols() -> list[str]:
+    return [*_PLAIN, *(prefix + base for base in _PREFIXED for prefix in _PREFIXES)]
+
+
+def _unit_product(text: str, where: str) -> tuple[float, Exponents]:
+    factor, exponents, position, divide = 1.0, _NONE, 0, False
+    while position < len(text):
+        match = _FACTOR.match(text, position)
+        found = _unit(match[2]) if match else None
+        if match is None or found is None:
+            symbol = match[2] if match else text[position:]
+            hint = did_you_mean(symbol, _known_symbols())
+            raise refuse(where, f"unit {symbol!r} in {text!r}", "units such as mm, kg, kN/m, GPa, rpm, deg", hint)
+        # As in print, everything up to the next '*' or '/' stays below a '/': N s/m, kg/(m s) is kg/m/s.
+        divide = match[1] == "/" or (match[1] == "" and divide)
+        power = int(match[3] or 1) * (-1 if divide else 1)
+        factor *= found[0] ** power
+        exponents = tuple(a + power * b for a, b in zip(exponents, found[1], strict=True))
+        position = match.end()
+    return factor, exponents  # pyright: ignore[reportReturnType]
+
+
+def _same_kind(found: Exponents, wanted: Exponents) -> bool:
+    """Angles may be left out of moments and stiffnesses (N m for N m/rad), nowhere else."""
+    has_mass = wanted[1] != 0
+    return found[:3] == wanted[:3] if has_mass else found == wanted
+
+
+def parse(value: float | str, dimension: str, where: str = "value") -> float:
+    """Return a quantity in SI.
+
+    Parameters
+    ----------
+    value
+        A number, taken as SI, or a text with a unit: ``"40 kN/m"``, ``"4000rpm"``, ``"1e-4 kg m^2"``.
+    dimension
+        A key of `DIMENSIONS`.
+    where
+        The place, for the message.
+
+    Returns
+    -------
+    float
+        The number in the SI unit of the dimension (angles in rad, speeds in rad/s).
+
+    Raises
+    ------
+    InputError
+        If the text is no number with a unit, the unit is unknown or of another kind, or the number is not finite.
+
+    Examples
+    --------
+    >>> parse("25 mm", "length")
+    0.025
+    >>> round(parse("3000rpm", "speed"), 6)
+    314.159265
+    """
+    kind = DIMENSIONS[dimension]
+    allowed = f"a {kind.name} such as {kind.example!r}" + (f", or a number in {kind.si}" if kind.si else "")
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise refuse(where, value, allowed)
+    if not isinstance(value, str):
+        number, text = float(value), ""
+    elif match := _NUMBER.match(value):
+        number, text = float(match[1]), match[2]
+    else:
+        raise refuse(where, repr(value), allowed, "it does not begin with a number")
+    factor, exponents = _unit_product(text, where) if text else (1.0, kind.exponents)
+    if not _same_kind(exponents, kind.exponents):
+        raise refuse(where, repr(value), allowed, f"the unit {text!r} does not measure a {kind.name}")
+    if not math.isfinite(number * factor):
+        raise refuse(where, repr(value), allowed, "the number is not finite")
+    return number * factor
+
+
+def parse_faults(value: float | str, dimension: str) -> float | InputError:
+    """Return the SI number, or the refusal instead of raising it.
+
+    Parameters
+    ----------
+    value, dimension
+        As in `parse`.
+
+    Returns
+    -------
+    float or InputError
+        The number, or why there is none.
+
+    Examples
+    --------
+    >>> isinstance(parse_faults("3 furlong", "length"), InputError)
+    True
+    """
+    try:
+        return parse(value, dimension)
+    except InputError as refusal:
+        return refusal
