@@ -1,8 +1,10 @@
-"""Natural modes: frequencies, shapes, effective masses and what moves in them.
+"""Natural modes: frequencies, shapes and effective masses.
 
 Knows matrices only; may import `linalg` and `response` (for a status).
+Another eigensolver goes into `modes`, another measure of modes is a file beside it.
 """
 
+from flexcam.modal.effective import effective_masses
 from flexcam.modal.modes import Modes, modes
 
-__all__ = ["Modes", "modes"]
+__all__ = ["Modes", "effective_masses", "modes"]

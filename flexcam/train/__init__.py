@@ -1,0 +1,25 @@
+"""The valve train: members, masses, springs, rockers, cams and contacts as a model, and its equations.
+
+May import `cam`, `integrate`, `modal`, `fem`, `motion`, `system` and what is below them.
+A new kind of part is a dataclass in `model` and its rows in `structure`; a new contact is a file like `published`.
+"""
+
+from flexcam.train.build import build_rigid, build_system
+from flexcam.train.modes import ModelModes, model_modes
+from flexcam.train.model import Cam, MassAt, Model, PublishedLoad, Rocker, Spring
+from flexcam.train.structure import Structure, build_structure
+
+__all__ = [
+    "Cam",
+    "MassAt",
+    "Model",
+    "ModelModes",
+    "PublishedLoad",
+    "Rocker",
+    "Spring",
+    "Structure",
+    "build_rigid",
+    "build_structure",
+    "build_system",
+    "model_modes",
+]

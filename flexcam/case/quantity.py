@@ -1,0 +1,150 @@
+"""The types of case values: quantities with units, names, components, directions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from flexcam import fem
+from flexcam.checks import InputError
+from flexcam.units import DIMENSIONS, parse
+
+
+def refused(refusal: InputError) -> PydanticCustomError:
+    """Return a refusal in the form that pydantic collects.
+
+    Parameters
+    ----------
+    refusal
+        With one fault.
+
+    Returns
+    -------
+    PydanticCustomError
+        Carries the facts of the fault in its context.
+    """
+    fault = refusal.faults[0]
+    return PydanticCustomError("flexcam", "{allowed}", {"allowed": fault.allowed, "why": fault.why, "remedy": fault.remedy})
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Annotation of a float that is read as a quantity and kept in SI.
+
+    Parameters
+    ----------
+    dimension
+        A key of `flexcam.units.DIMENSIONS`.
+    above
+        The value must be above zero.
+    signed
+        Negative values are allowed.
+
+    Examples
+    --------
+    >>> from pydantic import TypeAdapter
+    >>> TypeAdapter(Annotated[float, Unit("length")]).validate_python("6 mm")
+    0.006
+    """
+
+    dimension: str
+    above: bool = False
+    signed: bool = False
+
+    def validate(self, value: Any) -> float:  # noqa: ANN401 - whatever stands in the file
+        """Return the SI number.
+
+        Raises
+        ------
+        PydanticCustomError
+            If it is no such quantity.
+        """
+        try:
+            number = parse(value, self.dimension)
+        except InputError as refusal:
+            raise refused(refusal) from None
+        if number < 0.0 and not self.signed:
+            raise PydanticCustomError("flexcam", "{allowed}", {"allowed": f"{self._kind} of zero or more", "why": "", "remedy": ""})
+        if number == 0.0 and self.above:
+            raise PydanticCustomError("flexcam", "{allowed}", {"allowed": f"{self._kind} above zero", "why": "", "remedy": ""})
+        return number
+
+    @property
+    def _kind(self) -> str:
+        kind = DIMENSIONS[self.dimension]
+        return f"{'an' if kind.name[0] in 'aeiou' else 'a'} {kind.name} (such as {kind.example!r})"
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return core_schema.no_info_plain_validator_function(self.validate)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        kind = DIMENSIONS[self.dimension]
+        example = {"description": f"{kind.name}, SI number ({kind.si or '-'}) or text with a unit", "examples": [kind.example]}
+        return {"anyOf": [{"type": "number"}, {"type": "string"}], **example}
+
+
+def _component(value: Any) -> str:  # noqa: ANN401 - whatever stands in the file
+    try:
+        fem.component(str(value))
+    except InputError as refusal:
+        raise refused(refusal) from None
+    return str(value)
+
+
+def _direction(value: Any) -> Any:  # noqa: ANN401
+    try:
+        fem.direction(value)
+    except InputError as refusal:
+        raise refused(refusal) from None
+    return value
+
+
+@dataclass(frozen=True)
+class Check:
+    """Annotation that runs a check of flexcam's own over a value, in pydantic's place.
+
+    Parameters
+    ----------
+    check
+        Returns the value or raises.
+    schema
+        JSON Schema of the value.
+    """
+
+    check: Any
+    schema: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return core_schema.no_info_plain_validator_function(self.check)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        if self.schema == "component":
+            return {"enum": list(fem.COMPONENTS)}
+        array = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 6}
+        return {"anyOf": [{"type": "string", "pattern": "^[+-]?[ur][xyz]$"}, array]}
+
+
+Component = Annotated[str, Check(_component, "component")]
+"""One of ux uy uz rx ry rz."""
+
+DirectionValue = Annotated[Any, Check(_direction, "direction")]
+"""A component with an optional sign, or three (or six) numbers in global axes."""
+
+Length = Annotated[float, Unit("length", above=True)]
+Position = Annotated[float, Unit("length", signed=True)]
+MassValue = Annotated[float, Unit("mass")]
+Inertia = Annotated[float, Unit("inertia")]
+Stiffness = Annotated[float, Unit("stiffness")]
+DampingValue = Annotated[float, Unit("damping")]
+Force = Annotated[float, Unit("force")]
+Angle = Annotated[float, Unit("angle")]
+PositiveAngle = Annotated[float, Unit("angle", above=True)]
+SignedAngle = Annotated[float, Unit("angle", signed=True)]
+Speed = Annotated[float, Unit("speed", above=True)]
+Time = Annotated[float, Unit("time", above=True)]
+Ratio = Annotated[float, Unit("number")]
+PositiveNumber = Annotated[float, Unit("number", above=True)]
+SignedNumber = Annotated[float, Unit("number", signed=True)]

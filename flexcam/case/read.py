@@ -1,0 +1,169 @@
+"""Read a case file: text, overrides, checked records, one report of all faults."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from pydantic import ValidationError
+
+from flexcam.case.lines import Path as KeyPath
+from flexcam.case.lines import line_numbers
+from flexcam.case.records import CaseRecord
+from flexcam.case.references import reference_faults
+from flexcam.case.report import faults
+from flexcam.checks import Fault, InputError, did_you_mean, refuse
+from flexcam.fem import Mesh
+from flexcam.io import read_mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A checked case.
+
+    Parameters
+    ----------
+    path
+        The file it was read from.
+    text
+        Its text, as it stood there.
+    overrides
+        The ``key=value`` pairs laid over it.
+    record
+        The checked values, SI.
+    mesh
+        The mesh of the file it names; None for a case with its own nodes.
+    """
+
+    path: Path
+    text: str
+    overrides: tuple[str, ...]
+    record: CaseRecord
+    mesh: Mesh | None
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending; results are named after it."""
+        return self.path.stem
+
+    @property
+    def speed(self) -> float:
+        """Camshaft speed, rad/s."""
+        run = self.record.run
+        return run.speed if run.speed is not None else 0.5 * (run.crank_speed or 0.0)
+
+
+def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
+    """Read and check a case file.
+
+    Parameters
+    ----------
+    path
+        The TOML file.
+    overrides
+        Values laid over the file's, such as ``"run.speed=4000rpm"``.
+
+    Returns
+    -------
+    Case
+        With every default filled in, in SI.
+
+    Raises
+    ------
+    InputError
+        With all faults of the file at once: key path and line, what was given, what is allowed, why, what to do.
+    """
+    source = Path(path)
+    text = _text(source)
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as fault:
+        raise refuse(str(source), str(fault), "a TOML document", "", "strings need quotes, tables need [brackets]") from None
+    found: list[Fault] = []
+    for override in overrides:
+        found += _lay_over(raw, override)
+    lines = line_numbers(text)
+    mesh, mesh_faults = _mesh(raw, source)
+    record, record_faults = _record(raw, lines)
+    names = None if mesh_faults else ([*mesh.points] if mesh else [])
+    found += [*record_faults, *mesh_faults, *reference_faults(raw, names, lines), *_either_or(raw, lines)]
+    if found or record is None:
+        raise InputError(found)
+    return Case(source, text, tuple(overrides), record, mesh)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
+        raise refuse("case file", str(path), "an existing file", "", near) from None
+    except (OSError, UnicodeDecodeError) as fault:
+        raise refuse("case file", str(path), "a readable UTF-8 text file", str(fault)) from None
+
+
+def _lay_over(raw: dict[str, Any], override: str) -> list[Fault]:
+    """Put one ``a.b.c=value`` into the tables; return what is wrong with it."""
+    key, equals, value = override.partition("=")
+    path = [step.strip() for step in key.split(".")]
+    where = f"--set {override}"
+    if not equals or not all(path):
+        return [Fault(where, repr(override), "key=value, such as run.speed=4000rpm", "", "")]
+    table: dict[str, Any] = raw
+    for depth, step in enumerate(path[:-1]):
+        inner = table.setdefault(step, {}) if depth == 0 or step in table or step in _OPTIONAL_TABLES else None
+        if not isinstance(inner, dict):
+            return [Fault(where, repr(step), f"a table: {', '.join(table)}", "", did_you_mean(step, table))]
+        table = cast("dict[str, Any]", inner)
+    table[path[-1]] = _toml_value(value.strip())
+    return []
+
+
+_OPTIONAL_TABLES = {"damping", "integrator"}
+"""Tables inside tables that a file may leave out."""
+
+
+def _toml_value(text: str) -> object:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _mesh(raw: Mapping[str, Any], source: Path) -> tuple[Mesh | None, list[Fault]]:
+    name = raw.get("mesh")
+    if not isinstance(name, str):
+        return None, []
+    try:
+        return read_mesh(source.parent / name), []
+    except InputError as refusal:
+        return None, list(refusal.faults)
+
+
+def _record(raw: Mapping[str, Any], lines: dict[KeyPath, int]) -> tuple[CaseRecord | None, list[Fault]]:
+    try:
+        return CaseRecord.model_validate(raw), []
+    except ValidationError as refusal:
+        return None, faults(refusal.errors(include_url=False), lines)
+
+
+def _either_or(raw: Mapping[str, Any], lines: dict[KeyPath, int]) -> list[Fault]:
+    """Return the faults of keys of which exactly one, or at most one, may stand."""
+    found: list[Fault] = []
+    both = [key for key in ("mesh", "nodes") if key in raw]
+    if len(both) != 1:
+        why = "the geometry comes from one place"
+        found.append(Fault("case file", " and ".join(both) or "neither mesh nor nodes", "either mesh or [nodes]", why, ""))
+    run = raw.get("run")
+    if isinstance(run, Mapping):
+        given = cast("Mapping[str, Any]", run)
+        line = f" (line {lines[('run',)]})" if ("run",) in lines else ""
+        for pair, least in ((("speed", "crank_speed"), 1), (("steps_per_revolution", "step"), 0)):
+            count = sum(key in given for key in pair)
+            if not least <= count <= 1:
+                said = " and ".join(key for key in pair if key in given) or f"neither {pair[0]} nor {pair[1]}"
+                found.append(Fault(f"run{line}", said, f"either {pair[0]} or {pair[1]}", "one follows from the other", ""))
+    return found

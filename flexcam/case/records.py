@@ -1,0 +1,214 @@
+"""The case file as checked records in SI: every key, its type and its default.
+
+The field's description is what `flexcam schema` hands to editors. A key that nothing acts on does not exist here.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from flexcam.case import quantity as q
+
+Name = Annotated[str, Field(min_length=1, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_ -]*$")]
+Vector = tuple[q.SignedNumber, q.SignedNumber, q.SignedNumber]
+Point = tuple[q.Position, q.Position, q.Position]
+
+
+class Record(BaseModel):
+    """A table of the case file: no unknown keys, no changes after reading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class MaterialRecord(Record):
+    """Isotropic material."""
+
+    E: Annotated[float, q.Unit("stress", above=True)] = Field(description="Young's modulus")
+    nu: q.SignedNumber = Field(description="Poisson's ratio", gt=-1.0, le=0.5)
+    density: Annotated[float, q.Unit("density")] = Field(description="mass per volume")
+
+
+class _SectionRecord(Record):
+    J: Annotated[float, q.Unit("second moment", above=True)] | None = Field(None, description="torsion constant")
+    kappa_y: q.PositiveNumber | None = Field(None, description="shear factor along local y")
+    kappa_z: q.PositiveNumber | None = Field(None, description="shear factor along local z")
+
+
+class CircleRecord(_SectionRecord):
+    """Solid round section."""
+
+    shape: Literal["circle"]
+    diameter: q.Length
+
+
+class TubeRecord(_SectionRecord):
+    """Round tube."""
+
+    shape: Literal["tube"]
+    outer_diameter: q.Length
+    inner_diameter: Annotated[float, q.Unit("length")]
+
+
+class RectangleRecord(_SectionRecord):
+    """Rectangle with sides along local y and z."""
+
+    shape: Literal["rectangle"]
+    width_y: q.Length
+    width_z: q.Length
+
+
+class CustomRecord(_SectionRecord):
+    """Section given by its properties."""
+
+    shape: Literal["custom"]
+    A: Annotated[float, q.Unit("area", above=True)]
+    Iy: Annotated[float, q.Unit("second moment", above=True)]
+    Iz: Annotated[float, q.Unit("second moment", above=True)]
+    J: Annotated[float, q.Unit("second moment", above=True)]  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]
+
+
+SectionRecord = Annotated[CircleRecord | TubeRecord | RectangleRecord | CustomRecord, Field(discriminator="shape")]
+
+
+class MemberRecord(Record):
+    """What a line group of the mesh, or a chain of named nodes, is made of."""
+
+    material: Name
+    section: Name
+    nodes: list[Name] | None = Field(None, min_length=2, description="named nodes along the member (without a mesh file)")
+    elements: int = Field(1, ge=1, le=1_000_000, description="equal parts of each of its segments")
+    orientation: Vector | None = Field(None, description="vector in the local x-y plane, global axes")
+    shear: bool = Field(False, description="shear deformation (Timoshenko)")
+    rotary_inertia: bool = Field(True, description="rotary inertia of the sections in bending")
+    mass: Literal["consistent", "lumped"] = "consistent"
+
+
+class MassRecord(Record):
+    """Rigid body at a point."""
+
+    at: Name
+    mass: q.MassValue
+    inertia: tuple[q.Inertia, q.Inertia, q.Inertia] = Field((0.0, 0.0, 0.0), description="about its centre, global axes")
+    offset: Point = Field((0.0, 0.0, 0.0), description="from the node to its centre, global axes")
+
+
+class SpringRecord(Record):
+    """Spring and damper along one direction, to ground or to another point."""
+
+    at: Name
+    to: Name | None = Field(None, description="the other end; ground where absent")
+    direction: q.DirectionValue
+    stiffness: Annotated[float, q.Unit("stiffness")] | Annotated[float, q.Unit("rotational stiffness")] = 0.0
+    damping: Annotated[float, q.Unit("damping")] | Annotated[float, q.Unit("rotational damping")] = 0.0
+    installed_force: q.Force | None = Field(None, description="force it is installed with")
+
+
+class RockerRecord(Record):
+    """Rocker without bending: the point `to` moves by the ratio of the arms."""
+
+    model: Literal["lumped"]
+    start: Name = Field(alias="from", description="named node it is driven at")
+    to: Name = Field(description="point it defines")
+    arms: tuple[q.Length, q.Length] = Field(description="arm at `from` and at `to`")
+    inertia: q.Inertia = Field(0.0, description="about the rocker's shaft")
+    direction: q.DirectionValue | None = Field(None, description="motion at `from`; along the member there by default")
+
+
+class CamRecord(Record):
+    """A cam and its lift over one revolution."""
+
+    at: Name
+    law: str = Field(description="name of a motion law")
+    lift: q.Length
+    rise: q.PositiveAngle
+    dwell: q.Angle = Field(0.0, description="upper dwell")
+    fall: q.PositiveAngle = Field(alias="return")
+    phase: q.SignedAngle = Field(0.0, description="cam angle at which the rise begins")
+
+
+class ContactRecord(Record):
+    """Coupling of a cam and its follower."""
+
+    cam: Name
+    follower: Name
+    model: Literal["published-load"] = Field(description="the published force of the cam on its follower")
+    direction: q.DirectionValue | None = Field(None, description="of the lift; from cam to follower by default")
+    preload_factor: q.Ratio = Field(2.5, description="preload by the force that the rigid train needs for contact")
+    cam_deflection: bool = Field(False, description="the force feels the shaft's deflection, U_c of (21)")
+    cam_torque: bool = Field(True, description="the force twists the shaft, T_CF of (24)")
+
+
+class DampingRecord(Record):
+    """Damping of the whole structure."""
+
+    alpha: Annotated[float, q.Unit("rate")] = Field(0.0, description="Rayleigh factor of the mass")
+    beta: Annotated[float, q.Unit("time")] = Field(0.0, description="Rayleigh factor of the stiffness")
+    modal: q.Ratio = Field(0.0, description="damping ratio of every mode")
+
+
+class NewmarkRecord(Record):
+    """Newmark's scheme; the default is the average acceleration."""
+
+    method: Literal["newmark"] = "newmark"
+    beta: q.PositiveNumber = 0.25
+    gamma: q.PositiveNumber = 0.5
+
+
+class HhtRecord(Record):
+    """Scheme of Hilber, Hughes and Taylor."""
+
+    method: Literal["hht"]
+    alpha: q.SignedNumber = -0.05
+
+
+class GeneralizedAlphaRecord(Record):
+    """Generalized-alpha scheme."""
+
+    method: Literal["generalized-alpha"]
+    rho_inf: q.Ratio = 0.9
+
+
+IntegratorRecord = Annotated[NewmarkRecord | HhtRecord | GeneralizedAlphaRecord, Field(discriminator="method")]
+
+
+class RunRecord(Record):
+    """How the mechanism is run."""
+
+    speed: q.Speed | None = Field(None, description="camshaft speed")
+    crank_speed: q.Speed | None = Field(None, description="crankshaft speed, twice the camshaft's")
+    revolutions: q.PositiveNumber = Field(2.0, description="of the camshaft")
+    steps_per_revolution: int | None = Field(None, ge=1, le=100_000_000, description="3600 where no step is given")
+    step: q.Time | None = Field(None, description="instead of steps_per_revolution")
+    start: Literal["rest", "equilibrium"] = Field("rest", description="at rest as installed, or in static equilibrium")
+    integrator: IntegratorRecord = NewmarkRecord()
+    damping: DampingRecord = DampingRecord()
+
+
+class OutputRecord(Record):
+    """What is saved."""
+
+    probes: list[Name] = Field(default=[], description="points kept at every step")
+    field_every: int = Field(20, ge=1, description="steps between saved fields")
+
+
+class CaseRecord(Record):
+    """A whole case file."""
+
+    format: Literal[1]
+    title: str = ""
+    paper: Literal["tayeb-sliman"] | None = Field(None, description="published system whose claims `compare` checks")
+    mesh: str | None = Field(None, description="Gmsh file, relative to the case file")
+    nodes: dict[Name, Point] = Field(default={}, description="named nodes, instead of a mesh file")
+    materials: dict[Name, MaterialRecord]
+    sections: dict[Name, SectionRecord]
+    members: dict[Name, MemberRecord]
+    supports: dict[Name, list[q.Component]] = Field(default={}, description="components held at a point")
+    masses: dict[Name, MassRecord] = {}
+    springs: dict[Name, SpringRecord] = {}
+    rockers: dict[Name, RockerRecord] = {}
+    cams: dict[Name, CamRecord] = {}
+    contacts: dict[Name, ContactRecord] = {}
+    run: RunRecord
+    output: OutputRecord = OutputRecord()

@@ -1,0 +1,221 @@
+"""Tables and words for the terminal; the command line prints what these functions return."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from rich.table import Table
+
+from flexcam.case import Case
+from flexcam.fidelity import Claim, Comparison
+from flexcam.response import Response
+from flexcam.runner import Prepared
+from flexcam.train import ModelModes
+
+COUPLINGS = {
+    "published-load": (
+        "This result comes from the published load: the cam drives the follower by a force, so the follower is a mass "
+        "on the retaining spring. A train held in contact does not behave like this near that resonance."
+    ),
+}
+"""Which formulation a result comes from, in words."""
+
+
+def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+    """Return a plain table, first column to the left, numbers to the right.
+
+    Parameters
+    ----------
+    title
+        Above it.
+    columns
+        Heads.
+    rows
+        Cells.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 3, 0, 0))
+    for i, column in enumerate(columns):
+        made.add_column(column, justify="left" if i == 0 else "right")
+    for row in rows:
+        made.add_row(*row)
+    return made
+
+
+def model_table(ready: Prepared, modes: ModelModes) -> Table:
+    """Return what a model contains.
+
+    Parameters
+    ----------
+    ready
+        A prepared case.
+    modes
+        Its lowest modes.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    model, problem = ready.model, ready.problem
+    lowest = [f"{f:.4g}" for f in modes.modes.frequencies[modes.modes.rigid :][:5]]
+    per_revolution = 2.0 * math.pi / (ready.case.speed * problem.step)
+    rows = [
+        ("members", ", ".join(f"{name} ({len(line) - 1})" for name, line in model.mesh.lines.items())),
+        ("elements", str(len(model.mesh.elements()))),
+        ("degrees of freedom", str(problem.system.size)),
+        ("masses", ", ".join(f"{name} {part.body.mass:g} kg" for name, part in model.masses.items()) or "none"),
+        ("springs", ", ".join(f"{name} {s.stiffness:g} N/m" for name, s in model.springs.items()) or "none"),
+        ("camshaft speed", f"{rpm(ready.case):g} rpm"),
+        ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
+        ("free motions", _free_motions(modes)),
+        ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
+    ]
+    return table(ready.case.record.title or ready.case.name, ("", ""), rows)
+
+
+def _free_motions(modes: ModelModes) -> str:
+    free = [modes.words(i).removeprefix("free motion: ") for i in range(modes.modes.rigid)]
+    return "; ".join(free) if free else "none"
+
+
+def rpm(case: Case) -> float:
+    """Return the camshaft speed of a case.
+
+    Parameters
+    ----------
+    case
+        The case.
+
+    Returns
+    -------
+    float
+        rpm, free of rounding in the last digits.
+    """
+    return round(case.speed * 30.0 / math.pi, 9)
+
+
+def mode_table(modes: ModelModes) -> Table:
+    """Return frequencies, effective masses and what moves.
+
+    Parameters
+    ----------
+    modes
+        The modes.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    made = table("Modes", ("no.", "Hz", "rpm", "ux kg", "uy kg", "uz kg"), ())
+    made.add_column("what moves (share of the kinetic energy)", justify="left")
+    for i, frequency in enumerate(modes.modes.frequencies):
+        masses = [f"{m:.4f}" for m in modes.effective[i, :3]]
+        made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * frequency:.0f}", *masses, modes.words(i))
+    return made
+
+
+def run_table(case: Case, response: Response) -> Table:
+    """Return the extremes of every probe.
+
+    Parameters
+    ----------
+    case
+        The case.
+    response
+        Its response.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    rows: list[tuple[str, ...]] = []
+    for name, components in response.outline.probes:
+        for component in components:
+            full = name if len(components) == 1 else f"{name}.{component}"
+            moved = response[full].displacement
+            if len(moved) and np.ptp(moved) > 0.0:
+                unit, scale = ("mm", 1e3) if not component.startswith("r") else ("mrad", 1e3)
+                rows.append((full, f"{scale * moved.min():.4f} {unit}", f"{scale * moved.max():.4f} {unit}"))
+    return table(f"{case.record.title or case.name}, {rpm(case):g} rpm", ("probe", "least", "largest"), rows)
+
+
+def comparison_table(comparison: Comparison) -> Table:
+    """Return flexible against rigid.
+
+    Parameters
+    ----------
+    comparison
+        The comparison.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    units = {"displacement": ("mm", 1e3), "velocity": ("m/s", 1.0), "acceleration": ("m/s^2", 1.0)}
+    rows: list[tuple[str, ...]] = []
+    for one in comparison.deviations:
+        unit, scale = units[one.quantity]
+        figures = [f"{scale * v:.4g}" for v in (one.rigid_peak, one.flexible_peak, one.peak, one.rms)]
+        rows.append((f"{one.quantity}, {unit}", *figures, f"{one.of_rigid:.3f}", f"{one.angle_deg:.1f}"))
+    head = ("", "rigid peak", "flexible peak", "peak deviation", "rms deviation", "of rigid peak", "at cam deg")
+    return table(f"Flexible against rigid at {comparison.probe}, {comparison.speed_rpm:g} rpm", head, rows)
+
+
+def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]:
+    """Return the comparison in words.
+
+    Parameters
+    ----------
+    comparison
+        The comparison.
+    mode_hz
+        The loaded mode nearest the cam speed, Hz; None where nothing is loaded.
+
+    Returns
+    -------
+    list
+        Sentences.
+    """
+    told = [
+        f"The {comparison.probe} deviates by up to {comparison.peak_deviation:.3f} of its lift "
+        f"(rms {comparison.rms_deviation:.3f}); its peak acceleration is {comparison.peak_acceleration_ratio:.2f} "
+        "times the rigid one."
+    ]
+    if mode_hz is not None:
+        told.append(
+            f"The loaded mode nearest the cam speed is {mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} rpm "
+            f"({comparison.speed_rpm / (60.0 * mode_hz):.2f} of it are run here)."
+        )
+    return told
+
+
+def claim_table(claims: Iterable[Claim]) -> Table:
+    """Return the paper's claims and what was computed.
+
+    Parameters
+    ----------
+    claims
+        The claims.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    made = Table(title="What the paper says, and this computation", title_justify="left", title_style="bold", box=None,
+                 pad_edge=False, padding=(0, 3, 0, 0))  # fmt: skip
+    for head in ("the paper", "reproduced", "computed"):
+        made.add_column(head, justify="left")
+    for claim in claims:
+        made.add_row(claim.statement, "yes" if claim.reproduced else "no", claim.finding)
+    return made

@@ -1,0 +1,134 @@
+"""What the paper of Tayeb and Sliman says, held against what its own model computes: in words, with numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from flexcam.case import Case, build_model
+from flexcam.fidelity.compare import Comparison, compare
+from flexcam.io import read_mesh
+from flexcam.motion import LAWS
+from flexcam.runner import run
+from flexcam.train import build_structure, model_modes
+
+_CLOSE = 0.05
+"""Deviation, as a fraction of the lift, up to which a response counts as "very close" to the rigid one."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of the paper and what the computation says to it.
+
+    Parameters
+    ----------
+    statement
+        What the paper says.
+    reproduced
+        Whether this model shows it.
+    finding
+        What was computed.
+    """
+
+    statement: str
+    reproduced: bool
+    finding: str
+
+
+def loaded_mode(case: Case) -> tuple[float, float]:
+    """Return the mode nearest the cam speed among those the contact force drives.
+
+    Parameters
+    ----------
+    case
+        A case with a published load.
+
+    Returns
+    -------
+    tuple
+        Frequency, Hz, and the same as a camshaft speed, rpm.
+    """
+    structure = build_structure(build_model(case))
+    found = model_modes(structure).modes
+    contact = next(iter(structure.model.contacts.values()))
+    push = structure.row(contact.follower, contact.direction)
+    driven = abs(push @ found.shapes)
+    loaded = [f for f, part in zip(found.frequencies, driven, strict=True) if f > 0.0 and part > 1e-3 * driven.max()]
+    nearest = min(loaded, key=lambda f: abs(math.log(f * 2.0 * math.pi / case.speed)))
+    return float(nearest), float(nearest) * 60.0
+
+
+def deviation(case: Case, probe: str) -> Comparison:
+    """Run a case flexible and rigid and compare them.
+
+    Parameters
+    ----------
+    case
+        The case.
+    probe
+        Name of a probe of one scalar.
+
+    Returns
+    -------
+    Comparison
+        At that probe.
+    """
+    return compare(run(case), run(case, rigid=True), probe, case.speed * 30.0 / math.pi)
+
+
+def claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
+    """Return the paper's claims beside what the case's data give.
+
+    Parameters
+    ----------
+    case
+        One of the published cases, with any values laid over it.
+    probe
+        The valve.
+    here
+        The comparison of the case itself.
+
+    Returns
+    -------
+    list
+        Five claims of the paper's discussion.
+    """
+    _, resonance = loaded_mode(case)
+    slow = deviation(_at(case, rpm=2000.0), probe)
+    laws = {name: deviation(_with_law(case, name), probe) for name in LAWS}
+    largest = max(laws, key=lambda name: laws[name].peak_deviation)
+    told = ", ".join(f"{name} {one.peak_deviation:.3f}" for name, one in laws.items())
+    others = _other_models(case, probe)
+    spread = max(others.values()) - min(others.values())
+    off = (here.deviations[0].angle_deg + 90.0) % 180.0 - 90.0
+    return [
+        Claim("unstable at 4000 rpm (SHM, parabolic)", abs(resonance / 4000.0 - 1.0) < _CLOSE,
+              f"the follower's mass on its spring resonates at {resonance:.0f} rpm: a resonance of the load form, "
+              "not an instability of the integration, and not what a train in contact does"),
+        Claim("at 2000 rpm and below very close to the rigid system", slow.peak_deviation < _CLOSE,
+              f"the deviation at 2000 rpm is {slow.peak_deviation:.3f} of the lift"),
+        Claim("SHM has the largest displacement", largest == "shm", f"peak deviation of the lift: {told}"),
+        Claim("the response depends on the model's number of unknowns", spread > 0.01 * max(others.values()),
+              "peak deviation " + ", ".join(f"{name} {value:.4f}" for name, value in others.items())
+              + ": the pushrod is far stiffer than the spring"),
+        Claim("the deviation is largest at multiples of 180 deg", abs(off) < 1.0,
+              f"it is largest at {here.deviations[0].angle_deg:.1f} deg"),
+    ]  # fmt: skip
+
+
+def _at(case: Case, rpm: float) -> Case:
+    speed = case.record.run.model_copy(update={"speed": rpm * math.pi / 30.0, "crank_speed": None})
+    return replace(case, record=case.record.model_copy(update={"run": speed}))
+
+
+def _with_law(case: Case, law: str) -> Case:
+    cams = {name: cam.model_copy(update={"law": law}) for name, cam in case.record.cams.items()}
+    return replace(case, record=case.record.model_copy(update={"cams": cams}))
+
+
+def _other_models(case: Case, probe: str) -> dict[str, float]:
+    """Return the peak deviation on the meshes of all three models, which lie beside the case's own."""
+    folder = (case.path.parent / (case.record.mesh or "")).parent
+    meshes = {f"model {k}": folder / f"tayeb-{k}.msh" for k in (1, 2, 3)}
+    found = {name: replace(case, mesh=read_mesh(path)) for name, path in meshes.items() if path.is_file()}
+    return {name: deviation(other, probe).peak_deviation for name, other in (found or {"this model": case}).items()}

@@ -1,0 +1,129 @@
+"""Flexible against rigid: how far the motion of a probe deviates, and where in the cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.checks import refuse
+from flexcam.linalg import FloatArray
+from flexcam.response import Response, Status
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Deviation of one quantity from the rigid system's.
+
+    Parameters
+    ----------
+    quantity
+        ``displacement``, ``velocity`` or ``acceleration``.
+    peak, rms
+        Largest and root mean square difference, SI.
+    rigid_peak, flexible_peak
+        Largest absolute value of either, SI.
+    angle_deg
+        Cam angle of the largest difference, deg.
+    """
+
+    quantity: str
+    peak: float
+    rms: float
+    rigid_peak: float
+    flexible_peak: float
+    angle_deg: float
+
+    @property
+    def of_rigid(self) -> float:
+        """Largest difference as a fraction of the rigid peak."""
+        return self.peak / self.rigid_peak
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Flexible against rigid at one probe.
+
+    Parameters
+    ----------
+    probe
+        Its name.
+    speed_rpm
+        Camshaft speed, rpm.
+    lift
+        Lift of the rigid system at the probe, m.
+    deviations
+        Of displacement, velocity and acceleration.
+    status
+        How the flexible run ended; figures of an incomplete run cover the finished part.
+    """
+
+    probe: str
+    speed_rpm: float
+    lift: float
+    deviations: tuple[Deviation, Deviation, Deviation]
+    status: Status
+
+    @property
+    def peak_deviation(self) -> float:
+        """Largest difference of displacement as a fraction of the lift."""
+        return self.deviations[0].peak / self.lift
+
+    @property
+    def rms_deviation(self) -> float:
+        """Root mean square difference of displacement as a fraction of the lift."""
+        return self.deviations[0].rms / self.lift
+
+    @property
+    def peak_acceleration_ratio(self) -> float:
+        """Largest acceleration of the flexible system by that of the rigid one."""
+        return self.deviations[2].flexible_peak / self.deviations[2].rigid_peak
+
+
+def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -> Comparison:
+    """Compare a flexible with a rigid response at a probe of one scalar.
+
+    Parameters
+    ----------
+    flexible, rigid
+        Responses over the same instants; a flexible one that broke off is compared over its own length.
+    probe
+        Name of the probe, such as ``"valve"`` or ``"tappet.uy"``.
+    speed_rpm
+        Camshaft speed, rpm, for the record.
+
+    Returns
+    -------
+    Comparison
+        With the three deviations.
+
+    Raises
+    ------
+    InputError
+        If the probe has several scalars, or the rigid system does not move there.
+    """
+    moved, still = flexible[probe], rigid[probe]
+    if moved.displacement.ndim != 1:
+        raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in moved.components))
+    count = len(flexible.time)
+    lift = float(np.ptp(still.displacement))
+    if lift == 0.0:
+        raise refuse("probe", repr(probe), "a point that the cam moves", "the rigid system does not move it")
+    pairs = ("displacement", "velocity", "acceleration")
+    found = [
+        _deviation(name, getattr(moved, name), getattr(still, name)[:count], flexible.angle) for name in pairs
+    ]
+    return Comparison(probe, speed_rpm, lift, (found[0], found[1], found[2]), flexible.status)
+
+
+def _deviation(quantity: str, flexible: FloatArray, rigid: FloatArray, angle: FloatArray) -> Deviation:
+    difference = np.abs(flexible - rigid)
+    where = int(np.argmax(difference))
+    return Deviation(
+        quantity,
+        peak=float(difference[where]),
+        rms=float(np.sqrt(np.mean(difference**2))),
+        rigid_peak=float(np.abs(rigid).max()),
+        flexible_peak=float(np.abs(flexible).max()),
+        angle_deg=float(np.degrees(angle[where])),
+    )

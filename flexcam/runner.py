@@ -1,0 +1,240 @@
+"""The one easy door: case, model, system, solve, response.
+
+May import `case` and everything below it. What `flexcam.run` does can be done by hand with the parts it names.
+The file is not called ``run.py``: a submodule of that name would hide the function ``flexcam.run``.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from flexcam.case import Case, build_model
+from flexcam.case.records import GeneralizedAlphaRecord, HhtRecord, IntegratorRecord, NewmarkRecord
+from flexcam.checks import refuse
+from flexcam.integrate import (
+    Problem,
+    SaveAt,
+    Scheme,
+    equilibrium,
+    generalized_alpha,
+    hht,
+    newmark,
+    outline,
+    rest,
+    solve,
+)
+from flexcam.io import ResultFile
+from flexcam.response import Response, Sink
+from flexcam.system import ConstantSpeed, System
+from flexcam.train import Model, ModelModes, build_rigid, build_structure, build_system, model_modes
+
+DEFAULT_STEPS_PER_REVOLUTION = 3600
+
+_REVOLUTION = 6.283185307179586
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Everything a run needs, ready for `flexcam.integrate.solve`.
+
+    Parameters
+    ----------
+    case
+        The case.
+    model
+        Its model.
+    problem
+        System, drive, step and start.
+    scheme
+        Of the time integration.
+    save
+        What is kept.
+    """
+
+    case: Case
+    model: Model
+    problem: Problem
+    scheme: Scheme
+    save: SaveAt
+
+
+def prepare(case: Case, *, rigid: bool = False) -> Prepared:
+    """Build what a case describes, up to the point where time begins.
+
+    Parameters
+    ----------
+    case
+        A checked case.
+    rigid
+        The same mechanism with rigid members.
+
+    Returns
+    -------
+    Prepared
+        Model, problem and scheme.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+    RunFailedError
+        If the start has no balance.
+
+    Examples
+    --------
+    ``prepare(case).problem.system`` is the `System` of a case, for one's own studies.
+    """
+    model = build_model(case)
+    system = build_rigid(model, case.speed) if rigid else build_system(model, case.speed)
+    return Prepared(case, model, _problem(case, system), scheme_of(case.record.run.integrator), SaveAt(case.record.output.field_every))
+
+
+def _problem(case: Case, system: System) -> Problem:
+    run, drive = case.record.run, ConstantSpeed(case.speed)
+    per_revolution = run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
+    step = run.step or _REVOLUTION / case.speed / per_revolution
+    steps = round(run.revolutions * _REVOLUTION / case.speed / step)
+    if steps < 1:
+        given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
+        raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
+    start = equilibrium if run.start == "equilibrium" else rest
+    return Problem(system, drive, step, steps, start(system, drive))
+
+
+def scheme_of(record: IntegratorRecord) -> Scheme:
+    """Return the integrator a case asks for.
+
+    Parameters
+    ----------
+    record
+        The table ``run.integrator``.
+
+    Returns
+    -------
+    Scheme
+        Its parameters.
+    """
+    match record:
+        case NewmarkRecord():
+            return newmark(beta=record.beta, gamma=record.gamma)
+        case HhtRecord():
+            return hht(alpha=record.alpha)
+        case GeneralizedAlphaRecord():
+            return generalized_alpha(rho_inf=record.rho_inf)
+
+
+def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Response:
+    """Solve a case in time.
+
+    Parameters
+    ----------
+    case
+        From `flexcam.read_case`.
+    rigid
+        Solve the same mechanism with rigid members.
+    sinks
+        Further takers of the results, such as a result file.
+
+    Returns
+    -------
+    Response
+        Histories of the probes, fields, status.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+    RunFailedError
+        If the run cannot even start.
+
+    Examples
+    --------
+    ``flexcam.run(flexcam.read_case("cases/tayeb/model-3-shm.toml"))["valve"].displacement`` is the lift of the valve.
+    """
+    ready = prepare(case, rigid=rigid)
+    return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks)
+
+
+def modes(case: Case, count: int | None = None) -> ModelModes:
+    """Compute the natural modes of a case's structure.
+
+    Parameters
+    ----------
+    case
+        From `flexcam.read_case`.
+    count
+        How many; None for all that can be computed.
+
+    Returns
+    -------
+    ModelModes
+        Frequencies, shapes, effective masses and what moves, in words.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+    RunFailedError
+        If a free motion has no mass.
+
+    Examples
+    --------
+    ``flexcam.modes(case).words(1)`` says what moves in the second mode.
+    """
+    return model_modes(build_structure(build_model(case)), count)
+
+
+def result_file(ready: Prepared, folder: str | Path, *, overwrite: bool = False) -> ResultFile:
+    """Open the result file of a run, to be given to `solve` as a sink.
+
+    Parameters
+    ----------
+    ready
+        From `prepare`.
+    folder
+        Where it goes, made if it does not exist; the file is named after the case.
+    overwrite
+        Whether an existing result may be replaced once the new one is complete.
+
+    Returns
+    -------
+    ResultFile
+        The sink; its `path` is the file.
+
+    Raises
+    ------
+    InputError
+        If the result exists and may not be replaced, or the folder cannot be made.
+    """
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise refuse("-o", str(target), "a folder that can be made", str(fault)) from None
+    radius = {name: member.section.radius for name, member in ready.model.members.items()}
+    dofs = build_structure(ready.model).dofs
+    system = outline(ready.problem.system)
+    path = target / f"{ready.case.name}.vtkhdf"
+    return ResultFile(path, ready.model.mesh, dofs, system, radius=radius, about=_about(ready.case), overwrite=overwrite)
+
+
+def _about(case: Case) -> dict[str, str]:
+    """Return what must be known of a result later: the case, as written and as resolved, and what computed it."""
+    return {
+        "title": case.record.title,
+        "case_file": str(case.path),
+        "case": case.text,
+        "overrides": json.dumps(case.overrides),
+        "resolved": case.record.model_dump_json(by_alias=True),
+        "flexcam": version("flexcam"),
+        "python": platform.python_version(),
+        "numpy": version("numpy"),
+        "platform": platform.platform(),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }

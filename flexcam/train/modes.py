@@ -1,0 +1,100 @@
+"""Modes of a model with what moves in them, in words: member by member and mass by mass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam import modal
+from flexcam.fem import COMPONENTS, beam
+from flexcam.linalg import FloatArray
+from flexcam.modal import Modes
+from flexcam.train.structure import Structure
+
+_KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
+_NAMED = 0.05
+"""Share of a mode's kinetic energy from which a part is named."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelModes:
+    """Modes of a model.
+
+    Parameters
+    ----------
+    modes
+        Frequencies and shapes.
+    effective
+        Effective masses along ux uy uz and about rx ry rz through the origin, shape (k, 6), kg and kg m^2.
+    shares
+        Kinetic energy by part, one dict per mode: ``"camshaft torsion"`` or ``"mass valve"`` to its share.
+    """
+
+    modes: Modes
+    effective: FloatArray
+    shares: tuple[dict[str, float], ...]
+
+    def words(self, mode: int) -> str:
+        """Return what moves in a mode, such as ``mass valve 60 %, pushrod axial 30 %``."""
+        shares = sorted(self.shares[mode].items(), key=lambda item: -item[1])
+        named = [f"{part} {100.0 * share:.0f} %" for part, share in shares if share >= _NAMED]
+        free = "free motion: " if mode < self.modes.rigid else ""
+        return free + ", ".join(named)
+
+
+def model_modes(structure: Structure, count: int | None = None) -> ModelModes:
+    """Return the lowest modes of a model.
+
+    Parameters
+    ----------
+    structure
+        The passive part of the model.
+    count
+        How many; None for all that can be computed.
+
+    Returns
+    -------
+    ModelModes
+        With effective masses and energy shares.
+
+    Raises
+    ------
+    RunFailedError
+        If a free motion has no mass.
+    """
+    found = modal.modes(structure.mass, structure.stiffness, count)
+    motions = np.array([structure.dofs.rigid_motion(structure.model.mesh, unit) for unit in np.eye(6)])
+    effective = modal.effective_masses(found, structure.mass, motions)
+    return ModelModes(found, effective, tuple(_shares(structure, shape) for shape in found.shapes.T))
+
+
+def _shares(structure: Structure, shape: FloatArray) -> dict[str, float]:
+    """Return the kinetic energy of every part, as shares of the whole (mass-orthonormal shapes have 1/2)."""
+    nodal = structure.dofs.nodal(shape)
+    shares = _member_shares(structure, nodal)
+    for name, part in structure.model.masses.items():
+        rocker = structure.model.rocker_at(part.at)
+        if rocker is not None:
+            shares[f"mass {name}"] = part.body.mass * float(structure.row(part.at, np.zeros(6)) @ shape) ** 2
+        else:
+            motion = nodal[structure.model.mesh.node(part.at)]
+            shares[f"mass {name}"] = float(motion @ part.body.matrix() @ motion)
+    for name, rocker in structure.model.rockers.items():
+        turn = float(structure.row(rocker.start, rocker.direction) @ shape) / rocker.arms[0]
+        shares[f"rocker {name}"] = rocker.inertia * turn**2
+    return shares
+
+
+def _member_shares(structure: Structure, nodal: FloatArray) -> dict[str, float]:
+    beams = structure.beams
+    ends = nodal[beams.nodes].reshape(-1, 4, 3)
+    local = np.einsum("eij,ekj->eki", beams.triads, ends).reshape(-1, 2 * len(COMPONENTS))
+    mass = beam.mass(beams)
+    shares: dict[str, float] = {}
+    for kind, places in _KINDS.items():
+        part = local[:, places]
+        energy = np.einsum("ei,eij,ej->e", part, mass[:, places[:, None], places], part)
+        for member, elements in structure.model.mesh.element_ranges().items():
+            shares[f"{member} {kind}"] = float(energy[elements].sum())
+    return shares

@@ -1,0 +1,158 @@
+"""Fixtures of all tests: the record of verification, read-only arrays, small models and systems.
+
+`record` asserts a computed number against its reference and keeps the row; all rows of a session, from every xdist
+worker, go to ``build/verification.json`` (or the path in FLEXCAM_VERIFICATION_JSON), from which the page of
+verification is made. A page can thus name no test that does not exist.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flexcam.fem import Material, Member, PointMass, Section, direction, dof_map
+from flexcam.fem.generate import published_model
+from flexcam.linalg import Triplets
+from flexcam.motion import LAWS, LiftEvent
+from flexcam.system import Load, LocalForce, Probe, System
+from flexcam.train.model import Cam, MassAt, Model, PublishedLoad, Rocker, Spring
+
+ROWS = pytest.StashKey[list[dict[str, object]]]()
+ROOT = Path(__file__).parents[1]
+
+
+def pytest_configure(config):
+    config.stash[ROWS] = []
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node, error):  # noqa: ARG001 - the signature of xdist's hook
+    node.config.stash[ROWS].extend(getattr(node, "workeroutput", {}).get("verification", []))
+
+
+def pytest_sessionfinish(session):
+    rows = session.config.stash[ROWS]
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["verification"] = rows
+    elif rows:
+        _write(rows)
+
+
+def _write(rows):
+    path = Path(os.environ.get("FLEXCAM_VERIFICATION_JSON", ROOT / "build" / "verification.json"))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    ordered = sorted(rows, key=lambda row: tuple(str(row[k]) for k in ("source", "case", "quantity", "test")))
+    path.write_text(json.dumps(ordered, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _digits(value):
+    """Ten significant digits: the last six bits differ between machines and are no news."""
+    return float(f"{float(value):.10g}")
+
+
+@pytest.fixture
+def record(request):
+    """Assert |computed - reference| <= tolerance |reference| (or tolerance, where absolute) and keep the row."""
+
+    def keep(*, source, case, quantity, unit, reference, computed, tolerance, reason, absolute=False):
+        allowed = tolerance if absolute else tolerance * abs(reference)
+        deviation = abs(float(computed) - float(reference))
+        passed = bool(deviation <= allowed)  # False for NaN
+        row = {
+            "source": source, "case": case, "quantity": quantity, "unit": unit, "reference": _digits(reference),
+            "computed": _digits(computed), "tolerance": tolerance, "absolute": absolute, "reason": reason,
+            "passed": passed, "test": request.node.nodeid,
+        }  # fmt: skip
+        request.config.stash[ROWS].append(row)
+        assert passed, f"{case}, {quantity}: {computed:.10g} {unit}, reference {reference:.10g}, allowed +-{allowed:.3g}"
+
+    return keep
+
+
+@pytest.fixture(scope="session")
+def readonly():
+    """Return a copy of an array that nobody can write to."""
+
+    def make(values):
+        array = np.array(values, dtype=float)
+        array.setflags(write=False)
+        return array
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def steel():
+    """The documented steel of the published models."""
+    return Material(E=207e9, nu=0.29, density=7800.0)
+
+
+@pytest.fixture(scope="session")
+def published(steel):
+    """Return model 1, 2 or 3 of Tayeb and Sliman with flexcam's documented data."""
+    uy = direction("uy")
+
+    def make(model=3, law="shm", event=None, **contact):
+        event = event or LiftEvent(LAWS[law], lift=0.006, rise=math.pi, fall=math.pi)
+        return Model(
+            mesh=published_model(model),
+            members={"camshaft": Member(steel, Section.circle(0.025)), "pushrod": Member(steel, Section.tube(0.008, 0.005))},
+            supports={
+                "drive": ("uy", "uz", "rx"), "bearings": ("uy", "uz"), "guide": ("ux", "uz", "rx", "ry", "rz"),
+                "tappet": ("ux", "uz", "ry"),
+            },
+            masses={
+                "lobe": MassAt("cam", PointMass(0.15)), "follower": MassAt("tappet", PointMass(0.10)),
+                "valve": MassAt("valve", PointMass(0.10)),
+            },
+            springs={"valve": Spring("valve", uy, 40e3)},
+            rockers={"rocker": Rocker("pushrod-top", "valve", (0.025, 0.040), 1e-4, uy)},
+            cams={"intake": Cam("cam", event)},
+            contacts={"intake": PublishedLoad("intake", "tappet", uy, np.array([1.0, 0.0, 0.0]), **contact)},
+            probes=("valve", "cam"),
+        )  # fmt: skip
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def free_dofs():
+    """Return the numbering of a mesh that nothing holds."""
+    return lambda mesh: dof_map(mesh, [])
+
+
+@pytest.fixture(scope="session")
+def system_of():
+    """Return a System from dense matrices, with a probe on every unknown."""
+
+    def make(M, C, K, loads=(), local=()):
+        n = len(M)
+        names = tuple(f"x{i}" for i in range(n))
+        vectors = tuple(Load(f"load{i}", np.asarray(vector, float), history) for i, (vector, history) in enumerate(loads))
+        probes = (Probe("all", names, np.eye(n), (None,) * n),)
+        parts = [Triplets.from_dense(np.asarray(X, float)) for X in (M, C, K)]
+        return System(*parts, names, vectors, tuple(local), probes)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def local_force():
+    """Return a local force that senses and acts on one scalar through one law."""
+    from flexcam.system import AngleVector, constant  # noqa: PLC0415 - beside its only user
+
+    def make(name, row, law):
+        row = np.asarray(row, float)
+        return LocalForce(name, (AngleVector.constant(row),), (AngleVector.constant(-row),), law, (constant(0.0),))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def fitted_order():
+    """Return the slope of log(error) over log(step), by least squares."""
+    return lambda steps, errors: float(np.polyfit(np.log(steps), np.log(errors), 1)[0])

@@ -1,0 +1,92 @@
+"""Numbering of the free components, and meshes: refinement, ranges, connected nodes, refused input."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from flexcam.checks import InputError
+from flexcam.fem import COMPONENTS, Mesh, dof_map, refined
+from flexcam.fem.generate import chain
+
+MESH = Mesh([[0, 0, 0], [1, 0, 0], [1, 2, 0], [9, 9, 9]], {"a": [0, 1], "b": [1, 2]}, {"root": [0], "ends": [0, 2]})
+
+
+def test_numbers_follow_the_nodes():
+    dofs = dof_map(MESH, [("root", ("ux", "rz")), ("ends", ("uy",))])
+    assert dofs.size == 18 - 2 - 2
+    assert dofs.names[0] == "root.uz"
+    assert dofs.names[4] == "node 1.uy"
+    assert (dofs.numbers[3] == -1).all()  # no element reaches it
+    assert sorted(dofs.numbers[dofs.numbers >= 0]) == list(range(dofs.size))
+
+
+def test_row_and_nodal_agree(readonly):
+    dofs = dof_map(MESH, [("root", COMPONENTS)])
+    unknowns = readonly(np.random.default_rng(0).standard_normal((3, dofs.size)))
+    nodal = dofs.nodal(unknowns)
+    assert nodal.shape == (3, 4, 6)
+    assert not nodal[:, 0].any()
+    weights = readonly([1.0, -2.0, 0.0, 0.5, 0.0, 3.0])
+    np.testing.assert_allclose(unknowns @ dofs.vector(2, weights), nodal[:, 2] @ weights, rtol=1e-14)
+
+
+def test_rigid_motion_is_translation_plus_w_cross_r():
+    dofs = dof_map(MESH, [])
+    w = np.array([0.3, -0.2, 0.7])
+    motion = dofs.nodal(dofs.rigid_motion(MESH, np.concatenate([[1.0, 2.0, 3.0], w])))[:3]
+    np.testing.assert_allclose(motion[:, :3], [1.0, 2.0, 3.0] + np.cross(w, MESH.nodes[:3]), rtol=1e-14)
+    np.testing.assert_array_equal(motion[:, 3:], np.tile(w, (3, 1)))
+
+
+@pytest.mark.parametrize("supports", [[("rot", ("ux",))], [("root", ("uxx",))]])
+def test_misspelled_names_are_refused_with_the_nearest(supports):
+    with pytest.raises(InputError, match="did you mean"):
+        dof_map(MESH, supports)
+
+
+def test_refined_keeps_old_nodes_and_the_line():
+    fine = refined(MESH, {"b": 4})
+    np.testing.assert_array_equal(fine.nodes[:4], MESH.nodes)
+    np.testing.assert_allclose(fine.nodes[fine.lines["b"]], np.column_stack([np.ones(5), np.linspace(0, 2, 5), np.zeros(5)]))
+    np.testing.assert_array_equal(fine.lines["a"], [0, 1])
+    assert fine.element_ranges() == {"a": slice(0, 1), "b": slice(1, 5)}
+
+
+def test_refining_twice_is_refining_by_the_product():
+    once, twice = refined(MESH, {"a": 6}), refined(refined(MESH, {"a": 2}), {"a": 3})
+    np.testing.assert_allclose(twice.nodes[twice.lines["a"]], once.nodes[once.lines["a"]], atol=1e-15)
+
+
+def test_connected_nodes():
+    mesh = Mesh(np.arange(18.0).reshape(6, 3), {"a": [0, 1], "b": [4, 5], "c": [1, 2]}, {})
+    np.testing.assert_array_equal(mesh.connected(2), [0, 1, 2])
+    np.testing.assert_array_equal(mesh.connected(3), [3])
+
+
+def test_mesh_copies_and_freezes(readonly):
+    nodes = np.array([[0.0, 0, 0], [1, 0, 0]])
+    mesh = Mesh(nodes, {"a": [0, 1]}, {})
+    nodes[1] = 5.0
+    assert mesh.nodes[1, 0] == 1.0
+    assert not mesh.nodes.flags.writeable
+    assert not mesh.lines["a"].flags.writeable
+    Mesh(readonly(nodes), {"a": [0, 1]}, {})
+
+
+@pytest.mark.parametrize(
+    ("nodes", "line", "words"),
+    [([[0, 0, 0], [1, 0, 0]], [0, 2], "nodes 0 to 1"), ([[0, 0, 0], [1, 0, 0]], [0], "two or more"),
+     ([[0, 0, 0], [1, 0, 0]], [0, 0], "length"), ([[0, 0, 0], [1, 0, 0], [0, 0, 0]], [0, 1], "one place"),
+     ([[0, 0, 0], [np.nan, 0, 0]], [0, 1], "finite")],
+)  # fmt: skip
+def test_bad_meshes_are_refused(nodes, line, words):
+    with pytest.raises(InputError, match=words):
+        Mesh(nodes, {"a": line}, {})
+
+
+def test_chain():
+    mesh = chain((0, 0, 0), (0, 0, 2), 4)
+    np.testing.assert_array_equal(mesh.elements(), [[0, 1], [1, 2], [2, 3], [3, 4]])
+    assert mesh.node("end") == 4
+    with pytest.raises(InputError):
+        chain((0, 0, 0), (1, 0, 0), 0)

@@ -1,0 +1,77 @@
+"""Lift events: periodic, in phase, still in the dwells, on the stated side of every jump."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from flexcam.checks import InputError
+from flexcam.motion import LAWS, LiftEvent
+
+TURN = 2 * math.pi
+RISE, DWELL, FALL, PHASE, LIFT = 1.1, 0.4, 1.7, 0.6, 0.008
+ANGLES = np.linspace(0.0, TURN, 721)
+
+
+def event(law="cycloidal", **changes):
+    return LiftEvent(LAWS[law], **({"lift": LIFT, "rise": RISE, "dwell": DWELL, "fall": FALL, "phase": PHASE} | changes))
+
+
+@pytest.mark.parametrize("law", sorted(LAWS))
+@pytest.mark.parametrize("order", range(5))
+@pytest.mark.parametrize("turns", [-3, 1, 5000])
+def test_periodic(law, order, turns):
+    # Rounding of 5000 turns is 4e-12 rad; no angle of the grid but the joints is nearer than that to a jump.
+    scale = LIFT * (TURN / RISE) ** (order + 1)
+    difference = event(law)(ANGLES + turns * TURN, order) - event(law)(ANGLES, order)
+    assert np.abs(difference).max() <= 1e-10 * scale
+
+
+def test_phase_shifts():
+    np.testing.assert_allclose(event()(ANGLES + 0.3), event(phase=PHASE - 0.3)(ANGLES), atol=1e-15)
+
+
+def test_parts():
+    at = PHASE + np.array([0.0, RISE / 2, RISE, RISE + DWELL, RISE + DWELL + FALL / 2, RISE + DWELL + FALL, RISE + DWELL + FALL + 0.5])
+    np.testing.assert_allclose(event()(at), LIFT * np.array([0, 0.5, 1, 1, 0.5, 0, 0]), atol=1e-16)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_dwells_are_still(order):
+    held = PHASE + RISE + np.linspace(1e-6, DWELL - 1e-6, 7)
+    low = PHASE - np.linspace(1e-6, TURN - RISE - DWELL - FALL - 1e-6, 7)
+    assert not event("shm")(np.concatenate([held, low]), order).any()
+
+
+def test_derivatives_scale_with_the_angles():
+    up, down = PHASE + 0.25 * RISE, PHASE + RISE + DWELL + 0.75 * FALL  # the return at 3/4 is the law at 1/4
+    for order in range(1, 5):
+        law = LAWS["cycloidal"](np.array([0.25]), order)[0]
+        np.testing.assert_allclose(event()(np.array([up]), order), LIFT * law / RISE**order, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(event()(np.array([down]), order), LIFT * law / (-FALL) ** order, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("slip", [-1e-12, 0.0, 1e-12])
+def test_jumps_show_their_right_side_whatever_the_rounding(slip):
+    """Parabolic rise-dwell-return: acceleration +a, -a | 0 | -b, +b | 0; at each joint the later value."""
+    a, b = 4 * LIFT / RISE**2, 4 * LIFT / FALL**2
+    joints = PHASE + np.array([0.0, RISE / 2, RISE, RISE + DWELL, RISE + DWELL + FALL / 2, RISE + DWELL + FALL])
+    for turns in (0, 1, 7):
+        values = event("parabolic")(joints + turns * TURN + slip, 2)
+        np.testing.assert_allclose(values, [a, -a, 0.0, -b, b, 0.0], rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("steps", [7, 360, 3600, 7919])
+def test_steps_never_choose_the_side(steps):
+    """Half a turn up, half down: k * step hits the joints with rounding, over ten revolutions."""
+    full = LiftEvent(LAWS["parabolic"], 1.0, math.pi, math.pi)
+    first = full(np.arange(steps) * (TURN / steps), 2)
+    for turn in range(1, 10):
+        np.testing.assert_array_equal(full(np.arange(turn * steps, (turn + 1) * steps) * (TURN / steps), 2), first)
+
+
+@pytest.mark.parametrize("changes", [{"rise": 0.0}, {"lift": -1.0}, {"dwell": 4.0}, {"fall": 180.0}, {"rise": math.nan}])
+def test_refused(changes):
+    with pytest.raises(InputError):
+        event(**changes)

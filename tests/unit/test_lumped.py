@@ -1,0 +1,40 @@
+"""Concentrated parts: kinetic energy of a rigid body, springs on scalars."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from flexcam.checks import InputError
+from flexcam.fem import PointMass, along, dof_map, mass_at
+from flexcam.fem.generate import chain
+
+
+def test_kinetic_energy_of_a_body_on_an_arm():
+    # T = m |v + w x r|^2/2 + w J w/2, with v and w of the node and r to the centre.
+    rng = np.random.default_rng(4)
+    mass, inertia, r = 1.7, (0.4, 0.5, 0.3), (0.2, -0.6, 1.1)
+    matrix = PointMass(mass, inertia, r).matrix()
+    for v, w in rng.standard_normal((5, 2, 3)):
+        energy = mass * np.sum((v + np.cross(w, r)) ** 2) / 2 + w @ (np.array(inertia) * w) / 2
+        motion = np.concatenate([v, w])
+        assert motion @ matrix @ motion / 2 == pytest.approx(energy, rel=1e-13)
+    np.testing.assert_array_equal(matrix, matrix.T)
+
+
+def test_only_free_components_carry_mass():
+    mesh = chain((0, 0, 0), (1, 0, 0), 1)
+    dofs = dof_map(mesh, [("end", ("uy", "rx"))])
+    matrix = mass_at(1, PointMass(2.0, offset=(0.0, 0.5, 0.0)), dofs).dense()
+    assert matrix.shape == (10, 10)
+    assert np.trace(matrix) == pytest.approx(2.0 * 2 + 0.5)  # ux, uz; ry sees no arm along y, rz sees m y^2
+
+
+def test_spring_on_a_difference():
+    row = np.array([1.0, 0.0, -2.0])
+    np.testing.assert_array_equal(along(row, 3.0).dense(), 3.0 * np.outer(row, row))
+
+
+@pytest.mark.parametrize("make", [lambda: PointMass(-1.0), lambda: PointMass(1.0, (1.0, 1.0, 3.0)), lambda: PointMass(1.0, (0, 0, -1))])
+def test_impossible_bodies_are_refused(make):
+    with pytest.raises(InputError):
+        make()

@@ -1,0 +1,84 @@
+"""Static displacement: exact nodal values, free motions tolerated where nothing loads them, mechanisms refused by name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from flexcam.fem import COMPONENTS, Member, Mesh, Section, beams, dof_map, refined, stiffness
+from flexcam.fem.generate import chain
+from flexcam.integrate import static_displacement
+from flexcam.response import Cause, RunFailedError
+from scipy.spatial.transform import Rotation
+
+
+def shaft(steel, parts, supports):
+    mesh = chain((0, 0, 0), (0.5, 0, 0), parts)
+    dofs = dof_map(mesh, supports)
+    return mesh, dofs, stiffness(beams(mesh, {"shaft": Member(steel, Section.circle(0.02))}), dofs)
+
+
+BEARINGS = [("start", ("uy", "uz", "rx")), ("end", ("uy", "uz"))]
+
+
+@pytest.mark.parametrize("parts", [4, 40, 140], ids=["24-dof", "dense", "sparse"])
+def test_axial_drift_is_no_fault(steel, parts):
+    # Simply supported, P at the middle: P L^3/(48 EI); ux is free everywhere and nothing loads it.
+    _, dofs, K = shaft(steel, parts, BEARINGS)
+    load = np.zeros(dofs.size)
+    load[dofs.names.index(f"node {parts // 2}.uy")] = 100.0
+    u = dofs.nodal(static_displacement(K, load, dofs.names))
+    expected = 100.0 * 0.5**3 / (48 * steel.E * Section.circle(0.02).Iz)
+    assert u[parts // 2, 1] == pytest.approx(expected, rel=1e-7)  # the condition of K, (1/h)^4, times rounding
+    assert np.abs(u[:, 0]).max() <= 1e-12 * expected
+
+
+@pytest.mark.parametrize("parts", [4, 140], ids=["dense", "sparse"])
+def test_a_driven_drift_is_refused_by_name(steel, parts):
+    _, dofs, K = shaft(steel, parts, BEARINGS)
+    load = np.zeros(dofs.size)
+    load[dofs.names.index("end.ux")] = 1.0
+    with pytest.raises(RunFailedError, match=r"\.ux") as failure:
+        static_displacement(K, load, dofs.names)
+    assert failure.value.status.cause is Cause.SINGULAR
+    assert failure.value.status.remedy
+    assert ".uy" not in failure.value.status.text
+
+
+def test_a_driven_twist_is_refused_by_name(steel):
+    _, dofs, K = shaft(steel, 3, [("start", ("ux", "uy", "uz")), ("end", ("uy", "uz"))])
+    load = np.zeros(dofs.size)
+    load[dofs.names.index("end.rx")] = 1.0
+    with pytest.raises(RunFailedError, match=r"start\.rx"):
+        static_displacement(K, load, dofs.names)
+
+
+def free_angle(steel, parts, unit):
+    """Two members at an angle, turned at random, held nowhere, under three random forces and moments in balance."""
+    turn = Rotation.random(rng=np.random.default_rng(5)).as_matrix()
+    nodes = np.array([[0.0, 0, 0], [0.4, 0, 0], [0.4, 0.3, 0.1]]) @ turn.T
+    mesh = refined(Mesh(nodes, {"a": [0, 1], "b": [1, 2]}, {}), {"a": parts, "b": parts})
+    member = Member(steel, Section(A=4e-4, Iy=2e-8, Iz=7e-9, J=1e-8))
+    dofs = dof_map(mesh, [])
+    load = np.zeros((len(mesh.nodes), 6))
+    load[:3] = unit * np.random.default_rng(6).standard_normal((3, 6))
+    load[2, :3] -= load[:, :3].sum(axis=0)
+    load[2, 3:] -= (load[:, 3:] + np.cross(mesh.nodes, load[:, :3])).sum(axis=0)
+    K = stiffness(beams(mesh, {"a": member, "b": member}), dofs).scaled(unit)
+    u = dofs.nodal(static_displacement(K, load.ravel(), dofs.names))[:3].ravel()
+    rigid = np.column_stack([dofs.nodal(dofs.rigid_motion(mesh, e))[:3].ravel() for e in np.eye(6)])
+    return u - rigid @ np.linalg.lstsq(rigid, u, rcond=None)[0]
+
+
+@pytest.mark.parametrize("parts", [20, 60, 200], ids=["dense", "sparse", "large"])
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_a_balanced_load_on_a_free_body(steel, parts, unit):
+    # One element a member is exact at its nodes, so refining changes nothing but rounding: (parts)^4 eps = 4e-7 at 200.
+    coarse, fine = free_angle(steel, 1, 1.0), free_angle(steel, parts, unit)
+    assert np.abs(fine - coarse).max() <= 1e-5 * np.abs(coarse).max()
+
+
+def test_arguments_are_left_alone(steel, readonly):
+    _, dofs, K = shaft(steel, 2, [("start", COMPONENTS)])
+    for part in (K.rows, K.cols, K.values):
+        part.setflags(write=False)
+    static_displacement(K, readonly(np.ones(dofs.size)), dofs.names)

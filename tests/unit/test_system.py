@@ -1,0 +1,36 @@
+"""The seam's small values: cam motion, angle vectors, load tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from flexcam.checks import InputError
+from flexcam.linalg import Triplets
+from flexcam.system import AngleVector, CamMotion, ConstantSpeed, Load, System, constant
+
+
+def test_constant_speed():
+    motion = ConstantSpeed(3.0, start=0.5).at(np.array([0.0, 2.0]))
+    np.testing.assert_array_equal([motion.angle, motion.speed, motion.rate], [[0.5, 6.5], [3.0, 3.0], [0.0, 0.0]])
+    with pytest.raises(InputError):
+        ConstantSpeed(0.0)
+
+
+def test_angle_vector_weights():
+    vector = AngleVector(np.eye(2), (constant(2.0), lambda angle, order: np.cos(angle + order * np.pi / 2)))
+    angles = np.array([0.1, 0.9, 2.0])
+    np.testing.assert_allclose(vector.weights(angles), np.column_stack([[2.0] * 3, np.cos(angles)]))
+    np.testing.assert_allclose(vector.weights(angles, 1), np.column_stack([[0.0] * 3, -np.sin(angles)]), atol=1e-15)
+
+
+def test_load_tables():
+    loads = tuple(Load(str(k), np.full(2, k), lambda motion, k=k: k * motion.speed) for k in (1.0, 2.0))
+    system = System(*(Triplets.zeros(2) for _ in range(3)), ("a", "b"), loads)
+    motion = CamMotion(np.zeros(4), np.arange(4.0), np.zeros(4))
+    assert system.load_histories(motion).shape == (4, 2)
+    np.testing.assert_array_equal(system.load_histories(motion) @ system.load_vectors(), np.outer(5 * np.arange(4.0), [1, 1]))
+
+
+def test_no_loads():
+    system = System(*(Triplets.zeros(3) for _ in range(3)), ("a", "b", "c"))
+    assert (system.load_histories(ConstantSpeed(1.0).at(np.zeros(5))) @ system.load_vectors()).shape == (5, 3)

@@ -1,0 +1,53 @@
+"""A straight beam along x in one of its classical supports, as matrices and frequencies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from flexcam import fem
+from flexcam.fem.generate import chain
+from flexcam.modal import modes
+
+PLANE = ("uz", "rx", "ry")
+"""Held at every node where only bending in x-y is wanted."""
+
+SUPPORTS = {
+    "pinned-pinned": {"start": ("ux", "uy"), "end": ("uy",)},
+    "fixed-free": {"start": ("ux", "uy", "rz"), "end": ()},
+    "fixed-fixed": {"start": ("ux", "uy", "rz"), "end": ("uy", "rz")},
+    "fixed-pinned": {"start": ("ux", "uy", "rz"), "end": ("uy",)},
+}
+
+
+class StraightBeam:
+    """Elements, numbering and matrices of a straight beam."""
+
+    def __init__(self, member, length, elements, held):
+        self.mesh = chain((0, 0, 0), (length, 0, 0), elements, "beam")
+        self.beams = fem.beams(self.mesh, {"beam": member})
+        self.dofs = fem.dof_map(self.mesh, held)
+        self.mass, self.stiffness = fem.mass(self.beams, self.dofs), fem.stiffness(self.beams, self.dofs)
+
+    def geometric(self, force):
+        return fem.geometric(self.beams, np.full(len(self.beams), float(force)), self.dofs)
+
+    def frequencies(self, count, force=0.0):
+        return modes(self.mass, self.stiffness + self.geometric(force), count).frequencies
+
+
+@pytest.fixture(scope="session")
+def straight_beam():
+    """Return a beam from member, length, elements and a list of (point, components)."""
+    return StraightBeam
+
+
+@pytest.fixture(scope="session")
+def plane_beam():
+    """Return a beam that bends in x-y only, from member, length, elements and the name of its supports."""
+
+    def make(member, length, elements, supports):
+        ends = [(point, PLANE + held) for point, held in SUPPORTS[supports].items()]
+        inner = [("inner", PLANE)] if elements > 1 else []
+        return StraightBeam(member, length, elements, ends + inner)
+
+    return make
