@@ -164,11 +164,11 @@ def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -
     False
     """
     array = np.array(values, dtype=float)
-    fits = array.ndim == len(shape) and all(
-        n is None or n == m for n, m in zip(shape, array.shape, strict=True)
-    )
+    fits = array.ndim == len(shape) and all(n is None or n == m for n, m in zip(shape, array.shape, strict=True))
     if not fits:
-        raise refuse(where, f"shape {array.shape}", "shape " + " x ".join("any" if n is None else str(n) for n in shape))
+        raise refuse(
+            where, f"shape {array.shape}", "shape " + " x ".join("any" if n is None else str(n) for n in shape)
+        )
     if not np.isfinite(array).all():
         first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise refuse(f"{where}{list(first)}", str(array[first]), "finite numbers only")

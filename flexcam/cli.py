@@ -7,7 +7,6 @@ Results go to standard output, messages to standard error. Exit codes: 0 done, 2
 from __future__ import annotations
 
 import json
-import math
 import signal
 import sys
 import tempfile
@@ -137,9 +136,7 @@ def modes(case: CaseFile, *, count: int = 12, overrides: Overrides = None, as_js
 
 
 @app.command
-def compare(
-    case: CaseFile, *, probe: str | None = None, overrides: Overrides = None, as_json: Json = False
-) -> int:
+def compare(case: CaseFile, *, probe: str | None = None, overrides: Overrides = None, as_json: Json = False) -> int:
     """Compare the flexible mechanism with the rigid one at a probe.
 
     Parameters
@@ -202,7 +199,7 @@ def _default_probe(case: Case) -> str:
     rockers = [rocker.to for rocker in case.record.rockers.values()]
     known = [*(p for p in case.record.output.probes if p in rockers), *case.record.output.probes]
     if not known:
-        raise refuse("output.probes", "none", "at least one point to compare at", "", "add probes = [\"valve\"]")
+        raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
     return known[0]
 
 
@@ -279,7 +276,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _crashed(words: Sequence[str]) -> int:
-    with tempfile.NamedTemporaryFile("w", prefix="flexcam-crash-", suffix=".txt", delete=False, encoding="utf-8") as file:
+    with tempfile.NamedTemporaryFile(
+        "w", prefix="flexcam-crash-", suffix=".txt", delete=False, encoding="utf-8"
+    ) as file:
         file.write(f"flexcam {__version__}\n{' '.join(words)}\n\n{traceback.format_exc()}")
     sys.stderr.write(f"a fault of flexcam itself; please report it with {file.name}\n")
     return FAULT

@@ -186,17 +186,19 @@ def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]
     list
         Sentences.
     """
-    told = [
+    deviation = (
         f"The {comparison.probe} deviates by up to {comparison.peak_deviation:.3f} of its lift "
         f"(rms {comparison.rms_deviation:.3f}); its peak acceleration is {comparison.peak_acceleration_ratio:.2f} "
         "times the rigid one."
-    ]
-    if mode_hz is not None:
-        told.append(
-            f"The loaded mode nearest the cam speed is {mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} rpm "
-            f"({comparison.speed_rpm / (60.0 * mode_hz):.2f} of it are run here)."
-        )
-    return told
+    )
+    if mode_hz is None:
+        return [deviation]
+    share = comparison.speed_rpm / (60.0 * mode_hz)
+    mode = (
+        f"The loaded mode nearest the cam speed is {mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} rpm; "
+        f"the cam turns at {share:.2f} of that."
+    )
+    return [deviation, mode]
 
 
 def claim_table(claims: Iterable[Claim]) -> Table:

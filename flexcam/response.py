@@ -11,6 +11,7 @@ from enum import StrEnum
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.checks import FlexcamError, did_you_mean, refuse
 from flexcam.linalg import FloatArray
@@ -109,6 +110,15 @@ class Series:
     def joined(cls, parts: Sequence[Series]) -> Series:
         """Return the parts one after the other."""
         return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in cls.__annotations__))
+
+    def at(self, instants: NDArray[np.bool_]) -> Series:
+        """Return the chosen instants, shape (times,)."""
+        return Series(self.displacement[instants], self.velocity[instants], self.acceleration[instants])
+
+    def finite(self) -> NDArray[np.bool_]:
+        """Return at which instants every number is finite, shape (times,)."""
+        side_by_side = np.hstack([self.displacement, self.velocity, self.acceleration])
+        return np.logical_and.reduce(np.isfinite(side_by_side), axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,7 +92,13 @@ def prepare(case: Case, *, rigid: bool = False) -> Prepared:
     """
     model = build_model(case)
     system = build_rigid(model, case.speed) if rigid else build_system(model, case.speed)
-    return Prepared(case, model, _problem(case, system), scheme_of(case.record.run.integrator), SaveAt(case.record.output.field_every))
+    return Prepared(
+        case,
+        model,
+        _problem(case, system),
+        scheme_of(case.record.run.integrator),
+        SaveAt(case.record.output.field_every),
+    )
 
 
 def _problem(case: Case, system: System) -> Problem:
@@ -221,7 +227,9 @@ def result_file(ready: Prepared, folder: str | Path, *, overwrite: bool = False)
     dofs = build_structure(ready.model).dofs
     system = outline(ready.problem.system)
     path = target / f"{ready.case.name}.vtkhdf"
-    return ResultFile(path, ready.model.mesh, dofs, system, radius=radius, about=_about(ready.case), overwrite=overwrite)
+    return ResultFile(
+        path, ready.model.mesh, dofs, system, radius=radius, about=_about(ready.case), overwrite=overwrite
+    )
 
 
 def _about(case: Case) -> dict[str, str]:

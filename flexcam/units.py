@@ -10,7 +10,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from flexcam.checks import InputError, did_you_mean, refuse
+from flexcam.checks import did_you_mean, refuse
 
 Exponents = tuple[int, int, int, int]
 """Exponents of metre, kilogram, second, radian."""
@@ -173,7 +173,7 @@ def parse(value: float | str, dimension: str, where: str = "value") -> float:
     """
     kind = DIMENSIONS[dimension]
     allowed = f"a {kind.name} such as {kind.example!r}" + (f", or a number in {kind.si}" if kind.si else "")
-    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):  # pyright: ignore[reportUnnecessaryIsInstance] - file content
         raise refuse(where, value, allowed)
     if not isinstance(value, str):
         number, text = float(value), ""
@@ -187,27 +187,3 @@ def parse(value: float | str, dimension: str, where: str = "value") -> float:
     if not math.isfinite(number * factor):
         raise refuse(where, repr(value), allowed, "the number is not finite")
     return number * factor
-
-
-def parse_faults(value: float | str, dimension: str) -> float | InputError:
-    """Return the SI number, or the refusal instead of raising it.
-
-    Parameters
-    ----------
-    value, dimension
-        As in `parse`.
-
-    Returns
-    -------
-    float or InputError
-        The number, or why there is none.
-
-    Examples
-    --------
-    >>> isinstance(parse_faults("3 furlong", "length"), InputError)
-    True
-    """
-    try:
-        return parse(value, dimension)
-    except InputError as refusal:
-        return refusal

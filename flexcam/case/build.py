@@ -196,7 +196,9 @@ def _across(span: FloatArray, axis: FloatArray) -> FloatArray:
     across = span - (span @ axis) * axis
     length = float(np.linalg.norm(across))
     if length < 1e-9 * max(float(np.linalg.norm(span)), np.finfo(float).tiny):
-        raise refuse("direction", "a follower on the shaft's axis", "a direction of the lift", "", "add direction = \"uy\"")
+        raise refuse(
+            "direction", "a follower on the shaft's axis", "a direction of the lift", "", 'add direction = "uy"'
+        )
     return across / length
 
 

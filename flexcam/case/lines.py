@@ -12,7 +12,7 @@ Path = tuple[str, ...]
 
 
 def line_numbers(text: str) -> dict[Path, int]:
-    """Return the line of every table and key.
+    r"""Return the line of every table and key.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def line_numbers(text: str) -> dict[Path, int]:
 
     Examples
     --------
-    >>> line_numbers("[run]\\nspeed = 3")
+    >>> line_numbers("[run]\nspeed = 3")
     {('run',): 1, ('run', 'speed'): 2}
     """
     lines: dict[Path, int] = {}

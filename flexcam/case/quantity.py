@@ -13,21 +13,25 @@ from flexcam.checks import InputError
 from flexcam.units import DIMENSIONS, parse
 
 
-def refused(refusal: InputError) -> PydanticCustomError:
+def refused(allowed: str, why: str = "", remedy: str = "") -> PydanticCustomError:
     """Return a refusal in the form that pydantic collects.
 
     Parameters
     ----------
-    refusal
-        With one fault.
+    allowed, why, remedy
+        As in `flexcam.checks.Fault`; pydantic knows the place and the value.
 
     Returns
     -------
     PydanticCustomError
-        Carries the facts of the fault in its context.
+        Carries the facts in its context.
     """
+    return PydanticCustomError("flexcam", "{allowed}", {"allowed": allowed, "why": why, "remedy": remedy})
+
+
+def _passed_on(refusal: InputError) -> PydanticCustomError:
     fault = refusal.faults[0]
-    return PydanticCustomError("flexcam", "{allowed}", {"allowed": fault.allowed, "why": fault.why, "remedy": fault.remedy})
+    return refused(fault.allowed, fault.why, fault.remedy)
 
 
 @dataclass(frozen=True)
@@ -65,11 +69,11 @@ class Unit:
         try:
             number = parse(value, self.dimension)
         except InputError as refusal:
-            raise refused(refusal) from None
+            raise _passed_on(refusal) from None
         if number < 0.0 and not self.signed:
-            raise PydanticCustomError("flexcam", "{allowed}", {"allowed": f"{self._kind} of zero or more", "why": "", "remedy": ""})
+            raise refused(f"{self._kind} of zero or more")
         if number == 0.0 and self.above:
-            raise PydanticCustomError("flexcam", "{allowed}", {"allowed": f"{self._kind} above zero", "why": "", "remedy": ""})
+            raise refused(f"{self._kind} above zero")
         return number
 
     @property
@@ -82,7 +86,10 @@ class Unit:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         kind = DIMENSIONS[self.dimension]
-        example = {"description": f"{kind.name}, SI number ({kind.si or '-'}) or text with a unit", "examples": [kind.example]}
+        example = {
+            "description": f"{kind.name}, SI number ({kind.si or '-'}) or text with a unit",
+            "examples": [kind.example],
+        }
         return {"anyOf": [{"type": "number"}, {"type": "string"}], **example}
 
 
@@ -90,7 +97,7 @@ def _component(value: Any) -> str:  # noqa: ANN401 - whatever stands in the file
     try:
         fem.component(str(value))
     except InputError as refusal:
-        raise refused(refusal) from None
+        raise _passed_on(refusal) from None
     return str(value)
 
 
@@ -98,7 +105,7 @@ def _direction(value: Any) -> Any:  # noqa: ANN401
     try:
         fem.direction(value)
     except InputError as refusal:
-        raise refused(refusal) from None
+        raise _passed_on(refusal) from None
     return value
 
 

@@ -81,7 +81,9 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as fault:
-        raise refuse(str(source), str(fault), "a TOML document", "", "strings need quotes, tables need [brackets]") from None
+        raise refuse(
+            str(source), str(fault), "a TOML document", "", "strings need quotes, tables need [brackets]"
+        ) from None
     found: list[Fault] = []
     for override in overrides:
         found += _lay_over(raw, override)
@@ -156,7 +158,9 @@ def _either_or(raw: Mapping[str, Any], lines: dict[KeyPath, int]) -> list[Fault]
     both = [key for key in ("mesh", "nodes") if key in raw]
     if len(both) != 1:
         why = "the geometry comes from one place"
-        found.append(Fault("case file", " and ".join(both) or "neither mesh nor nodes", "either mesh or [nodes]", why, ""))
+        found.append(
+            Fault("case file", " and ".join(both) or "neither mesh nor nodes", "either mesh or [nodes]", why, "")
+        )
     run = raw.get("run")
     if isinstance(run, Mapping):
         given = cast("Mapping[str, Any]", run)
@@ -165,5 +169,7 @@ def _either_or(raw: Mapping[str, Any], lines: dict[KeyPath, int]) -> list[Fault]
             count = sum(key in given for key in pair)
             if not least <= count <= 1:
                 said = " and ".join(key for key in pair if key in given) or f"neither {pair[0]} nor {pair[1]}"
-                found.append(Fault(f"run{line}", said, f"either {pair[0]} or {pair[1]}", "one follows from the other", ""))
+                found.append(
+                    Fault(f"run{line}", said, f"either {pair[0]} or {pair[1]}", "one follows from the other", "")
+                )
     return found

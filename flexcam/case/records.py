@@ -77,7 +77,9 @@ class MemberRecord(Record):
 
     material: Name
     section: Name
-    nodes: list[Name] | None = Field(None, min_length=2, description="named nodes along the member (without a mesh file)")
+    nodes: list[Name] | None = Field(
+        None, min_length=2, description="named nodes along the member (without a mesh file)"
+    )
     elements: int = Field(1, ge=1, le=1_000_000, description="equal parts of each of its segments")
     orientation: Vector | None = Field(None, description="vector in the local x-y plane, global axes")
     shear: bool = Field(False, description="shear deformation (Timoshenko)")
@@ -90,7 +92,9 @@ class MassRecord(Record):
 
     at: Name
     mass: q.MassValue
-    inertia: tuple[q.Inertia, q.Inertia, q.Inertia] = Field((0.0, 0.0, 0.0), description="about its centre, global axes")
+    inertia: tuple[q.Inertia, q.Inertia, q.Inertia] = Field(
+        (0.0, 0.0, 0.0), description="about its centre, global axes"
+    )
     offset: Point = Field((0.0, 0.0, 0.0), description="from the node to its centre, global axes")
 
 
@@ -182,8 +186,8 @@ class RunRecord(Record):
     steps_per_revolution: int | None = Field(None, ge=1, le=100_000_000, description="3600 where no step is given")
     step: q.Time | None = Field(None, description="instead of steps_per_revolution")
     start: Literal["rest", "equilibrium"] = Field("rest", description="at rest as installed, or in static equilibrium")
-    integrator: IntegratorRecord = NewmarkRecord()
-    damping: DampingRecord = DampingRecord()
+    integrator: IntegratorRecord = Field(default_factory=NewmarkRecord)
+    damping: DampingRecord = Field(default_factory=lambda: DampingRecord.model_validate({}))
 
 
 class OutputRecord(Record):
@@ -211,4 +215,4 @@ class CaseRecord(Record):
     cams: dict[Name, CamRecord] = {}
     contacts: dict[Name, ContactRecord] = {}
     run: RunRecord
-    output: OutputRecord = OutputRecord()
+    output: OutputRecord = Field(default_factory=lambda: OutputRecord.model_validate({}))

@@ -79,8 +79,13 @@ def _laws(raw: Table, lines: dict[Path, int]) -> Iterator[Fault]:
 
 
 _AT = (
-    ("masses", "at"), ("springs", "at"), ("springs", "to"), ("rockers", "from"), ("cams", "at"), ("contacts", "follower"),
-)  # fmt: skip
+    ("masses", "at"),
+    ("springs", "at"),
+    ("springs", "to"),
+    ("rockers", "from"),
+    ("cams", "at"),
+    ("contacts", "follower"),
+)
 
 
 def _points(raw: Table, points: list[str], lines: dict[Path, int]) -> Iterator[Fault]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
@@ -12,9 +12,8 @@ from flexcam.case.lines import Path, place
 from flexcam.case.records import CaseRecord
 from flexcam.checks import Fault, did_you_mean
 
-_UNION_TAGS = {
-    "circle", "tube", "rectangle", "custom", "newmark", "hht", "generalized-alpha",
-}  # fmt: skip
+_TAGGED = (("sections", "*"), ("run", "integrator"))
+"""Tables with variants: pydantic puts the variant's tag behind them in a path."""
 
 
 def faults(errors: Iterable[ErrorDetails], lines: dict[Path, int]) -> list[Fault]:
@@ -48,7 +47,7 @@ def _path(error: ErrorDetails) -> Path:
 
 
 def _inserted(steps: list[str], i: int) -> bool:
-    tag = steps[i] in _UNION_TAGS and ((steps[0] == "sections" and i == 2) or (steps[:2] == ["run", "integrator"] and i == 2))
+    tag = i == 2 and len(steps) > 2 and any(all(a in (b, "*") for a, b in zip(t, steps, strict=False)) for t in _TAGGED)
     return tag or steps[i].startswith(("function-", "nullable", "tuple[")) or steps[i] == "[key]"
 
 
@@ -68,7 +67,13 @@ def _fault(error: ErrorDetails, path: Path, where: str) -> Fault:
         case "literal_error" | "union_tag_invalid":
             allowed = str(context.get("expected") or context.get("expected_tags"))
             value = str(context.get("tag", error["input"]))
-            return Fault(where, repr(value), allowed, "", did_you_mean(value, [a.strip("' ") for a in allowed.replace(" or ", ",").split(",")]))
+            return Fault(
+                where,
+                repr(value),
+                allowed,
+                "",
+                did_you_mean(value, [a.strip("' ") for a in allowed.replace(" or ", ",").split(",")]),
+            )
         case "string_pattern_mismatch":
             return Fault(where, given, "a name of letters, digits, '_', '-' and spaces", "", "")
         case _:
@@ -94,10 +99,11 @@ def _records(path: Path) -> list[type[BaseModel]]:
     return records
 
 
-def _inside(annotation: Any) -> list[type[BaseModel]]:  # noqa: ANN401 - typing's own forms
+def _inside(annotation: object) -> list[type[BaseModel]]:
+    """Return the records inside a type: in unions, tables of names and annotated types."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    parts = [*getattr(annotation, "__args__", ()), *([annotation.__origin__] if hasattr(annotation, "__metadata__") else [])]
+    parts: list[object] = [*get_args(annotation)]
     return [record for part in parts for record in _inside(part)]
 
 

@@ -99,7 +99,7 @@ class DofMap:
 
 
 def dof_map(mesh: Mesh, supports: Iterable[tuple[str, Iterable[str]]]) -> DofMap:
-    """Number the free components of a mesh.
+    """Return the numbering of the free components of a mesh.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def dof_map(mesh: Mesh, supports: Iterable[tuple[str, Iterable[str]]]) -> DofMap
 
 def _node_names(mesh: Mesh) -> list[str]:
     names = [f"node {n}" for n in range(len(mesh.nodes))]
-    for point, index in reversed(mesh.points.items()):
+    for point, index in reversed(list(mesh.points.items())):
         if len(index) == 1:
             names[index[0]] = point
     return names

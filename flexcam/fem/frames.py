@@ -79,4 +79,5 @@ def triads(axes: FloatArray, orientations: FloatArray) -> FloatArray:
             "it fixes the direction of local y", "choose one across the member",
         )  # fmt: skip
     y = across / length[:, None]
-    return np.stack([axes, y, np.cross(axes, y)], axis=1) + 0.0  # + 0.0 turns -0.0 into 0.0
+    z = np.cross(axes, y).astype(float, copy=False)
+    return np.stack([axes, y, z], axis=1) + 0.0  # + 0.0 turns -0.0 into 0.0

@@ -8,10 +8,12 @@ import numpy as np
 
 from flexcam.checks import refuse
 from flexcam.fem.mesh import Mesh
-from flexcam.linalg import FloatArray
+from flexcam.linalg import FloatArray, IntArray
 
 
-def chain(start: FloatArray | Sequence[float], end: FloatArray | Sequence[float], elements: int, name: str = "shaft") -> Mesh:
+def chain(
+    start: FloatArray | Sequence[float], end: FloatArray | Sequence[float], elements: int, name: str = "shaft"
+) -> Mesh:
     """Return a straight member of equal elements with its ends named ``start`` and ``end``.
 
     Parameters
@@ -42,7 +44,11 @@ def chain(start: FloatArray | Sequence[float], end: FloatArray | Sequence[float]
         raise refuse("elements", elements, "a whole number from 1")
     nodes = np.linspace(np.asarray(start, float), np.asarray(end, float), elements + 1)
     points: Mapping[str, Sequence[int]] = {"start": [0], "end": [elements], "inner": range(1, elements)}
-    return Mesh(nodes, {name: np.arange(elements + 1)}, {key: np.array(value, np.intp) for key, value in points.items() if len(value)})
+    return Mesh(
+        nodes,
+        {name: np.arange(elements + 1)},
+        {key: np.array(value, np.intp) for key, value in points.items() if len(value)},
+    )
 
 
 _SHAFT_X = {1: (0.0, 0.060, 0.120, 0.180), 2: (0.0, 0.060, 0.120, 0.180),
@@ -88,7 +94,7 @@ def published_model(model: int) -> Mesh:
     rod = np.column_stack([np.full_like(y, _CAM_X), y, 0.0 * y])
     first = len(x)
     last = first + len(y) - 1
-    points: dict[str, FloatArray | list[int]] = {
+    points: dict[str, IntArray | list[int]] = {
         "drive": [0],
         "bearings": np.flatnonzero(np.isin(x, _BEARING_X)),
         "cam": np.flatnonzero(x == _CAM_X),

@@ -56,7 +56,9 @@ class PointMass:
         """
         x, y, z = self.offset
         S = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        return np.block([[self.mass * np.eye(3), -self.mass * S], [self.mass * S, np.diag(self.inertia) - self.mass * S @ S]])
+        return np.block(
+            [[self.mass * np.eye(3), -self.mass * S], [self.mass * S, np.diag(self.inertia) - self.mass * S @ S]]
+        )
 
 
 def mass_at(node: int, body: PointMass, dofs: DofMap) -> Triplets:

@@ -131,7 +131,8 @@ def refined(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
     >>> refined(Mesh([[0, 0, 0], [1, 0, 0]], {"bar": [0, 1]}, {}), {"bar": 4}).lines["bar"]
     array([0, 2, 3, 4, 1])
     """
-    nodes, lines = [mesh.nodes], {}
+    nodes = [mesh.nodes]
+    lines: dict[str, IntArray] = {}
     count = len(mesh.nodes)
     for name, line in mesh.lines.items():
         parts = divisions.get(name, 1)
@@ -148,7 +149,7 @@ def _range_faults(mesh: Mesh) -> list[Fault]:
     faults: list[Fault] = []
     total = len(mesh.nodes)
     for name, index in [*mesh.lines.items(), *mesh.points.items()]:
-        if index.size and not (0 <= index.min() and index.max() < total):
+        if index.size and not (index.min() >= 0 and index.max() < total):
             faults.append(Fault(f"mesh group {name!r}", f"node {index.max()}", f"nodes 0 to {total - 1}", "", ""))
     faults += [
         Fault(f"member {name!r}", f"{len(line)} nodes", "two or more", "a member has at least one element", "")
@@ -171,10 +172,12 @@ def _length_faults(mesh: Mesh) -> list[Fault]:
 
 def _duplicate_faults(mesh: Mesh) -> list[Fault]:
     """Two nodes at one place are almost always a joint that was meant and is not there."""
-    _, first, count = np.unique(mesh.nodes, axis=0, return_index=True, return_counts=True)
-    faults: list[Fault] = []
-    for node in first[count > 1].tolist():
-        same = np.flatnonzero((mesh.nodes == mesh.nodes[node]).all(axis=1)).tolist()
-        why = "members meet only at a shared node"
-        faults.append(Fault(f"nodes {same}", str(mesh.nodes[node].tolist()), "one node at one place", why, "merge them"))
-    return faults
+    order = np.lexsort(mesh.nodes.T)
+    sorted_nodes = mesh.nodes[order]
+    same = np.flatnonzero((sorted_nodes[1:] == sorted_nodes[:-1]).all(axis=1))
+    why = "members meet only at a shared node"
+    pairs = [(int(order[i]), int(order[i + 1])) for i in same.tolist()]
+    return [
+        Fault(f"nodes {a} and {b}", str(mesh.nodes[a].tolist()), "one node at one place", why, "merge them")
+        for a, b in pairs
+    ]

@@ -110,9 +110,7 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     if lift == 0.0:
         raise refuse("probe", repr(probe), "a point that the cam moves", "the rigid system does not move it")
     pairs = ("displacement", "velocity", "acceleration")
-    found = [
-        _deviation(name, getattr(moved, name), getattr(still, name)[:count], flexible.angle) for name in pairs
-    ]
+    found = [_deviation(name, getattr(moved, name), getattr(still, name)[:count], flexible.angle) for name in pairs]
     return Comparison(probe, speed_rpm, lift, (found[0], found[1], found[2]), flexible.status)
 
 

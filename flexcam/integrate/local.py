@@ -7,6 +7,7 @@ are affine in f and Newton's matrix is c x c, c being the number of local scalar
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -120,7 +121,7 @@ class LocalForces:
 
 def _slices(forces: tuple[LocalForce, ...]) -> list[slice]:
     ends = np.cumsum([0, *(len(f.offset) for f in forces)]).tolist()
-    return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    return [slice(a, b) for a, b in pairwise(ends)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from flexcam.integrate.local import LocalForces, NoConvergenceError
+from flexcam.integrate.local import LocalForces, NoConvergenceError, Schedule
 from flexcam.integrate.problem import Problem, SaveAt, State
 from flexcam.integrate.scheme import Scheme
 from flexcam.integrate.step import Moment, Stepper, first_moment
-from flexcam.linalg import FloatArray, SingularMatrixError
+from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
 from flexcam.response import Block, Cause, Memory, Outline, Response, RunFailedError, Series, Sink, Stats, Status
 from flexcam.system import CamMotion, Probe, System
 
@@ -104,16 +104,6 @@ def _singular(fault: SingularMatrixError, system: System) -> Status:
     return Status(Cause.SINGULAR, f"nothing holds {where}: neither mass nor stiffness", "support it or give it a mass")
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Instants of a block while it grows."""
-
-    d: FloatArray
-    v: FloatArray
-    a: FloatArray
-    local: FloatArray
-
-
 class _Run:
     """One run: the step operator and the walk over the blocks."""
 
@@ -122,59 +112,49 @@ class _Run:
         self._forces = LocalForces(problem.system)
         self._stepper = Stepper(problem.system, scheme, problem.step, self._forces)
         self._load_vectors = problem.system.load_vectors()
+        self._start = problem.start or State.rest(problem.system.size)
 
     def blocks(self) -> Iterator[tuple[Block, int]]:
         """Yield the results block by block, the start in the first, with the iterations each took."""
-        moment: Moment | None = None
         size = self._save.field_every * self._save.fields_per_block
-        last = self._problem.steps
-        for first in range(0, last + 1, size):
-            yield_steps = np.arange(first, min(first + size, last + 1))
-            rows, moment, iterations = self._advance(yield_steps, moment)
-            yield self._block(yield_steps, rows), iterations
+        end = self._problem.steps + 1
+        last: Moment | None = None
+        for first in range(0, end, size):
+            steps = np.arange(first, min(first + size, end))
+            at = np.asarray(self._start.time + steps * self._problem.step, dtype=float)
+            motion = self._problem.drive.at(at)
+            with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
+                moments = list(self._moments(motion, last))
+            last = moments[-1]
+            yield self._block(steps, at, motion, moments), sum(m.iterations for m in moments)
 
-    def _motion(self, steps: np.ndarray[tuple[int], np.dtype[np.intp]]) -> tuple[FloatArray, CamMotion]:
-        start = self._problem.start.time if self._problem.start else 0.0
-        at = start + steps * self._problem.step
-        return at, self._problem.drive.at(at)
-
-    def _advance(self, steps: np.ndarray[tuple[int], np.dtype[np.intp]], moment: Moment | None) -> tuple[_Rows, Moment, int]:
-        motion = self._motion(steps)[1]
+    def _moments(self, motion: CamMotion, last: Moment | None) -> Iterator[Moment]:
         loads = self._system.load_histories(motion) @ self._load_vectors
         schedule = self._forces.schedule(motion)
-        n, c = self._system.size, self._forces.count
-        rows = _Rows(*(np.empty((len(steps), n)) for _ in range(3)), np.empty((len(steps), c)))
-        iterations = 0
-        with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is found and reported by block
-            for i in range(len(steps)):
-                if moment is None:
-                    start = self._problem.start or State.rest(n)
-                    moment = first_moment(
-                        self._system, self._forces, start.displacement, start.velocity, loads[0], schedule
-                    )
-                else:
-                    moment = self._stepper.advance(moment, loads[i], schedule, i)
-                rows.d[i], rows.v[i], rows.a[i], rows.local[i] = moment.d, moment.v, moment.a, moment.local
-                iterations += moment.iterations
-        if moment is None:
-            raise NoConvergenceError
-        return rows, moment, iterations
+        moment = last
+        for i, load in enumerate(loads):
+            moment = self._stepper.advance(moment, load, schedule, i) if moment else self._first(load, schedule)
+            yield moment
 
-    def _block(self, steps: np.ndarray[tuple[int], np.dtype[np.intp]], rows: _Rows) -> Block:
-        at, motion = self._motion(steps)
+    def _first(self, load: FloatArray, schedule: Schedule) -> Moment:
+        start = self._start
+        return first_moment(self._system, self._forces, start.displacement, start.velocity, load, schedule)
+
+    def _block(self, steps: IntArray, at: FloatArray, motion: CamMotion, moments: list[Moment]) -> Block:
+        series = Series(*(np.array([getattr(m, name) for m in moments]) for name in ("d", "v", "a")))
+        local = np.array([m.local for m in moments])
         saved = (steps % self._save.field_every == 0) | (steps == self._problem.steps)
         return Block(
             time=at, angle=motion.angle,
-            probes=_probe_series(self._system.probes, rows, motion),
-            channels=_channels(self._system, rows.local, motion),
-            field_time=at[saved], field_angle=motion.angle[saved],
-            fields=Series(rows.d[saved], rows.v[saved], rows.a[saved]),
+            probes=_probe_series(self._system.probes, series, motion),
+            channels=_channels(self._system, local, motion),
+            field_time=at[saved], field_angle=motion.angle[saved], fields=series.at(saved),
         )  # fmt: skip
 
 
-def _probe_series(probes: tuple[Probe, ...], rows: _Rows, motion: CamMotion) -> Series:
-    picked = np.concatenate([p.rows for p in probes]) if probes else np.zeros((0, rows.d.shape[1]))
-    d, v, a = rows.d @ picked.T, rows.v @ picked.T, rows.a @ picked.T
+def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -> Series:
+    picked = np.concatenate([p.rows for p in probes]) if probes else np.zeros((0, moved.displacement.shape[1]))
+    d, v, a = (series @ picked.T for series in (moved.displacement, moved.velocity, moved.acceleration))
     for column, offset in enumerate(o for p in probes for o in p.offset):
         if offset is not None:
             slope = offset(motion.angle, 1)
@@ -189,10 +169,8 @@ def _channels(system: System, local: FloatArray, motion: CamMotion) -> FloatArra
     firsts = np.cumsum([0, *(len(f.offset) for f in system.local_forces)])
     values = np.zeros((len(motion.angle), len(system.channels)))
     for column, channel in enumerate(system.channels):
-        for k in channel.loads:
-            values[:, column] += histories[:, k]
-        for force, scalar in channel.forces:
-            values[:, column] += local[:, firsts[force] + scalar]
+        places = [int(firsts[force]) + scalar for force, scalar in channel.forces]
+        values[:, column] = histories[:, list(channel.loads)].sum(axis=1) + local[:, places].sum(axis=1)
         if channel.factor is not None:
             values[:, column] *= channel.factor(motion.angle, 0)
     return values
@@ -200,27 +178,21 @@ def _channels(system: System, local: FloatArray, motion: CamMotion) -> FloatArra
 
 def _finite_part(block: Block, system: System) -> tuple[Block, Status]:
     """Return the block up to its last finite instant, and a status that names the first bad one."""
-    parts = (block.probes.displacement, block.probes.velocity, block.probes.acceleration, block.channels)
-    good = np.logical_and.reduce([np.isfinite(p).all(axis=1) for p in parts])
-    fields = (block.fields.displacement, block.fields.velocity, block.fields.acceleration)
-    bad_time = block.field_time[~np.logical_and.reduce([np.isfinite(p).all(axis=1) for p in fields])]
-    good &= block.time < bad_time.min(initial=np.inf)
-    if good.all():
+    bad = ~(block.probes.finite() & np.isfinite(block.channels).all(axis=1))
+    bad |= block.time >= block.field_time[~block.fields.finite()].min(initial=np.inf)
+    if not bad.any():
         return block, Status()
-    count = int(np.argmin(good))
-    kept = int(np.count_nonzero(block.field_time < block.time[count]))
-    column = np.flatnonzero(~np.isfinite(block.fields.displacement[kept:]).all(axis=0))
+    count = int(np.argmax(bad))
+    fields = block.field_time < block.time[count]
+    column = np.flatnonzero(~np.isfinite(block.fields.displacement[~fields]).all(axis=0))
     where = system.names[int(column[0])] if column.size else "a probe"
     text = (
         f"the motion of {where} left the range of numbers at t = {block.time[count]:.6g} s, "
         f"cam angle {np.degrees(block.angle[count]):.2f} deg"
     )
+    good = np.arange(len(block.time)) < count
     cut = Block(
-        block.time[:count], block.angle[:count], _cut(block.probes, count), block.channels[:count],
-        block.field_time[:kept], block.field_angle[:kept], _cut(block.fields, kept),
+        block.time[good], block.angle[good], block.probes.at(good), block.channels[good],
+        block.field_time[fields], block.field_angle[fields], block.fields.at(fields),
     )  # fmt: skip
     return cut, Status(Cause.NOT_FINITE, text, "take a smaller step, more damping or a lower speed")
-
-
-def _cut(series: Series, count: int) -> Series:
-    return Series(series.displacement[:count], series.velocity[:count], series.acceleration[:count])

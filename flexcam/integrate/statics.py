@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from flexcam.linalg import FloatArray, Triplets, diagonal_scale, factorize, null_space
 from flexcam.integrate.local import Compliance, LocalForces, NoConvergenceError, settle
 from flexcam.integrate.problem import State
+from flexcam.linalg import FloatArray, Triplets, diagonal_scale, factorize, null_space
 from flexcam.response import Cause, RunFailedError, Status
 from flexcam.system import Drive, Load, System
 
@@ -76,7 +76,8 @@ def _refuse_mechanism(free: FloatArray, load: FloatArray, scale: FloatArray, nam
     if np.abs(push).max() <= _UNLOADED * np.linalg.norm(scale * load):
         return
     motion = np.abs(free @ push) / scale
-    moving = [names[i] for i in np.argsort(-motion) if motion[i] > 0.1 * motion.max()]
+    order: list[int] = np.argsort(-motion).tolist()
+    moving = [names[i] for i in order if motion[i] > 0.1 * motion.max()]
     shown = ", ".join(moving[:8]) + (f" and {len(moving) - 8} more" if len(moving) > 8 else "")
     text = f"the load drives a motion that nothing resists: {shown}"
     raise RunFailedError(Status(Cause.SINGULAR, text, "support one of these components or attach a spring to it"))
@@ -129,7 +130,7 @@ def equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
     RunFailedError
         If the loads drive a motion that nothing resists, or the local forces do not settle.
     """
-    return _balanced(system, drive, time, lambda load: True)  # noqa: ARG005 - every load
+    return _balanced(system, drive, time, lambda load: True)
 
 
 def _balanced(system: System, drive: Drive, time: float, acts: Callable[[Load], bool]) -> State:

@@ -135,7 +135,9 @@ class Stepper:
         )
 
 
-def instant_forces(forces: LocalForces, d: FloatArray, v: FloatArray, schedule: Schedule, states: list[FloatArray]) -> tuple[FloatArray, list[FloatArray]]:
+def instant_forces(
+    forces: LocalForces, d: FloatArray, v: FloatArray, schedule: Schedule, states: list[FloatArray]
+) -> tuple[FloatArray, list[FloatArray]]:
     """Return the local forces of an instant (row 0 of the schedule) and the rates of their states."""
     vectors = forces.sense.vectors
     gap = schedule.sense[0] @ (vectors @ d) + schedule.offset[0]
@@ -144,7 +146,9 @@ def instant_forces(forces: LocalForces, d: FloatArray, v: FloatArray, schedule: 
     return reaction.force, rates
 
 
-def first_moment(system: System, forces: LocalForces, d: FloatArray, v: FloatArray, load: FloatArray, schedule: Schedule) -> Moment:
+def first_moment(
+    system: System, forces: LocalForces, d: FloatArray, v: FloatArray, load: FloatArray, schedule: Schedule
+) -> Moment:
     """Return the first instant with the acceleration that balances it, ``M a = f - C v - K d``.
 
     Unknowns without mass have no acceleration to start from: their displacement is moved to the balance of the

@@ -6,6 +6,7 @@ process on a bad file; its Gmsh module raises instead and is called here directl
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,9 @@ import numpy as np
 from flexcam.checks import Fault, InputError, refuse
 from flexcam.fem import Mesh
 from flexcam.linalg import IntArray
+
+_DIMENSIONS = {"vertex": 0, "line": 1}
+"""Cells a mesh of members may have; anything else is a curve of higher order, a surface or a solid."""
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -39,61 +43,66 @@ def read_mesh(path: Path) -> Mesh:
     if not path.is_file():
         raise refuse("mesh", str(path), "an existing file", "", "paths are relative to the case file")
     raw = _gmsh(path)
-    names = {(int(d), int(tag)): str(name) for name, (tag, d) in raw.field_data.items()}
-    lines, points, faults = _groups(raw, names)
+    groups = _groups(raw)
+    faults = [fault for group in groups for fault in _group_faults(group)]
+    lines = {group.name: _chain(group.nodes) for group in groups if group.dimension == 1}
+    points = {group.name: np.unique(group.nodes) for group in groups if group.dimension == 0 and group.name}
+    if not lines and not faults:
+        faults.append(Fault("mesh", "no lines", "at least one line group", "", "add a physical curve"))
     if faults:
         raise InputError(faults)
-    return Mesh(raw.points, lines, points)
+    return Mesh(raw.points, {name: chain for name, chain in lines.items() if chain is not None}, points)
 
 
 def _gmsh(path: Path) -> Any:  # noqa: ANN401 - meshio has no types
-    from meshio import ReadError, gmsh  # noqa: PLC0415 - only cases with a mesh file need it
+    from meshio import ReadError, gmsh  # pyright: ignore[reportMissingTypeStubs] - only a mesh file needs it
 
     try:
-        return gmsh.read(path)
-    except (ReadError, OSError, ValueError, IndexError, KeyError, AssertionError, UnicodeDecodeError) as fault:
+        return gmsh.read(path)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+    except (ReadError, OSError, ValueError, LookupError, AssertionError, TypeError) as fault:  # what bad files raise
         why = str(fault) or type(fault).__name__
         raise refuse("mesh", str(path), "a Gmsh file of format 2.2 or 4.1", why, "export it again from Gmsh") from None
 
 
-def _groups(raw: Any, names: dict[tuple[int, int], str]) -> tuple[dict[str, IntArray], dict[str, IntArray], list[Fault]]:  # noqa: ANN401
-    lines: dict[str, IntArray] = {}
-    points: dict[str, IntArray] = {}
-    faults: list[Fault] = []
-    cells = _cells_by_group(raw)
-    for (dimension, tag), nodes in cells.items():
-        name = names.get((dimension, tag))
-        if dimension > 1:
-            faults.append(Fault("mesh", f"cells of dimension {dimension}", "lines and points", "members are beams", "mesh only curves"))
-        elif dimension == 1 and name is None:
-            faults.append(Fault("mesh", "lines without a physical group", "named line groups", "the group names the member", "add a physical curve"))
-        elif dimension == 1 and name is not None:
-            chain = _chain(nodes)
-            lines[name] = chain if chain is not None else nodes[:, 0]
-            if chain is None:
-                why = "a member is a chain without branches, loops or gaps"
-                faults.append(Fault(f"mesh group {name!r}", f"{len(nodes)} lines", "one open chain", why, "give each chain its own group"))
-        elif name is not None:
-            points[name] = np.unique(nodes)
-    if not lines and not faults:
-        faults.append(Fault("mesh", "no lines", "at least one line group", "", "add a physical curve"))
-    return lines, points, faults
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Cells of one physical group: its name (empty if unnamed), dimension (2 for all else) and nodes per cell."""
+
+    name: str
+    dimension: int
+    nodes: IntArray
 
 
-def _cells_by_group(raw: Any) -> dict[tuple[int, int], IntArray]:  # noqa: ANN401
+def _groups(raw: Any) -> list[_Group]:  # noqa: ANN401
+    names = {(int(dimension), int(tag)): str(name) for name, (tag, dimension) in raw.field_data.items()}
     tags = raw.cell_data.get("gmsh:physical", [np.zeros(len(block.data), int) for block in raw.cells])
-    parts: dict[tuple[int, int], list[IntArray]] = {}
+    parts: dict[tuple[int, int, int], list[IntArray]] = {}
     for block, block_tags in zip(raw.cells, tags, strict=True):
-        dimension = {"vertex": 0, "line": 1}.get(block.type, 2)
-        if dimension == 1 and block.data.shape[1] != 2:
-            dimension = 2
+        cells = np.asarray(block.data)
+        key = (_DIMENSIONS.get(block.type, 2), cells.shape[1])
         for tag in np.unique(block_tags).tolist():
-            parts.setdefault((dimension, int(tag)), []).append(np.asarray(block.data)[block_tags == tag])
-    return {key: np.concatenate(blocks) for key, blocks in parts.items() if key[0] > 1 or len({b.shape[1] for b in blocks}) == 1}
+            parts.setdefault((*key, int(tag)), []).append(cells[block_tags == tag])
+    return [_Group(names.get((d, tag), ""), d, np.concatenate(cells)) for (d, _, tag), cells in parts.items()]
+
+
+def _group_faults(group: _Group) -> list[Fault]:
+    what = f"{len(group.nodes)} cells"
+    if group.dimension > 1:
+        shape = f"{what} of {group.nodes.shape[1]} nodes"
+        return [
+            Fault("mesh", shape, "lines of two nodes and points", "members are beams", "mesh only curves, in order 1")
+        ]
+    if group.dimension == 1 and not group.name:
+        why = "the group names the member"
+        return [Fault("mesh", f"{what} without a physical group", "named line groups", why, "add a physical curve")]
+    if group.dimension == 1 and _chain(group.nodes) is None:
+        why = "a member is a chain without branches, loops or gaps"
+        return [Fault(f"mesh group {group.name!r}", what, "one open chain", why, "give each chain its own group")]
+    return []
 
 
 def _chain(pairs: IntArray) -> IntArray | None:
-    """Return the nodes of an open chain in order, starting where the first line of the file points away from."""
+    """Return the nodes of an open chain in order, in the direction of its lines; None if it is no such chain."""
     neighbours: dict[int, list[int]] = {}
     for a, b in pairs.tolist():
         neighbours.setdefault(a, []).append(b)
@@ -101,13 +110,10 @@ def _chain(pairs: IntArray) -> IntArray | None:
     ends = [node for node, near in neighbours.items() if len(near) == 1]
     if len(ends) != 2 or any(len(near) > 2 for near in neighbours.values()):
         return None
-    starts = set(pairs[:, 0].tolist())
-    start = next((e for e in ends if e in starts), ends[0])
-    order = [start]
-    while len(order) <= len(pairs):
-        following = [n for n in neighbours[order[-1]] if len(order) < 2 or n != order[-2]]
-        if not following:
-            break
+    order = [ends[0] if ends[0] in pairs[:, 0] else ends[1]]
+    before = -1
+    while following := [node for node in neighbours[order[-1]] if node != before]:
+        before = order[-1]
         order.append(following[0])
     return np.array(order, dtype=np.intp) if len(order) == len(pairs) + 1 else None
 
@@ -127,18 +133,16 @@ def write_mesh(mesh: Mesh, path: Path) -> None:
     InputError
         If the file exists.
     """
-    import meshio  # noqa: PLC0415
+    import meshio  # pyright: ignore[reportMissingTypeStubs]
 
     if path.exists():
-        raise refuse("mesh file", str(path), "a file that does not exist yet", "nothing is written over", "remove it first")
-    cells: list[tuple[str, IntArray]] = []
-    tags: list[IntArray] = []
-    fields: dict[str, IntArray] = {}
+        why = "nothing is written over"
+        raise refuse("mesh file", str(path), "a file that does not exist yet", why, "remove it first")
     groups = [(1, name, np.column_stack([line[:-1], line[1:]])) for name, line in mesh.lines.items()]
     groups += [(0, name, index[:, None]) for name, index in mesh.points.items()]
-    for tag, (dimension, name, nodes) in enumerate(groups, start=1):
-        fields[name] = np.array([tag, dimension])
-        cells.append(("line" if dimension else "vertex", nodes))
-        tags.append(np.full(len(nodes), tag))
+    cells: Any = [("line" if dimension else "vertex", nodes) for dimension, _, nodes in groups]
+    tags: Any = [np.full(len(nodes), tag) for tag, (_, _, nodes) in enumerate(groups, start=1)]
+    fields = {name: np.array([tag, dimension]) for tag, (dimension, name, _) in enumerate(groups, start=1)}
     data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-    meshio.Mesh(mesh.nodes, cells, cell_data=data, field_data=fields).write(path, file_format="gmsh22", binary=False)
+    file = meshio.Mesh(mesh.nodes, cells, cell_data=data, field_data=fields)
+    file.write(path, file_format="gmsh22", binary=False)  # pyright: ignore[reportUnknownMemberType]

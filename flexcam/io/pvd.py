@@ -47,7 +47,9 @@ def write_pvd(result: Result, path: Path, *, every: int = 1, overwrite: bool = F
     if every < 1:
         raise refuse("every", every, "a whole number from 1")
     if path.exists() and not overwrite:
-        raise refuse("export", str(path), "a file that does not exist yet", "nothing is written over", "add --overwrite")
+        raise refuse(
+            "export", str(path), "a file that does not exist yet", "nothing is written over", "add --overwrite"
+        )
     folder = path.with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
     fields = {name: result.field(name) for name in VECTORS}
@@ -55,13 +57,17 @@ def write_pvd(result: Result, path: Path, *, every: int = 1, overwrite: bool = F
     written: list[Path] = []
     for i in range(0, len(times), every):
         piece = folder / f"{path.stem}_{i:06d}.vtp"
-        piece.write_text(_vtp(result.mesh, {name: data[i] for name, data in fields.items()}, result.point_radius), encoding="ascii")
+        piece.write_text(
+            _vtp(result.mesh, {name: data[i] for name, data in fields.items()}, result.point_radius), encoding="ascii"
+        )
         written.append(piece)
     entries = [
         f'    <DataSet timestep="{float(times[i])!r}" part="0" file={quoteattr(f"{folder.name}/{piece.name}")}/>'
         for i, piece in zip(range(0, len(times), every), written, strict=True)
     ]
-    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">\n  <Collection>\n'
+    head = (
+        '<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">\n  <Collection>\n'
+    )
     path.write_text(head + "\n".join(entries) + "\n  </Collection>\n</VTKFile>\n", encoding="utf-8")
     return [path, *written]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
+import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.checks import refuse
@@ -87,7 +87,9 @@ def read_result(path: str | Path) -> Result:
 def _result(file: Any, source: Path) -> Result:  # noqa: ANN401 - h5py has no types
     about = {name: item.asstr()[()] for name, item in file["about"].items()}
     if int(about["format"]) > FORMAT:
-        raise refuse("result", f"{source} of format {about['format']}", f"up to format {FORMAT}", "it is newer", "update flexcam")
+        raise refuse(
+            "result", f"{source} of format {about['format']}", f"up to format {FORMAT}", "it is newer", "update flexcam"
+        )
     vtk = file["VTKHDF"]
     return Result(_mesh(file), _response(file), vtk["PointData/radius"][()], about)
 
@@ -105,7 +107,9 @@ def _response(file: Any) -> Response:  # noqa: ANN401
     nodes = int(vtk["NumberOfPoints"][0])
     count = min(int(vtk["Steps"].attrs["NSteps"]), len(vtk["Steps/Values"]))
     steps = len(history["time"])
-    probes = tuple((name, tuple(str(c) for c in group.attrs["components"])) for name, group in history.get("probes", {}).items())
+    probes = tuple(
+        (name, tuple(str(c) for c in group.attrs["components"])) for name, group in history.get("probes", {}).items()
+    )
     channels = {name: data[:steps] for name, data in history.get("channels", {}).items()}
     units = tuple((name, str(data.attrs["units"])) for name, data in history.get("channels", {}).items())
     unknowns = tuple(f"node {n}.{c}" for n in range(nodes) for c in COMPONENTS)

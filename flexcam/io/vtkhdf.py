@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
+import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.checks import refuse
@@ -65,12 +65,14 @@ class ResultFile:
         radius: Mapping[str, float], about: Mapping[str, str], overwrite: bool = False,
     ) -> None:  # fmt: skip
         if path.exists() and not overwrite:
-            raise refuse("result", str(path), "a file that does not exist yet", "nothing is written over", "add --overwrite")
+            raise refuse(
+                "result", str(path), "a file that does not exist yet", "nothing is written over", "add --overwrite"
+            )
         self.path = path
         self.partial = path.with_name(f"{path.stem}.partial.vtkhdf")
         self._dofs, self._outline = dofs, outline
-        self._file = h5py.File(self.partial, "w", locking=False)
-        self._vtk = self._file.create_group("VTKHDF")
+        self._file: Any = h5py.File(self.partial, "w", locking=False)
+        self._vtk: Any = self._file.create_group("VTKHDF")
         _write_geometry(self._vtk, mesh, radius)
         self._create_steps(len(mesh.nodes))
         self._create_history()
@@ -83,7 +85,13 @@ class ResultFile:
             _growing(data, name, (points * 8, 3), unit, width=3)
         steps = self._vtk.create_group("Steps")
         steps.attrs["NSteps"] = 0
-        for name, width in (("PartOffsets", 0), ("NumberOfParts", 0), ("PointOffsets", 0), ("CellOffsets", 4), ("ConnectivityIdOffsets", 4)):
+        for name, width in (
+            ("PartOffsets", 0),
+            ("NumberOfParts", 0),
+            ("PointOffsets", 0),
+            ("CellOffsets", 4),
+            ("ConnectivityIdOffsets", 4),
+        ):
             _growing(steps, name, (64, width) if width else (64,), "", width=width, kind="i8")
         for group, names in (("PointDataOffsets", [*VECTORS, "radius"]), ("CellDataOffsets", ["member"])):
             for name in names:
@@ -100,7 +108,9 @@ class ResultFile:
             group.attrs["components"] = list(components)
             for series, unit in (("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s^2")):
                 told = unit if len(components) == 1 else f"{unit}; rotations {unit.replace('m', 'rad', 1)}"
-                _growing(group, series, (1024, len(components)), told, width=len(components)).dims[0].attach_scale(history["time"])
+                _growing(group, series, (1024, len(components)), told, width=len(components)).dims[0].attach_scale(
+                    history["time"]
+                )
         for name, unit in self._outline.channels:
             _growing(history, f"channels/{name}", (1024,), unit).dims[0].attach_scale(history["time"])
 
@@ -126,7 +136,10 @@ class ResultFile:
 
     def _append_fields(self, block: Block) -> int:
         data = self._vtk["PointData"]
-        nodal = {series: self._dofs.nodal(getattr(block.fields, series)) for series in ("displacement", "velocity", "acceleration")}
+        nodal = {
+            series: self._dofs.nodal(getattr(block.fields, series))
+            for series in ("displacement", "velocity", "acceleration")
+        }
         for name, (series, first, _) in VECTORS.items():
             _extend(data[name], nodal[series][..., first : first + 3].reshape(-1, 3))
         _extend(self._file["fields/cam_angle"], block.field_angle)
@@ -170,7 +183,7 @@ def _extend(dataset: Any, rows: FloatArray | IntArray) -> None:  # noqa: ANN401
 
 def _write_texts(group: Any, texts: Mapping[str, str]) -> None:  # noqa: ANN401
     for name, text in texts.items():
-        group.create_dataset(name, data=text, dtype=h5py.string_dtype())
+        group.create_dataset(name, data=text, dtype=h5py.string_dtype())  # pyright: ignore[reportUnknownMemberType]
 
 
 def _write_geometry(vtk: Any, mesh: Mesh, radius: Mapping[str, float]) -> None:  # noqa: ANN401

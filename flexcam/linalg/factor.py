@@ -133,8 +133,8 @@ def _null_unknowns(scaled: FloatArray) -> tuple[int, ...]:
 
 
 def _sparse_lu(matrix: Triplets, scale: FloatArray) -> _SparseLU:
-    from scipy.sparse import diags_array  # noqa: PLC0415 - a small run does without scipy
-    from scipy.sparse.linalg import splu  # noqa: PLC0415
+    from scipy.sparse import diags_array
+    from scipy.sparse.linalg import splu
 
     spread = diags_array(scale)
     try:

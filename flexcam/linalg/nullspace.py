@@ -51,8 +51,8 @@ def _dense_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
 
 
 def _lanczos_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
-    from scipy.sparse import diags_array  # noqa: PLC0415 - a small run does without scipy
-    from scipy.sparse.linalg import eigsh  # noqa: PLC0415
+    from scipy.sparse import diags_array
+    from scipy.sparse.linalg import eigsh
 
     spread = diags_array(scale)
     scaled = (spread @ matrix.csr() @ spread).tocsc()

@@ -60,23 +60,23 @@ class Triplets:
 
     def dense(self) -> FloatArray:
         """Return the matrix as an array, shape (size, size)."""
-        flat = np.bincount(self.rows * self.size + self.cols, weights=self.values, minlength=self.size**2)
+        flat = _summed(self.rows * self.size + self.cols, self.values, self.size**2)
         return flat.reshape(self.size, self.size)
 
     def csr(self) -> csr_array:
         """Return the matrix in scipy's compressed row form (imports scipy)."""
-        from scipy.sparse import coo_array  # noqa: PLC0415 - a small run does without scipy
+        from scipy.sparse import coo_array
 
         return coo_array((self.values, (self.rows, self.cols)), shape=(self.size, self.size)).tocsr()
 
     def times(self, vector: FloatArray) -> FloatArray:
         """Return the product with a vector, shape (size,)."""
-        return np.bincount(self.rows, weights=self.values * vector[self.cols], minlength=self.size)
+        return _summed(self.rows, self.values * vector[self.cols], self.size)
 
     def diagonal(self) -> FloatArray:
         """Return the diagonal, shape (size,)."""
         on = self.rows == self.cols
-        return np.bincount(self.rows[on], weights=self.values[on], minlength=self.size)
+        return _summed(self.rows[on], self.values[on], self.size)
 
     def scaled(self, factor: float) -> Self:
         """Return the matrix times a number."""
@@ -97,3 +97,7 @@ class Triplets:
         rows, cols = place[self.rows], place[self.cols]
         inside = (rows >= 0) & (cols >= 0)
         return type(self)(len(index), rows[inside], cols[inside], self.values[inside])
+
+
+def _summed(places: IntArray, values: FloatArray, size: int) -> FloatArray:
+    return np.bincount(places, weights=values, minlength=size).astype(float, copy=False)

@@ -98,7 +98,9 @@ def _mass_orthonormal(motions: FloatArray, mass: Triplets) -> FloatArray:
     return motions @ (vectors / np.sqrt(values))
 
 
-def _dense(mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | None) -> tuple[FloatArray, FloatArray, int]:
+def _dense(
+    mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | None
+) -> tuple[FloatArray, FloatArray, int]:
     scale = diagonal_scale(stiffness)
     M = scale[:, None] * mass.dense() * scale
     K = scale[:, None] * stiffness.dense() * scale
@@ -124,15 +126,17 @@ def _dense(mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | 
 
 def _cholesky(K: FloatArray) -> FloatArray:
     try:
-        return np.linalg.cholesky(K)
+        return np.linalg.cholesky(K).astype(float, copy=False)
     except np.linalg.LinAlgError:
         text = "the stiffness is not positive: an axial load is beyond buckling"
         raise RunFailedError(Status(Cause.SINGULAR, text, "lower the compressive force")) from None
 
 
-def _lanczos(mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | None) -> tuple[FloatArray, FloatArray, int]:
+def _lanczos(
+    mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | None
+) -> tuple[FloatArray, FloatArray, int]:
     """Shift-invert Lanczos with a small negative shift: ``(K + s M)^-1 M`` exists for singular K as well."""
-    from scipy.sparse.linalg import eigsh  # noqa: PLC0415 - a small run does without scipy
+    from scipy.sparse.linalg import eigsh
 
     wanted = 20 if count is None else count
     M, K = mass.csr(), stiffness.csr()

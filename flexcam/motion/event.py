@@ -87,7 +87,7 @@ class LiftEvent:
         return self.rise, self.rise + self.dwell, self.rise + self.dwell + self.fall
 
     def _part(self, z: FloatArray, order: int, span: float) -> FloatArray:
-        """Return the law's part; the return runs backwards, so its span is negative and its jumps are seen from below."""
+        """Return the law's part; the return runs backwards: its span is negative, its jumps are seen from below."""
         z = np.clip(z, 0.0, 1.0)
         for jump in self.law.breaks:
             z = np.where(np.abs(z - jump) < _SNAP, jump if span > 0.0 else np.nextafter(jump, 0.0), z)

@@ -5,8 +5,8 @@ A new kind of part is a dataclass in `model` and its rows in `structure`; a new 
 """
 
 from flexcam.train.build import build_rigid, build_system
-from flexcam.train.modes import ModelModes, model_modes
 from flexcam.train.model import Cam, MassAt, Model, PublishedLoad, Rocker, Spring
+from flexcam.train.modes import ModelModes, model_modes
 from flexcam.train.structure import Structure, build_structure
 
 __all__ = [

@@ -147,12 +147,12 @@ class Model:
 
     mesh: Mesh
     members: Mapping[str, Member]
-    supports: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    masses: Mapping[str, MassAt] = field(default_factory=dict)
-    springs: Mapping[str, Spring] = field(default_factory=dict)
-    rockers: Mapping[str, Rocker] = field(default_factory=dict)
-    cams: Mapping[str, Cam] = field(default_factory=dict)
-    contacts: Mapping[str, PublishedLoad] = field(default_factory=dict)
+    supports: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    masses: Mapping[str, MassAt] = field(default_factory=dict[str, MassAt])
+    springs: Mapping[str, Spring] = field(default_factory=dict[str, Spring])
+    rockers: Mapping[str, Rocker] = field(default_factory=dict[str, Rocker])
+    cams: Mapping[str, Cam] = field(default_factory=dict[str, Cam])
+    contacts: Mapping[str, PublishedLoad] = field(default_factory=dict[str, PublishedLoad])
     damping: Damping = field(default_factory=Damping)
     probes: tuple[str, ...] = ()
 

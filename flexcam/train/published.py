@@ -21,7 +21,7 @@ from flexcam.checks import refuse
 from flexcam.integrate import static_displacement
 from flexcam.linalg import FloatArray
 from flexcam.response import RunFailedError
-from flexcam.system import AngleFunction, AngleVector, CamMotion, Channel, Load, LocalForce, Reaction
+from flexcam.system import AngleVector, CamMotion, Channel, Load, LocalForce, Reaction
 from flexcam.train.model import Cam, PublishedLoad
 from flexcam.train.structure import Structure, find_node, spring_row
 
@@ -230,7 +230,7 @@ class _Linear:
     def start_state(self) -> FloatArray:
         return np.zeros(0)
 
-    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:  # noqa: ARG002
+    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         K = np.array([[self.stiffness]])
         return Reaction(K[0] * gap, K, np.zeros((1, 1)), np.zeros(0))
 
@@ -239,5 +239,5 @@ def _one(angle: FloatArray, order: int) -> FloatArray:
     return np.full_like(angle, 1.0 if order == 0 else 0.0)
 
 
-def _zero(angle: FloatArray, order: int) -> FloatArray:  # noqa: ARG001 - the signature of an angle function
+def _zero(angle: FloatArray, order: int) -> FloatArray:
     return np.zeros_like(angle)

@@ -114,7 +114,9 @@ def build_structure(model: Model) -> Structure:
     """
     beams = fem.beams(model.mesh, model.members)
     dofs = fem.dof_map(model.mesh, model.supports.items())
-    bare = Structure(model, beams, dofs, Triplets.zeros(dofs.size), Triplets.zeros(dofs.size), Triplets.zeros(dofs.size))
+    bare = Structure(
+        model, beams, dofs, Triplets.zeros(dofs.size), Triplets.zeros(dofs.size), Triplets.zeros(dofs.size)
+    )
     mass, stiffness, dampers = fem.mass(beams, dofs), fem.stiffness(beams, dofs), bare.dampers
     for name, part in model.masses.items():
         mass = mass + _mass(bare, name, part)

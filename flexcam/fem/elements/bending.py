@@ -17,7 +17,9 @@ import numpy as np
 from flexcam.linalg import FloatArray
 
 
-def _symmetric(L: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, e: FloatArray, f: FloatArray) -> FloatArray:
+def _symmetric(
+    L: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, e: FloatArray, f: FloatArray
+) -> FloatArray:
     """Lay out [[a, bL, c, dL], [., eL^2, -dL, fL^2], [., ., a, -bL], [., ., ., eL^2]] per element.
 
     Every matrix of the element has this form, because turning the beam end for end maps

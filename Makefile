@@ -1,0 +1,56 @@
+# Two commands matter: make demo, make test. Both set everything up first.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+JOBS ?= 2
+
+.PHONY: demo test test-slow planted lint meshes bench clean
+.DEFAULT_GOAL := demo
+
+# A copy, not a link to the source: the demo then proves what a plain `pip install .` gives.
+$(VENV)/.demo: pyproject.toml $(shell find flexcam -name '*.py')
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check .
+	touch $@
+
+$(VENV)/.dev: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@ $(VENV)/.demo
+
+CASE := cases/tayeb/model-3-shm.toml
+RESULT := results/model-3-shm.vtkhdf
+
+demo: $(VENV)/.demo
+	$(BIN)/flexcam compare $(CASE)
+	@echo
+	$(BIN)/flexcam run $(CASE) -o results --overwrite
+	$(BIN)/flexcam export $(RESULT) --format pvd --overwrite
+	@echo
+	@echo "The motion in ParaView: open $(RESULT) (5.12 and newer) or results/model-3-shm.pvd (any),"
+	@echo "apply Warp By Vector to 'displacement' (scale 20), then Tube, and press play."
+
+test: $(VENV)/.dev
+	$(BIN)/python -m pytest -n $(JOBS)
+
+test-slow: $(VENV)/.dev
+	$(BIN)/python -m pytest -n $(JOBS) -m "slow or not slow"
+
+# Every fault of tests/planted must make the suite fail.
+planted: $(VENV)/.dev
+	$(BIN)/python tests/planted/plant.py
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check flexcam tests meshes benchmarks
+	$(BIN)/ruff format --check flexcam tests meshes benchmarks
+	$(BIN)/basedpyright --pythonpath $(BIN)/python
+	$(BIN)/lint-imports
+
+bench: $(VENV)/.dev
+	$(BIN)/python -m pytest benchmarks --benchmark-only
+
+meshes: $(VENV)/.dev
+	$(BIN)/python meshes/generate.py
+
+clean:
+	rm -rf $(VENV) build dist results .pytest_cache .ruff_cache .hypothesis
