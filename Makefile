@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test test-slow planted lint meshes bench clean
+.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke verification clean
 .DEFAULT_GOAL := demo
 
 # A copy, not a link to the source: the demo then proves what a plain `pip install .` gives.
@@ -54,3 +54,15 @@ meshes: $(VENV)/.dev
 
 clean:
 	rm -rf $(VENV) build dist results .pytest_cache .ruff_cache .hypothesis
+
+# Each benchmark once, so that none rots.
+bench-smoke: $(VENV)/.dev
+	$(BIN)/python -m pytest benchmarks --benchmark-disable -q
+
+test-slow-rotation: $(VENV)/.dev
+	$(BIN)/python tests/slow_rotation.py 480
+
+# The verification page, from the rows that the tests record.
+verification: $(VENV)/.dev
+	$(BIN)/python -m pytest -n $(JOBS) -m "slow or not slow" tests/verification
+	$(BIN)/python docs/make_verification.py

@@ -2,7 +2,8 @@
 
 With K = L L^T the eigenvalues of ``L^-1 M L^-T`` are 1/omega^2: the lowest modes are the largest eigenvalues, which a
 symmetric solver gives to full precision whatever the spread of masses (solving for omega^2 directly loses them: a
-point-mass ratio of 1e12 makes the first one negative). Motions without stiffness are found apart and are exactly zero.
+point-mass ratio of 1e12 makes the first one negative). High modes that lose their digits this way are taken from the
+factor of M. Motions without stiffness are found apart and are exactly zero.
 """
 
 from __future__ import annotations
@@ -101,27 +102,52 @@ def _mass_orthonormal(motions: FloatArray, mass: Triplets) -> FloatArray:
 def _dense(
     mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | None
 ) -> tuple[FloatArray, FloatArray, int]:
-    scale = diagonal_scale(stiffness)
-    M = scale[:, None] * mass.dense() * scale
-    K = scale[:, None] * stiffness.dense() * scale
+    """Take each mode from the side that keeps its digits: low ones from ``K^-1 M``, high ones from ``M^-1 K``."""
+    M, K = mass.dense(), stiffness.dense()
+    squares, shapes, errors = _by_stiffness(M, K, diagonal_scale(stiffness), rigid)
+    if (errors > _LOST).any() and (mass.diagonal() > 0.0).all():
+        other = [values[..., rigid.shape[1] :] for values in _by_mass(M, K, diagonal_scale(mass))]
+        better = other[2] < errors
+        squares, shapes, errors = (
+            np.where(better, b, a) for a, b in zip((squares, shapes, errors), other, strict=True)
+        )
+    wanted = len(squares) if count is None else max(count - rigid.shape[1], 0)
+    good = int(np.argmax(np.append(errors > _LOST, True)))
+    shown = min(good, wanted)
+    massive = np.count_nonzero(mass.diagonal() > 0.0) - rigid.shape[1]
+    return squares[:shown], shapes[:, :shown], max(min(massive, wanted) - good, 0)
+
+
+def _by_stiffness(
+    M: FloatArray, K: FloatArray, scale: FloatArray, rigid: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return omega^2, shapes and relative errors from ``L^-1 M L^-T``, K = L L^T, without the rigid motions."""
+    M, K = scale[:, None] * M * scale, scale[:, None] * K * scale
     free = rigid / scale[:, None]
     held = M @ free
     # Stiffness on the rigid motions alone, felt through M: every other mode is M-orthogonal to them and unchanged.
     L = _cholesky(K + held @ held.T / max(1.0, float(np.abs(held).max(initial=0.0)) ** 2))
-    flexible = np.linalg.solve(L, np.linalg.solve(L, M).T)
+    inverse = np.linalg.solve(L, np.linalg.solve(L, M).T)
     known = np.linalg.qr(L.T @ free)[0]
-    flexible -= known @ (known.T @ flexible)
-    flexible -= (flexible @ known) @ known.T
-    values, vectors = np.linalg.eigh(0.5 * (flexible + flexible.T))
-    values, vectors = values[::-1], vectors[:, ::-1]
-    limit = len(values) * np.finfo(float).eps * values[0] if len(values) else 0.0
-    massive = np.linalg.matrix_rank(M, hermitian=True) - rigid.shape[1] if len(values) else 0
-    good = int(np.count_nonzero(values[:massive] * _LOST > limit))
-    if count is not None:
-        good = min(good, max(count - rigid.shape[1], 0))
-        massive = good
-    shapes = scale[:, None] * np.linalg.solve(L.T, vectors[:, :good]) / np.sqrt(values[:good])
-    return 1.0 / values[:good], shapes, massive - good
+    inverse -= known @ (known.T @ inverse)
+    inverse -= (inverse @ known) @ known.T
+    values, vectors = np.linalg.eigh(0.5 * (inverse + inverse.T))
+    kept = slice(None, None, -1) if not rigid.shape[1] else slice(None, rigid.shape[1] - 1, -1)
+    values, vectors = values[kept], vectors[:, kept]
+    positive = np.maximum(values, np.finfo(float).tiny)
+    errors = len(M) * np.finfo(float).eps * positive.max(initial=0.0) / positive
+    return 1.0 / positive, scale[:, None] * np.linalg.solve(L.T, vectors) / np.sqrt(positive), errors
+
+
+def _by_mass(M: FloatArray, K: FloatArray, scale: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return omega^2, shapes and relative errors from ``L^-1 K L^-T``, M = L L^T, the rigid motions first."""
+    M, K = scale[:, None] * M * scale, scale[:, None] * K * scale
+    L = np.linalg.cholesky(M)
+    forward = np.linalg.solve(L, np.linalg.solve(L, K).T)
+    values, vectors = np.linalg.eigh(0.5 * (forward + forward.T))
+    positive = np.maximum(values, np.finfo(float).tiny)
+    errors = len(M) * np.finfo(float).eps * positive.max(initial=0.0) / positive
+    return positive, scale[:, None] * np.linalg.solve(L.T, vectors), errors
 
 
 def _cholesky(K: FloatArray) -> FloatArray:

@@ -1,0 +1,64 @@
+"""Plant every fault of ``faults.toml`` in a copy of the tree; fail if the suite stays green under any of them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+COPIED = ("flexcam", "tests", "docs", "meshes", "cases", "README.md", "pyproject.toml")
+FAULTS = tomllib.loads((ROOT / "tests/planted/faults.toml").read_text(encoding="utf-8"))["fault"]
+
+
+def copy_tree(target: Path) -> None:
+    for name in COPIED:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, target / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(source, target / name)
+
+
+def suite_fails(tree: Path, tests: list[str]) -> bool:
+    """Run the tests on the tree; True if at least one fails (a suite that cannot even run proves nothing)."""
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
+    environment = {**os.environ, "PYTHONPATH": str(tree), "FLEXCAM_VERIFICATION_JSON": str(tree / "verification.json")}
+    done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode not in (0, 1):
+        sys.stderr.write(done.stdout + done.stderr)
+        message = f"pytest ended with {done.returncode} instead of running the tests"
+        raise SystemExit(message)
+    return done.returncode == 1
+
+
+def plant(fault: dict[str, str], tree: Path) -> None:
+    path = tree / fault["file"]
+    text = path.read_text(encoding="utf-8")
+    if text.count(fault["old"]) != 1:
+        message = f"{fault['name']}: the text to replace stands {text.count(fault['old'])} times in {fault['file']}"
+        raise SystemExit(message)
+    path.write_text(text.replace(fault["old"], fault["new"]), encoding="utf-8")
+
+
+def main() -> int:
+    survived = []
+    for fault in FAULTS:
+        with tempfile.TemporaryDirectory() as folder:
+            tree = Path(folder)
+            copy_tree(tree)
+            plant(fault, tree)
+            caught = suite_fails(tree, fault["tests"])
+        sys.stdout.write(f"{'caught' if caught else 'SURVIVED'}: {fault['name']}\n")
+        sys.stdout.flush()
+        survived += [] if caught else [fault["name"]]
+    sys.stdout.write(f"{len(FAULTS) - len(survived)} of {len(FAULTS)} faults caught\n")
+    return 1 if survived else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
