@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from flexcam.checks import FlexcamError, InputError
     from flexcam.fem import Damping, Material, Member, Mesh, PointMass, Section
     from flexcam.fidelity import compare
-    from flexcam.integrate import Problem, SaveAt, generalized_alpha, hht, newmark, solve
+    from flexcam.integrate import Problem, generalized_alpha, hht, newmark, solve
     from flexcam.io import Result, read_mesh, read_result, write_mesh
     from flexcam.motion import LAWS, LiftEvent
-    from flexcam.response import Response, RunFailedError, Status
+    from flexcam.response import Response, RunFailedError, SaveAt, Status
     from flexcam.runner import modes, prepare, run
     from flexcam.system import ConstantSpeed, System
     from flexcam.train import Model
@@ -26,10 +26,10 @@ _ROOMS = {
     "checks": ("FlexcamError", "InputError"),
     "fem": ("Damping", "Material", "Member", "Mesh", "PointMass", "Section"),
     "fidelity": ("compare",),
-    "integrate": ("Problem", "SaveAt", "generalized_alpha", "hht", "newmark", "solve"),
+    "integrate": ("Problem", "generalized_alpha", "hht", "newmark", "solve"),
     "io": ("Result", "read_mesh", "read_result", "write_mesh"),
     "motion": ("LAWS", "LiftEvent"),
-    "response": ("Response", "RunFailedError", "Status"),
+    "response": ("Response", "RunFailedError", "SaveAt", "Status"),
     "runner": ("modes", "prepare", "run"),
     "system": ("ConstantSpeed", "System"),
     "train": ("Model",),

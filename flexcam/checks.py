@@ -163,7 +163,10 @@ def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -
     >>> finite_array("offset", [0, 0, 1], (3,)).flags.writeable
     False
     """
-    array = np.array(values, dtype=float)
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise refuse(where, values, "an array of numbers") from None
     fits = array.ndim == len(shape) and all(n is None or n == m for n, m in zip(shape, array.shape, strict=True))
     if not fits:
         raise refuse(
@@ -196,5 +199,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     >>> did_you_mean("stifness", ["stiffness", "damping"])
     "did you mean 'stiffness'?"
     """
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    names = list(known)
+    swapped = [other for other in names if sorted(other) == sorted(name)]
+    near = swapped or difflib.get_close_matches(name, names, n=1, cutoff=0.6)
     return f"did you mean {near[0]!r}?" if near else ""

@@ -7,6 +7,7 @@ Results go to standard output, messages to standard error. Exit codes: 0 done, 2
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sys
 import tempfile
@@ -24,8 +25,8 @@ from flexcam import __version__, console, fidelity
 from flexcam.case import Case, read_case
 from flexcam.checks import Fault, InputError, refuse
 from flexcam.integrate import solve
-from flexcam.io import read_result, write_mesh, write_pvd
-from flexcam.response import Cause, Response, RunFailedError, Status
+from flexcam.io import made_folder, read_result, write_mesh, write_pvd
+from flexcam.response import Cause, RunFailedError, Status
 from flexcam.runner import modes as case_modes
 from flexcam.runner import prepare, result_file
 
@@ -33,7 +34,8 @@ DONE, REFUSED, FAILED, FAULT, INTERRUPTED, TERMINATED = 0, 2, 3, 70, 130, 143
 
 CaseFile = Annotated[Path, Parameter(help="Case file (TOML).")]
 Overrides = Annotated[
-    list[str] | None, Parameter("--set", help="Lay a value over the case's: run.speed=4000rpm. May be repeated.")
+    list[str] | None,
+    Parameter("--set", negative=(), help="Lay a value over the case's: run.speed=4000rpm. May be repeated."),
 ]
 Json = Annotated[bool, Parameter("--json", negative=(), help="Print one JSON object.")]
 Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]
@@ -42,15 +44,15 @@ Overwrite = Annotated[bool, Parameter("--overwrite", negative=(), help="Replace 
 app = App(
     name="flexcam",
     version=__version__,
-    help="""Flexible valve trains and cam mechanisms by finite elements.
-
-Examples:
-
-    flexcam check cases/tayeb/model-3-shm.toml
-    flexcam compare cases/tayeb/model-3-shm.toml --set run.speed=4000rpm
-    flexcam run cases/tayeb/model-3-shm.toml -o results
-    flexcam export results/model-3-shm.vtkhdf --format pvd
+    help_format="plaintext",
+    help="Flexible valve trains and cam mechanisms by finite elements.",
+    help_prologue="""\
+flexcam check cases/tayeb/model-3-shm.toml
+flexcam compare cases/tayeb/model-3-shm.toml --set run.speed=4000rpm
+flexcam run cases/tayeb/model-3-shm.toml -o results
+flexcam export results/model-3-shm.vtkhdf --format pvd
 """,
+    suppress_keyboard_interrupt=False,
 )
 
 
@@ -67,7 +69,12 @@ def _load(path: Path, overrides: Sequence[str] | None) -> Case:
     return read_case(path, overrides or ())
 
 
-@app.command
+@app.command(
+    help_prologue="""\
+flexcam check case.toml
+flexcam check case.toml --set run.speed=4000rpm --json
+"""
+)
 def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False) -> int:
     """Check a case and say what its model contains."""
     ready = prepare(_load(case, overrides))
@@ -88,7 +95,12 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
     return DONE
 
 
-@app.command
+@app.command(
+    help_prologue="""\
+flexcam run case.toml
+flexcam run case.toml -o results --set run.revolutions=4 --overwrite
+"""
+)
 def run(
     case: CaseFile, *, folder: Folder = Path("results"), overrides: Overrides = None, overwrite: Overwrite = False,
     as_json: Json = False,
@@ -96,7 +108,8 @@ def run(
     """Solve a case in time and write its result file."""
     ready = prepare(_load(case, overrides))
     sink = result_file(ready, folder, overwrite=overwrite)
-    response = solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
+    _solving.append(True)
+    response = solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink], stop=lambda: bool(_signals))
     result = sink.path if response.status.ok else sink.partial
     if as_json:
         _print_json({
@@ -109,10 +122,15 @@ def run(
         out.print(console.run_table(ready.case, response))
         out.print(f"\n{response.stats.steps} steps of {response.stats.unknowns} unknowns; result: {result}")
         out.print("Open it in ParaView 5.12 or newer; for older ones: " + f"flexcam export {result} --format pvd")
-    return _ended(response)
+    return _ended(response.status)
 
 
-@app.command
+@app.command(
+    help_prologue="""\
+flexcam modes case.toml
+flexcam modes case.toml --count 20 --json
+"""
+)
 def modes(case: CaseFile, *, count: int = 12, overrides: Overrides = None, as_json: Json = False) -> int:
     """Compute natural frequencies and what moves in each mode.
 
@@ -135,7 +153,12 @@ def modes(case: CaseFile, *, count: int = 12, overrides: Overrides = None, as_js
     return DONE
 
 
-@app.command
+@app.command(
+    help_prologue="""\
+flexcam compare case.toml
+flexcam compare case.toml --probe valve --set run.speed=4000rpm
+"""
+)
 def compare(case: CaseFile, *, probe: str | None = None, overrides: Overrides = None, as_json: Json = False) -> int:
     """Compare the flexible mechanism with the rigid one at a probe.
 
@@ -168,10 +191,15 @@ def compare(case: CaseFile, *, probe: str | None = None, overrides: Overrides = 
         if claims:
             out.print()
             out.print(console.claim_table(claims))
-    return _ended_status(found.status)
+    return _ended(found.status)
 
 
-@app.command
+@app.command(
+    help_prologue="""\
+flexcam export results/case.vtkhdf --format pvd --every 5
+flexcam export case.toml --format msh -o meshes
+"""
+)
 def export(
     source: Annotated[Path, Parameter(help="Result file, or a case file for --format msh.")], *,
     form: Annotated[Literal["pvd", "msh"], Parameter("--format", help="pvd: ParaView 5.11; msh: Gmsh 2.2.")] = "pvd",
@@ -180,11 +208,10 @@ def export(
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> int:  # fmt: skip
     """Write a result as a ParaView collection, or a case's mesh as a Gmsh file."""
-    target = folder or source.parent
-    target.mkdir(parents=True, exist_ok=True)
+    target = made_folder(folder or source.parent)
     if form == "msh":
         path = target / f"{source.stem}.msh"
-        write_mesh(prepare(read_case(source)).model.mesh, path)
+        write_mesh(prepare(read_case(source)).model.mesh, path, overwrite=overwrite)
         files = [path]
     else:
         files = write_pvd(read_result(source), target / f"{source.stem}.pvd", every=every, overwrite=overwrite)
@@ -203,20 +230,11 @@ def _default_probe(case: Case) -> str:
     return known[0]
 
 
-_terminated: list[int] = []
-
-
-def _ended(response: Response) -> int:
-    return _ended_status(response.status)
-
-
-def _ended_status(status: Status) -> int:
+def _ended(status: Status) -> int:
     if status.ok:
         return DONE
     sys.stderr.write(f"{status}\n")
-    if status.cause is Cause.INTERRUPTED:
-        return TERMINATED if _terminated else INTERRUPTED
-    return FAILED
+    return _signal_code() if status.cause is Cause.INTERRUPTED else FAILED
 
 
 def _refused(faults: Sequence[Fault], as_json: bool) -> int:
@@ -230,27 +248,55 @@ def _refused(faults: Sequence[Fault], as_json: bool) -> int:
 def _failed(status: Status, as_json: bool) -> int:
     if as_json:
         _print_json({"status": str(status.cause), "message": status.text, "remedy": status.remedy})
-    return _ended_status(status)
+    return _ended(status)
 
 
-def _on_term(signum: int, frame: FrameType | None) -> None:
+def _crashed(words: Sequence[str], as_json: bool) -> int:
+    with tempfile.NamedTemporaryFile(
+        "w", prefix="flexcam-crash-", suffix=".txt", delete=False, encoding="utf-8"
+    ) as file:
+        file.write(f"flexcam {__version__}\n{' '.join(words)}\n\n{traceback.format_exc()}")
+    message = f"a fault of flexcam itself; please report it with {file.name}"
+    if as_json:
+        _print_json({"status": "fault", "message": message, "crash_file": file.name})
+    sys.stderr.write(f"{message}\n")
+    return FAULT
+
+
+_INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before anything was computed")
+_signals: list[int] = []
+_solving: list[bool] = []
+
+
+def _on_signal(signum: int, frame: FrameType | None) -> None:
+    """Let a run end at its next step; stop anything else at once."""
     del frame
-    _terminated.append(signum)
-    raise KeyboardInterrupt
+    _signals.append(signum)
+    if not _solving or len(_signals) > 1:
+        raise KeyboardInterrupt
 
 
-def _dispatch(arguments: Sequence[str]) -> int:
-    as_json = "--json" in arguments
+def _signal_code() -> int:
+    return TERMINATED if signal.SIGTERM in _signals else INTERRUPTED
+
+
+def _dispatch(words: Sequence[str]) -> int:
+    as_json = "--json" in words
     try:
-        return int(app(arguments, exit_on_error=False, print_error=False, result_action="return_value") or DONE)
+        code = int(app(words, exit_on_error=False, print_error=False, result_action="return_value") or DONE)
     except CycloptsError as fault:
-        return _refused([Fault("command line", " ".join(arguments), "see flexcam --help", str(fault), "")], as_json)
+        given = " ".join(words) or "nothing"
+        code = _refused([Fault("command line", given, "see flexcam --help", str(fault), "")], as_json)
     except InputError as refusal:
-        return _refused(refusal.faults, as_json)
+        code = _refused(refusal.faults, as_json)
     except RunFailedError as failure:
-        return _failed(failure.status, as_json)
+        code = _failed(failure.status, as_json)
     except KeyboardInterrupt:
-        return TERMINATED if _terminated else INTERRUPTED
+        code = _failed(_INTERRUPTED, as_json)
+    except Exception:  # noqa: BLE001 - the one place where a fault of flexcam itself becomes a message
+        code = _crashed(words, as_json)
+    # A signal that arrived inside a finalizer was swallowed there; it still counts.
+    return _signal_code() if _signals and code == DONE else code
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -266,19 +312,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     SystemExit
         Always, with the exit code.
     """
-    signal.signal(signal.SIGTERM, _on_term)
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _on_signal)
     try:
-        code = _dispatch(words)
-    except Exception:  # noqa: BLE001 - the one place where a fault of flexcam itself becomes a message
-        code = _crashed(words)
+        code = _dispatch(list(sys.argv[1:] if arguments is None else arguments))
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader went away; Python would complain again when it closes the pipe
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = DONE
     raise SystemExit(code)
-
-
-def _crashed(words: Sequence[str]) -> int:
-    with tempfile.NamedTemporaryFile(
-        "w", prefix="flexcam-crash-", suffix=".txt", delete=False, encoding="utf-8"
-    ) as file:
-        file.write(f"flexcam {__version__}\n{' '.join(words)}\n\n{traceback.format_exc()}")
-    sys.stderr.write(f"a fault of flexcam itself; please report it with {file.name}\n")
-    return FAULT

@@ -115,11 +115,6 @@ class Series:
         """Return the chosen instants, shape (times,)."""
         return Series(self.displacement[instants], self.velocity[instants], self.acceleration[instants])
 
-    def finite(self) -> NDArray[np.bool_]:
-        """Return at which instants every number is finite, shape (times,)."""
-        side_by_side = np.hstack([self.displacement, self.velocity, self.acceleration])
-        return np.logical_and.reduce(np.isfinite(side_by_side), axis=1)
-
 
 @dataclass(frozen=True, eq=False)
 class Block:
@@ -146,6 +141,32 @@ class Block:
     field_time: FloatArray
     field_angle: FloatArray
     fields: Series
+
+
+@dataclass(frozen=True)
+class SaveAt:
+    """What of a run is kept; probes and channels are kept at every step.
+
+    Parameters
+    ----------
+    field_every
+        All unknowns at every so many steps, the first and the last step included.
+    fields_per_block
+        Saved fields handed out together.
+
+    Examples
+    --------
+    >>> SaveAt(field_every=100).fields_per_block
+    32
+    """
+
+    field_every: int = 20
+    fields_per_block: int = 32
+
+    def __post_init__(self) -> None:
+        for name in ("field_every", "fields_per_block"):
+            if getattr(self, name) < 1:
+                raise refuse(f"save.{name}", getattr(self, name), "a whole number from 1")
 
 
 class Sink(Protocol):
@@ -196,7 +217,7 @@ class Outline:
                     return slice(first + i, first + i + 1)
             known += [probe, *(f"{probe}.{one}" for one in components if len(components) > 1)]
             first += len(components)
-        raise refuse("probe", repr(name), ", ".join(known) or "(no probe was saved)", did_you_mean(name, known))
+        raise refuse("probe", repr(name), ", ".join(known) or "(no probe was saved)", remedy=did_you_mean(name, known))
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,8 +313,8 @@ class Memory:
         self._end = (status, stats)
 
     def response(self) -> Response:
-        """Return everything that was kept."""
-        blocks = self._blocks
+        """Return everything that was kept; arrays of no instants if nothing came."""
+        blocks = self._blocks or [_empty(self._outline)]
         channels = np.concatenate([b.channels for b in blocks])
         return Response(
             outline=self._outline,
@@ -307,3 +328,13 @@ class Memory:
             status=self._end[0],
             stats=self._end[1],
         )
+
+
+def _empty(outline: Outline) -> Block:
+    nothing = np.zeros(0)
+    probes = np.zeros((0, sum(len(components) for _, components in outline.probes)))
+    fields = np.zeros((0, len(outline.unknowns)))
+    channels = np.zeros((0, len(outline.channels)))
+    return Block(
+        nothing, nothing, Series(probes, probes, probes), channels, nothing, nothing, Series(fields, fields, fields)
+    )

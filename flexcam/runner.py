@@ -9,28 +9,23 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
 from flexcam.case import Case, build_model
-from flexcam.case.records import GeneralizedAlphaRecord, HhtRecord, IntegratorRecord, NewmarkRecord
-from flexcam.checks import refuse
+from flexcam.checks import InputError, refuse
 from flexcam.integrate import (
     Problem,
-    SaveAt,
     Scheme,
     equilibrium,
-    generalized_alpha,
-    hht,
-    newmark,
     outline,
     rest,
     solve,
 )
-from flexcam.io import ResultFile
-from flexcam.response import Response, Sink
+from flexcam.io import Geometry, ResultFile, made_folder
+from flexcam.response import Response, SaveAt, Sink
 from flexcam.system import ConstantSpeed, System
 from flexcam.train import Model, ModelModes, build_rigid, build_structure, build_system, model_modes
 
@@ -91,14 +86,13 @@ def prepare(case: Case, *, rigid: bool = False) -> Prepared:
     ``prepare(case).problem.system`` is the `System` of a case, for one's own studies.
     """
     model = build_model(case)
-    system = build_rigid(model, case.speed) if rigid else build_system(model, case.speed)
-    return Prepared(
-        case,
-        model,
-        _problem(case, system),
-        scheme_of(case.record.run.integrator),
-        SaveAt(case.record.output.field_every),
-    )
+    make = build_rigid if rigid else build_system
+    try:
+        system = make(model, case.speed)
+    except InputError as refusal:
+        raise InputError(replace(f, where=case.place(tuple(f.where.split(".")))) for f in refusal.faults) from None
+    save = SaveAt(field_every=case.record.output.field_every)
+    return Prepared(case, model, _problem(case, system), case.record.run.integrator.made(), save)
 
 
 def _problem(case: Case, system: System) -> Problem:
@@ -111,28 +105,6 @@ def _problem(case: Case, system: System) -> Problem:
         raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
     start = equilibrium if run.start == "equilibrium" else rest
     return Problem(system, drive, step, steps, start(system, drive))
-
-
-def scheme_of(record: IntegratorRecord) -> Scheme:
-    """Return the integrator a case asks for.
-
-    Parameters
-    ----------
-    record
-        The table ``run.integrator``.
-
-    Returns
-    -------
-    Scheme
-        Its parameters.
-    """
-    match record:
-        case NewmarkRecord():
-            return newmark(beta=record.beta, gamma=record.gamma)
-        case HhtRecord():
-            return hht(alpha=record.alpha)
-        case GeneralizedAlphaRecord():
-            return generalized_alpha(rho_inf=record.rho_inf)
 
 
 def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Response:
@@ -218,18 +190,12 @@ def result_file(ready: Prepared, folder: str | Path, *, overwrite: bool = False)
     InputError
         If the result exists and may not be replaced, or the folder cannot be made.
     """
-    target = Path(folder)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise refuse("-o", str(target), "a folder that can be made", str(fault)) from None
-    radius = {name: member.section.radius for name, member in ready.model.members.items()}
-    dofs = build_structure(ready.model).dofs
-    system = outline(ready.problem.system)
-    path = target / f"{ready.case.name}.vtkhdf"
-    return ResultFile(
-        path, ready.model.mesh, dofs, system, radius=radius, about=_about(ready.case), overwrite=overwrite
-    )
+    structure = build_structure(ready.model)
+    sections = {name: member.section for name, member in ready.model.members.items()}
+    geometry = Geometry(ready.model.mesh, structure.dofs, structure.beams, sections)
+    path, about = made_folder(Path(folder)) / f"{ready.case.name}.vtkhdf", _about(ready.case)
+    names = outline(ready.problem.system)
+    return ResultFile(path, geometry, names, save=ready.save, about=about, overwrite=overwrite)
 
 
 def _about(case: Case) -> dict[str, str]:

@@ -18,6 +18,9 @@ Exponents = tuple[int, int, int, int]
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
 _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*([+-]?\d+))?\s*")
 
+_LARGEST = 10**308
+"""Whole numbers may be longer than any float."""
+
 _NONE: Exponents = (0, 0, 0, 0)
 _PREFIXED: dict[str, tuple[float, Exponents]] = {
     "m": (1.0, (1, 0, 0, 0)),
@@ -64,6 +67,9 @@ class Dimension:
         Symbol of the SI unit.
     example
         A valid text, for messages.
+    least, most
+        Size in SI outside which a number is no such quantity of a mechanism; zero is always inside. They also keep the
+        arithmetic away from the ends of floating point.
 
     Examples
     --------
@@ -75,32 +81,34 @@ class Dimension:
     exponents: Exponents
     si: str
     example: str
+    least: float
+    most: float
 
 
-def _table(*rows: tuple[str, Exponents, str, str]) -> dict[str, Dimension]:
-    return {name: Dimension(name, exponents, si, example) for name, exponents, si, example in rows}
+def _table(*rows: tuple[str, Exponents, str, str, float, float]) -> dict[str, Dimension]:
+    return {row[0]: Dimension(*row) for row in rows}
 
 
 DIMENSIONS = _table(
-    ("number", _NONE, "", "0.5"),
-    ("length", (1, 0, 0, 0), "m", "25 mm"),
-    ("area", (2, 0, 0, 0), "m^2", "490 mm^2"),
-    ("second moment", (4, 0, 0, 0), "m^4", "19000 mm^4"),
-    ("mass", (0, 1, 0, 0), "kg", "0.15 kg"),
-    ("inertia", (2, 1, 0, 0), "kg m^2", "1e-4 kg m^2"),
-    ("density", (-3, 1, 0, 0), "kg/m^3", "7800 kg/m^3"),
-    ("stress", (-1, 1, -2, 0), "Pa", "207 GPa"),
-    ("force", (1, 1, -2, 0), "N", "300 N"),
-    ("moment", (2, 1, -2, 0), "N m", "5 N m"),
-    ("stiffness", (0, 1, -2, 0), "N/m", "40 kN/m"),
-    ("rotational stiffness", (2, 1, -2, -1), "N m/rad", "5 kN m/rad"),
-    ("damping", (0, 1, -1, 0), "N s/m", "2 kN s/m"),
-    ("rotational damping", (2, 1, -1, -1), "N m s/rad", "1 N m s/rad"),
-    ("time", (0, 0, 1, 0), "s", "20 us"),
-    ("rate", (0, 0, -1, 0), "1/s", "5.36 1/s"),
-    ("angle", (0, 0, 0, 1), "rad", "180 deg"),
-    ("speed", (0, 0, -1, 1), "rad/s", "3000 rpm"),
-    ("acceleration", (1, 0, -2, 0), "m/s^2", "9.81 m/s^2"),
+    ("number", _NONE, "", "0.5", 1e-12, 1e12),
+    ("length", (1, 0, 0, 0), "m", "25 mm", 1e-09, 100000),
+    ("area", (2, 0, 0, 0), "m^2", "490 mm^2", 1e-18, 1e10),
+    ("second moment", (4, 0, 0, 0), "m^4", "19000 mm^4", 1e-36, 1e20),
+    ("mass", (0, 1, 0, 0), "kg", "0.15 kg", 1e-15, 1e12),
+    ("inertia", (2, 1, 0, 0), "kg m^2", "1e-4 kg m^2", 1e-24, 1e20),
+    ("density", (-3, 1, 0, 0), "kg/m^3", "7800 kg/m^3", 1e-09, 1e09),
+    ("stress", (-1, 1, -2, 0), "Pa", "207 GPa", 0.001, 1e15),
+    ("force", (1, 1, -2, 0), "N", "300 N", 1e-12, 1e15),
+    ("moment", (2, 1, -2, 0), "N m", "5 N m", 1e-15, 1e15),
+    ("stiffness", (0, 1, -2, 0), "N/m", "40 kN/m", 1e-12, 1e18),
+    ("rotational stiffness", (2, 1, -2, -1), "N m/rad", "5 kN m/rad", 1e-15, 1e18),
+    ("damping", (0, 1, -1, 0), "N s/m", "2 kN s/m", 1e-15, 1e15),
+    ("rotational damping", (2, 1, -1, -1), "N m s/rad", "1 N m s/rad", 1e-15, 1e15),
+    ("time", (0, 0, 1, 0), "s", "20 us", 1e-15, 1e09),
+    ("rate", (0, 0, -1, 0), "1/s", "5.36 1/s", 1e-12, 1e15),
+    ("angle", (0, 0, 0, 1), "rad", "180 deg", 1e-09, 1e06),
+    ("speed", (0, 0, -1, 1), "rad/s", "3000 rpm", 1e-06, 1e08),
+    ("acceleration", (1, 0, -2, 0), "m/s^2", "9.81 m/s^2", 1e-09, 1e09),
 )
 
 
@@ -126,7 +134,10 @@ def _unit_product(text: str, where: str) -> tuple[float, Exponents]:
         if match is None or found is None:
             symbol = match[2] if match else text[position:]
             hint = did_you_mean(symbol, _known_symbols())
-            raise refuse(where, f"unit {symbol!r} in {text!r}", "units such as mm, kg, kN/m, GPa, rpm, deg", hint)
+            allowed = "units such as mm, kg, kN/m, GPa, rpm, deg"
+            raise refuse(
+                where, f"unit {symbol!r} in {text!r}", allowed, "no such unit is known", hint or "write it in SI"
+            )
         # As in print, everything up to the next '*' or '/' stays below a '/': N s/m, kg/(m s) is kg/m/s.
         divide = match[1] == "/" or (match[1] == "" and divide)
         power = int(match[3] or 1) * (-1 if divide else 1)
@@ -137,12 +148,12 @@ def _unit_product(text: str, where: str) -> tuple[float, Exponents]:
 
 
 def _same_kind(found: Exponents, wanted: Exponents) -> bool:
-    """Angles may be left out of moments and stiffnesses (N m for N m/rad), nowhere else."""
-    has_mass = wanted[1] != 0
-    return found[:3] == wanted[:3] if has_mass else found == wanted
+    """Tell whether two kinds agree; a radian may be left out of moments and what is made of them, nowhere else."""
+    of_moments = wanted[:2] == (2, 1)
+    return found[:3] == wanted[:3] if of_moments else found == wanted
 
 
-def parse(value: float | str, dimension: str, where: str = "value") -> float:
+def parse(value: float | str, dimension: str, where: str = "value", *, noise: bool = False) -> float:
     """Return a quantity in SI.
 
     Parameters
@@ -153,6 +164,8 @@ def parse(value: float | str, dimension: str, where: str = "value") -> float:
         A key of `DIMENSIONS`.
     where
         The place, for the message.
+    noise
+        Whether a number too small for its kind is the rounding of a zero (a coordinate) and not a mistake.
 
     Returns
     -------
@@ -162,7 +175,8 @@ def parse(value: float | str, dimension: str, where: str = "value") -> float:
     Raises
     ------
     InputError
-        If the text is no number with a unit, the unit is unknown or of another kind, or the number is not finite.
+        If the text is no number with a unit, the unit is unknown or of another kind, or the number is not finite or
+        beyond any size such a quantity has.
 
     Examples
     --------
@@ -176,7 +190,7 @@ def parse(value: float | str, dimension: str, where: str = "value") -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):  # pyright: ignore[reportUnnecessaryIsInstance] - file content
         raise refuse(where, value, allowed)
     if not isinstance(value, str):
-        number, text = float(value), ""
+        number, text = float(value) if abs(value) < _LARGEST else math.inf, ""
     elif match := _NUMBER.match(value):
         number, text = float(match[1]), match[2]
     else:
@@ -184,6 +198,12 @@ def parse(value: float | str, dimension: str, where: str = "value") -> float:
     factor, exponents = _unit_product(text, where) if text else (1.0, kind.exponents)
     if not _same_kind(exponents, kind.exponents):
         raise refuse(where, repr(value), allowed, f"the unit {text!r} does not measure a {kind.name}")
-    if not math.isfinite(number * factor):
+    si = number * factor
+    if not math.isfinite(si):
         raise refuse(where, repr(value), allowed, "the number is not finite")
-    return number * factor
+    if noise and abs(si) < kind.least:
+        return 0.0
+    if si != 0.0 and not kind.least <= abs(si) <= kind.most:
+        why = f"between {kind.least:g} and {kind.most:g} {kind.si}".rstrip()
+        raise refuse(where, repr(value), allowed, f"no mechanism has such a {kind.name}: {why}", "check the unit")
+    return si

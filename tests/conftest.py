@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from flexcam.fem import Material, Member, PointMass, Section, direction, dof_map
 from flexcam.fem.generate import published_model
 from flexcam.linalg import Triplets
@@ -30,14 +31,14 @@ def pytest_configure(config):
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_testnodedown(node, error):  # noqa: ARG001 - the signature of xdist's hook
-    node.config.stash[ROWS].extend(getattr(node, "workeroutput", {}).get("verification", []))
+def pytest_testnodedown(node, error):
+    node.config.stash[ROWS].extend(json.loads(getattr(node, "workeroutput", {}).get("verification", "[]")))
 
 
 def pytest_sessionfinish(session):
     rows = session.config.stash[ROWS]
     if hasattr(session.config, "workeroutput"):
-        session.config.workeroutput["verification"] = rows
+        session.config.workeroutput["verification"] = json.dumps(rows)
     elif rows:
         _write(rows)
 
@@ -64,11 +65,13 @@ def record(request):
         passed = bool(deviation <= allowed)  # False for NaN
         row = {
             "source": source, "case": case, "quantity": quantity, "unit": unit, "reference": _digits(reference),
-            "computed": _digits(computed), "tolerance": tolerance, "absolute": absolute, "reason": reason,
+            "computed": _digits(computed), "tolerance": _digits(tolerance), "absolute": absolute, "reason": reason,
             "passed": passed, "test": request.node.nodeid,
         }  # fmt: skip
         request.config.stash[ROWS].append(row)
-        assert passed, f"{case}, {quantity}: {computed:.10g} {unit}, reference {reference:.10g}, allowed +-{allowed:.3g}"
+        assert passed, (
+            f"{case}, {quantity}: {computed:.10g} {unit}, reference {reference:.10g}, allowed +-{allowed:.3g}"
+        )
 
     return keep
 
@@ -87,7 +90,7 @@ def readonly():
 
 @pytest.fixture(scope="session")
 def steel():
-    """The documented steel of the published models."""
+    """Return the documented steel of the published models."""
     return Material(E=207e9, nu=0.29, density=7800.0)
 
 
@@ -100,7 +103,9 @@ def published(steel):
         event = event or LiftEvent(LAWS[law], lift=0.006, rise=math.pi, fall=math.pi)
         return Model(
             mesh=published_model(model),
-            members={"camshaft": Member(steel, Section.circle(0.025)), "pushrod": Member(steel, Section.tube(0.008, 0.005))},
+            members={
+                "camshaft": Member(steel, Section.circle(0.025)), "pushrod": Member(steel, Section.tube(0.008, 0.005)),
+            },
             supports={
                 "drive": ("uy", "uz", "rx"), "bearings": ("uy", "uz"), "guide": ("ux", "uz", "rx", "ry", "rz"),
                 "tappet": ("ux", "uz", "ry"),
@@ -132,7 +137,9 @@ def system_of():
     def make(M, C, K, loads=(), local=()):
         n = len(M)
         names = tuple(f"x{i}" for i in range(n))
-        vectors = tuple(Load(f"load{i}", np.asarray(vector, float), history) for i, (vector, history) in enumerate(loads))
+        vectors = tuple(
+            Load(f"load{i}", np.asarray(vector, float), history) for i, (vector, history) in enumerate(loads)
+        )
         probes = (Probe("all", names, np.eye(n), (None,) * n),)
         parts = [Triplets.from_dense(np.asarray(X, float)) for X in (M, C, K)]
         return System(*parts, names, vectors, tuple(local), probes)
@@ -143,7 +150,7 @@ def system_of():
 @pytest.fixture(scope="session")
 def local_force():
     """Return a local force that senses and acts on one scalar through one law."""
-    from flexcam.system import AngleVector, constant  # noqa: PLC0415 - beside its only user
+    from flexcam.system import AngleVector, constant
 
     def make(name, row, law):
         row = np.asarray(row, float)

@@ -11,9 +11,8 @@ from flexcam import fem, train
 from flexcam.case import records as r
 from flexcam.case.read import Case
 from flexcam.checks import Fault, InputError, refuse
-from flexcam.fem import Damping, Material, Member, Mesh, PointMass, Section
+from flexcam.fem import Member, Mesh
 from flexcam.linalg import FloatArray
-from flexcam.motion import LAWS, LiftEvent
 
 In = TypeVar("In")
 Out = TypeVar("Out")
@@ -36,6 +35,10 @@ def build_model(case: Case) -> train.Model:
     ------
     InputError
         With all faults of geometry and parts at once.
+
+    Examples
+    --------
+    ``build_model(read_case("cases/tayeb/model-3-shm.toml")).mesh.lines["pushrod"]`` are the nodes of the pushrod.
     """
     record = case.record
     faults: list[Fault] = []
@@ -46,26 +49,20 @@ def build_model(case: Case) -> train.Model:
             try:
                 made[name] = make(part)
             except InputError as refusal:
-                faults.extend(_inside(f"{kind}.{name}", fault) for fault in refusal.faults)
+                faults.extend(_inside(case.place((kind, name)), fault) for fault in refusal.faults)
         return made
 
-    materials = each("materials", record.materials, lambda m: Material(m.E, m.nu, m.density))
-    sections = each("sections", record.sections, section)
-    if faults:
-        raise InputError(faults)
     mesh = _mesh(case)
-    rockers = each("rockers", record.rockers, lambda one: _rocker(one, mesh))
-    contacts = each("contacts", record.contacts, lambda one: _contact(one, record, mesh))
     model = train.Model(
         mesh=mesh,
-        members=each("members", record.members, lambda m: _member(m, materials, sections)),
+        members={name: _member(member, record) for name, member in record.members.items()},
         supports={point: tuple(held) for point, held in record.supports.items()},
-        masses=each("masses", record.masses, _mass),
-        springs=each("springs", record.springs, _spring),
-        rockers=rockers,
-        cams=each("cams", record.cams, _cam),
-        contacts=contacts,
-        damping=Damping(**record.run.damping.model_dump()),
+        masses={name: one.made() for name, one in record.masses.items()},
+        springs={name: one.made() for name, one in record.springs.items()},
+        rockers=each("rockers", record.rockers, lambda one: _rocker(one, mesh)),
+        cams={name: one.made() for name, one in record.cams.items()},
+        contacts=each("contacts", record.contacts, lambda one: _contact(one, record, mesh)),
+        damping=record.run.damping.made(),
         probes=tuple(record.output.probes),
     )
     if faults:
@@ -77,87 +74,36 @@ def _inside(where: str, fault: Fault) -> Fault:
     return Fault(f"{where}: {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)
 
 
-def section(record: r.CircleRecord | r.TubeRecord | r.RectangleRecord | r.CustomRecord) -> Section:
-    """Return the section of a record.
-
-    Parameters
-    ----------
-    record
-        Any of the shapes.
-
-    Returns
-    -------
-    Section
-        With the record's own torsion constant and shear factors where it gives them.
-    """
-    match record:
-        case r.CircleRecord():
-            bare = Section.circle(record.diameter)
-        case r.TubeRecord():
-            bare = Section.tube(record.outer_diameter, record.inner_diameter)
-        case r.RectangleRecord():
-            bare = Section.rectangle(record.width_y, record.width_z)
-        case r.CustomRecord():
-            bare = Section(record.A, record.Iy, record.Iz, record.J)
-    return bare.given(J=record.J, kappa_y=record.kappa_y, kappa_z=record.kappa_z)
-
-
 def _mesh(case: Case) -> Mesh:
-    members = case.record.members
-    if case.mesh is None:
-        names = list(case.record.nodes)
-        lines = {name: [names.index(node) for node in m.nodes or []] for name, m in members.items()}
-        lacking = [name for name, line in lines.items() if not line]
-        if lacking:
-            raise refuse(f"members.{lacking[0]}", "no nodes", "the named nodes along it", "the case has no mesh file")
-        index = {name: np.array([i]) for i, name in enumerate(names)}
-        mesh = Mesh(np.array(list(case.record.nodes.values())), {k: np.array(v) for k, v in lines.items()}, index)
-    else:
-        _check_groups(case.mesh, members)
-        mesh = case.mesh
-    return fem.refined(mesh, {name: member.elements for name, member in members.items()})
+    try:
+        return fem.refined(case.mesh or _inline_mesh(case), {n: m.elements for n, m in case.record.members.items()})
+    except InputError as refusal:
+        where = case.place(("nodes",) if case.mesh is None else ("mesh",))
+        faults = [f if f.where.startswith("members") else _inside(where, f) for f in refusal.faults]
+        raise InputError(faults) from None
 
 
-def _check_groups(mesh: Mesh, members: Mapping[str, r.MemberRecord]) -> None:
-    faults = [
-        Fault(f"members.{name}", "a member without a line group", f"line groups: {', '.join(mesh.lines)}", "", "")
-        for name in members
-        if name not in mesh.lines
-    ]
-    faults += [
-        Fault(f"mesh group {name!r}", "lines without a member", "a table under [members]", "", f"add [members.{name}]")
-        for name in mesh.lines
-        if name not in members
-    ]
-    faults += [
-        Fault(f"members.{name}.nodes", "nodes", "nothing", "the mesh file says where it runs", "remove the key")
-        for name, member in members.items()
-        if member.nodes is not None
-    ]
-    if faults:
-        raise InputError(faults)
+def _inline_mesh(case: Case) -> Mesh:
+    names = list(case.record.nodes)
+    index = {name: np.array([i]) for i, name in enumerate(names)}
+    twice = [
+        Fault(case.place(("members", name, "nodes")), repr(node), "a chain that meets each node once",
+              "a closed member has no end to start from", "make two members of it")
+        for name, member in case.record.members.items()
+        for node in dict.fromkeys(member.nodes or [])
+        if (member.nodes or []).count(node) > 1
+    ]  # fmt: skip
+    if twice:
+        raise InputError(twice)
+    lines = {name: np.array([names.index(node) for node in m.nodes or []]) for name, m in case.record.members.items()}
+    return Mesh(np.array(list(case.record.nodes.values())), lines, index)
 
 
-def _member(record: r.MemberRecord, materials: Mapping[str, Material], sections: Mapping[str, Section]) -> Member:
+def _member(member: r.MemberRecord, case: r.CaseRecord) -> Member:
     return Member(
-        materials[record.material], sections[record.section], record.orientation,
-        record.shear, record.rotary_inertia, record.mass,
+        case.materials[member.material].made(), case.sections[member.section].made(), member.orientation,
+        member.shear, member.rotary_inertia, member.mass,
     )  # fmt: skip
-
-
-def _mass(record: r.MassRecord) -> train.MassAt:
-    return train.MassAt(record.at, PointMass(record.mass, record.inertia, record.offset))
-
-
-def _spring(record: r.SpringRecord) -> train.Spring:
-    return train.Spring(
-        record.at, fem.direction(record.direction), record.stiffness, record.damping, record.to, record.installed_force
-    )
-
-
-def _cam(record: r.CamRecord) -> train.Cam:
-    event = LiftEvent(LAWS[record.law], record.lift, record.rise, record.fall, record.dwell, record.phase)
-    return train.Cam(record.at, event)
 
 
 def _rocker(record: r.RockerRecord, mesh: Mesh) -> train.Rocker:

@@ -1,8 +1,10 @@
-"""Which line of a TOML text a key stands on; `tomllib` does not tell."""
+"""Where a key of a case was given; `tomllib` does not tell lines."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 _TABLE = re.compile(r"\s*\[{1,2}\s*([^\]]+?)\s*\]{1,2}\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
@@ -11,59 +13,46 @@ _PART = re.compile(r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'""")
 Path = tuple[str, ...]
 
 
-def line_numbers(text: str) -> dict[Path, int]:
-    r"""Return the line of every table and key.
+@dataclass(frozen=True)
+class Places:
+    r"""Where every key of a case was given: on a line of the file, or by an override.
 
     Parameters
     ----------
-    text
-        A TOML document.
-
-    Returns
-    -------
-    dict
-        Key path to line, from 1; keys inside inline tables are not listed.
+    notes
+        Key path to what is said of it, such as ``line 12`` or ``--set run.speed=4000rpm``.
 
     Examples
     --------
-    >>> line_numbers("[run]\nspeed = 3")
-    {('run',): 1, ('run', 'speed'): 2}
-    """
-    lines: dict[Path, int] = {}
-    table: Path = ()
-    for number, line in enumerate(text.splitlines(), start=1):
-        if header := _TABLE.match(line):
-            table = _parts(header[1])
-            lines.setdefault(table, number)
-        elif key := _KEY.match(line):
-            lines.setdefault(table + _parts(key[1]), number)
-    return lines
-
-
-def place(path: Path, lines: dict[Path, int]) -> str:
-    """Return a key path with the line of its nearest listed ancestor.
-
-    Parameters
-    ----------
-    path
-        Key path.
-    lines
-        From `line_numbers`.
-
-    Returns
-    -------
-    str
-        Such as ``run.speed (line 12)``.
-
-    Examples
-    --------
-    >>> place(("run", "speed", "x"), {("run", "speed"): 2})
+    >>> Places.of_text("[run]\nspeed = 3").place(("run", "speed", "x"))
     'run.speed.x (line 2)'
     """
-    for end in range(len(path), 0, -1):
-        if path[:end] in lines:
-            return f"{'.'.join(path)} (line {lines[path[:end]]})"
-    return ".".join(path) or "case file"
+
+    notes: Mapping[Path, str]
+
+    @classmethod
+    def of_text(cls, text: str) -> Places:
+        """Return the lines of every table and key of a TOML document; keys inside inline tables are not listed."""
+        notes: dict[Path, str] = {}
+        table: Path = ()
+        for number, line in enumerate(text.splitlines(), start=1):
+            if header := _TABLE.match(line):
+                table = _parts(header[1])
+                notes.setdefault(table, f"line {number}")
+            elif key := _KEY.match(line):
+                notes.setdefault(table + _parts(key[1]), f"line {number}")
+        return cls(notes)
+
+    def overridden(self, path: Path, override: str) -> Places:
+        """Return the places with one key given by an override."""
+        return Places({**self.notes, path: f"--set {override}"})
+
+    def place(self, path: Path) -> str:
+        """Return a key path with what is said of its nearest listed ancestor."""
+        for end in range(len(path), 0, -1):
+            if path[:end] in self.notes:
+                return f"{'.'.join(path)} ({self.notes[path[:end]]})"
+        return ".".join(path) or "case file"
 
 
 def _parts(dotted: str) -> Path:

@@ -13,24 +13,43 @@ from flexcam.checks import InputError
 from flexcam.units import DIMENSIONS, parse
 
 
-def refused(allowed: str, why: str = "", remedy: str = "") -> PydanticCustomError:
+def refused(allowed: str, why: str = "", remedy: str = "", *, inside: str = "", given: str = "") -> PydanticCustomError:
     """Return a refusal in the form that pydantic collects.
 
     Parameters
     ----------
     allowed, why, remedy
         As in `flexcam.checks.Fault`; pydantic knows the place and the value.
+    inside, given
+        A place inside pydantic's and the value there, where it is not the value pydantic looks at.
 
     Returns
     -------
     PydanticCustomError
         Carries the facts in its context.
     """
-    return PydanticCustomError("flexcam", "{allowed}", {"allowed": allowed, "why": why, "remedy": remedy})
+    facts = {"allowed": allowed, "why": why, "remedy": remedy, "inside": inside, "given": given}
+    return PydanticCustomError("flexcam", "{allowed}", facts)
 
 
-def _passed_on(refusal: InputError) -> PydanticCustomError:
+def passed_on(refusal: InputError, *, inside: bool = False) -> PydanticCustomError:
+    """Return a refusal of a part of flexcam in the form that pydantic collects.
+
+    Parameters
+    ----------
+    refusal
+        With one fault.
+    inside
+        Whether its place and value are kept, because pydantic looks at the table around them.
+
+    Returns
+    -------
+    PydanticCustomError
+        Carries the facts in its context.
+    """
     fault = refusal.faults[0]
+    if inside:
+        return refused(fault.allowed, fault.why, fault.remedy, inside=fault.where, given=fault.given)
     return refused(fault.allowed, fault.why, fault.remedy)
 
 
@@ -67,11 +86,11 @@ class Unit:
             If it is no such quantity.
         """
         try:
-            number = parse(value, self.dimension)
+            number = parse(value, self.dimension, noise=self.signed)
         except InputError as refusal:
-            raise _passed_on(refusal) from None
+            raise passed_on(refusal) from None
         if number < 0.0 and not self.signed:
-            raise refused(f"{self._kind} of zero or more")
+            raise refused(f"{self._kind} {'above zero' if self.above else 'of zero or more'}")
         if number == 0.0 and self.above:
             raise refused(f"{self._kind} above zero")
         return number
@@ -97,7 +116,7 @@ def _component(value: Any) -> str:  # noqa: ANN401 - whatever stands in the file
     try:
         fem.component(str(value))
     except InputError as refusal:
-        raise _passed_on(refusal) from None
+        raise passed_on(refusal) from None
     return str(value)
 
 
@@ -105,7 +124,7 @@ def _direction(value: Any) -> Any:  # noqa: ANN401
     try:
         fem.direction(value)
     except InputError as refusal:
-        raise _passed_on(refusal) from None
+        raise passed_on(refusal) from None
     return value
 
 

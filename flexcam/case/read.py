@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
 from pydantic import ValidationError
 
 from flexcam.case.lines import Path as KeyPath
-from flexcam.case.lines import line_numbers
+from flexcam.case.lines import Places
 from flexcam.case.records import CaseRecord
-from flexcam.case.references import reference_faults
+from flexcam.case.references import References
 from flexcam.case.report import faults
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
@@ -36,6 +36,12 @@ class Case:
         The checked values, SI.
     mesh
         The mesh of the file it names; None for a case with its own nodes.
+    places
+        Where every key was given.
+
+    Examples
+    --------
+    ``read_case("cases/tayeb/model-3-shm.toml").record.cams["intake"].lift`` is 0.006.
     """
 
     path: Path
@@ -43,6 +49,7 @@ class Case:
     overrides: tuple[str, ...]
     record: CaseRecord
     mesh: Mesh | None
+    places: Places
 
     @property
     def name(self) -> str:
@@ -54,6 +61,10 @@ class Case:
         """Camshaft speed, rad/s."""
         run = self.record.run
         return run.speed if run.speed is not None else 0.5 * (run.crank_speed or 0.0)
+
+    def place(self, path: KeyPath) -> str:
+        """Return a key path with the line or override it was given by."""
+        return self.places.place(path)
 
 
 def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
@@ -75,26 +86,28 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     ------
     InputError
         With all faults of the file at once: key path and line, what was given, what is allowed, why, what to do.
+
+    Examples
+    --------
+    ``read_case("cases/tayeb/model-3-shm.toml", ["run.speed=4000rpm"])`` is the published case at another speed.
     """
     source = Path(path)
     text = _text(source)
     try:
         raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as fault:
-        raise refuse(
-            str(source), str(fault), "a TOML document", "", "strings need quotes, tables need [brackets]"
-        ) from None
-    found: list[Fault] = []
+    except (tomllib.TOMLDecodeError, RecursionError) as fault:
+        remedy = "strings need quotes, tables need [brackets]"
+        raise refuse(str(source), str(fault), "a TOML document", "", remedy) from None
+    places, found = Places.of_text(text), list[Fault]()
     for override in overrides:
         found += _lay_over(raw, override)
-    lines = line_numbers(text)
-    mesh, mesh_faults = _mesh(raw, source)
-    record, record_faults = _record(raw, lines)
-    names = None if mesh_faults else ([*mesh.points] if mesh else [])
-    found += [*record_faults, *mesh_faults, *reference_faults(raw, names, lines), *_either_or(raw, lines)]
+        places = places.overridden(_key(override), override)
+    mesh, mesh_faults = _mesh(raw, source, places)
+    record, record_faults = _record(raw, places)
+    found += [*record_faults, *mesh_faults, *References(raw, mesh, places).faults(), *_either_or(raw, places)]
     if found or record is None:
         raise InputError(found)
-    return Case(source, text, tuple(overrides), record, mesh)
+    return Case(source, text, tuple(overrides), record, mesh, places)
 
 
 def _text(path: Path) -> str:
@@ -107,16 +120,20 @@ def _text(path: Path) -> str:
         raise refuse("case file", str(path), "a readable UTF-8 text file", str(fault)) from None
 
 
+def _key(override: str) -> KeyPath:
+    return tuple(step.strip() for step in override.partition("=")[0].split("."))
+
+
 def _lay_over(raw: dict[str, Any], override: str) -> list[Fault]:
     """Put one ``a.b.c=value`` into the tables; return what is wrong with it."""
-    key, equals, value = override.partition("=")
-    path = [step.strip() for step in key.split(".")]
+    path, (_, equals, value) = _key(override), override.partition("=")
     where = f"--set {override}"
     if not equals or not all(path):
         return [Fault(where, repr(override), "key=value, such as run.speed=4000rpm", "", "")]
     table: dict[str, Any] = raw
     for depth, step in enumerate(path[:-1]):
-        inner = table.setdefault(step, {}) if depth == 0 or step in table or step in _OPTIONAL_TABLES else None
+        known = list(CaseRecord.model_fields) if depth == 0 else [*table, *_OPTIONAL_TABLES]
+        inner = table.setdefault(step, {}) if step in known else None
         if not isinstance(inner, dict):
             return [Fault(where, repr(step), f"a table: {', '.join(table)}", "", did_you_mean(step, table))]
         table = cast("dict[str, Any]", inner)
@@ -135,41 +152,38 @@ def _toml_value(text: str) -> object:
         return text
 
 
-def _mesh(raw: Mapping[str, Any], source: Path) -> tuple[Mesh | None, list[Fault]]:
+def _mesh(raw: Mapping[str, Any], source: Path, places: Places) -> tuple[Mesh | None, list[Fault]]:
     name = raw.get("mesh")
     if not isinstance(name, str):
         return None, []
     try:
         return read_mesh(source.parent / name), []
     except InputError as refusal:
-        return None, list(refusal.faults)
+        where = places.place(("mesh",))
+        return None, [replace(f, where=f"{where}{f.where.removeprefix('mesh')}") for f in refusal.faults]
 
 
-def _record(raw: Mapping[str, Any], lines: dict[KeyPath, int]) -> tuple[CaseRecord | None, list[Fault]]:
+def _record(raw: Mapping[str, Any], places: Places) -> tuple[CaseRecord | None, list[Fault]]:
     try:
         return CaseRecord.model_validate(raw), []
     except ValidationError as refusal:
-        return None, faults(refusal.errors(include_url=False), lines)
+        return None, faults(refusal.errors(include_url=False), places)
 
 
-def _either_or(raw: Mapping[str, Any], lines: dict[KeyPath, int]) -> list[Fault]:
+def _either_or(raw: Mapping[str, Any], places: Places) -> list[Fault]:
     """Return the faults of keys of which exactly one, or at most one, may stand."""
-    found: list[Fault] = []
-    both = [key for key in ("mesh", "nodes") if key in raw]
-    if len(both) != 1:
-        why = "the geometry comes from one place"
-        found.append(
-            Fault("case file", " and ".join(both) or "neither mesh nor nodes", "either mesh or [nodes]", why, "")
-        )
+    found = [*_one_of(raw, ("mesh", "nodes"), 1, "case file", "the geometry comes from one place")]
     run = raw.get("run")
     if isinstance(run, Mapping):
-        given = cast("Mapping[str, Any]", run)
-        line = f" (line {lines[('run',)]})" if ("run",) in lines else ""
+        given, where = cast("Mapping[str, Any]", run), places.place(("run",))
         for pair, least in ((("speed", "crank_speed"), 1), (("steps_per_revolution", "step"), 0)):
-            count = sum(key in given for key in pair)
-            if not least <= count <= 1:
-                said = " and ".join(key for key in pair if key in given) or f"neither {pair[0]} nor {pair[1]}"
-                found.append(
-                    Fault(f"run{line}", said, f"either {pair[0]} or {pair[1]}", "one follows from the other", "")
-                )
+            found += _one_of(given, pair, least, where, "one follows from the other")
     return found
+
+
+def _one_of(table: Mapping[str, Any], pair: tuple[str, str], least: int, where: str, why: str) -> list[Fault]:
+    given = [key for key in pair if key in table]
+    if least <= len(given) <= 1:
+        return []
+    said = " and ".join(given) or f"neither {pair[0]} nor {pair[1]}"
+    return [Fault(where, said, f"either {pair[0]} or {pair[1]}", why, "")]

@@ -5,12 +5,17 @@ The field's description is what `flexcam schema` hands to editors. A key that no
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Generic, Literal, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
+from flexcam import integrate, train
 from flexcam.case import quantity as q
+from flexcam.checks import InputError
+from flexcam.fem import Damping, Material, PointMass, Section, direction
+from flexcam.motion import LAWS, LiftEvent, SimpleHarmonic
 
+Part = TypeVar("Part")
 Name = Annotated[str, Field(min_length=1, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_ -]*$")]
 Vector = tuple[q.SignedNumber, q.SignedNumber, q.SignedNumber]
 Point = tuple[q.Position, q.Position, q.Position]
@@ -19,21 +24,49 @@ Point = tuple[q.Position, q.Position, q.Position]
 class Record(BaseModel):
     """A table of the case file: no unknown keys, no changes after reading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class MaterialRecord(Record):
+class PartRecord(Record, Generic[Part]):
+    """A table that describes one part: reading it makes the part, so that its faults join the one report."""
+
+    def made(self) -> Part:
+        """Return the part, SI."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _is_possible(self) -> Self:
+        try:
+            self.made()
+        except InputError as refusal:
+            raise q.passed_on(refusal, inside=True) from None
+        return self
+
+
+class MaterialRecord(PartRecord[Material]):
     """Isotropic material."""
 
     E: Annotated[float, q.Unit("stress", above=True)] = Field(description="Young's modulus")
     nu: q.SignedNumber = Field(description="Poisson's ratio", gt=-1.0, le=0.5)
     density: Annotated[float, q.Unit("density")] = Field(description="mass per volume")
 
+    def made(self) -> Material:
+        """Return the material."""
+        return Material(self.E, self.nu, self.density)
 
-class _SectionRecord(Record):
+
+class _SectionRecord(PartRecord[Section]):
     J: Annotated[float, q.Unit("second moment", above=True)] | None = Field(None, description="torsion constant")
     kappa_y: q.PositiveNumber | None = Field(None, description="shear factor along local y")
     kappa_z: q.PositiveNumber | None = Field(None, description="shear factor along local z")
+
+    def bare(self) -> Section:
+        """Return the section with the defaults of its shape."""
+        raise NotImplementedError
+
+    def made(self) -> Section:
+        """Return the section, with the torsion constant and shear factors given here."""
+        return self.bare().given(J=self.J, kappa_y=self.kappa_y, kappa_z=self.kappa_z)
 
 
 class CircleRecord(_SectionRecord):
@@ -41,6 +74,10 @@ class CircleRecord(_SectionRecord):
 
     shape: Literal["circle"]
     diameter: q.Length
+
+    def bare(self) -> Section:
+        """Return the section with the defaults of its shape."""
+        return Section.circle(self.diameter)
 
 
 class TubeRecord(_SectionRecord):
@@ -50,6 +87,10 @@ class TubeRecord(_SectionRecord):
     outer_diameter: q.Length
     inner_diameter: Annotated[float, q.Unit("length")]
 
+    def bare(self) -> Section:
+        """Return the section with the defaults of its shape."""
+        return Section.tube(self.outer_diameter, self.inner_diameter)
+
 
 class RectangleRecord(_SectionRecord):
     """Rectangle with sides along local y and z."""
@@ -57,6 +98,10 @@ class RectangleRecord(_SectionRecord):
     shape: Literal["rectangle"]
     width_y: q.Length
     width_z: q.Length
+
+    def bare(self) -> Section:
+        """Return the section with the defaults of its shape."""
+        return Section.rectangle(self.width_y, self.width_z)
 
 
 class CustomRecord(_SectionRecord):
@@ -67,6 +112,10 @@ class CustomRecord(_SectionRecord):
     Iy: Annotated[float, q.Unit("second moment", above=True)]
     Iz: Annotated[float, q.Unit("second moment", above=True)]
     J: Annotated[float, q.Unit("second moment", above=True)]  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]
+
+    def bare(self) -> Section:
+        """Return the section with the defaults of its shape."""
+        return Section(self.A, self.Iy, self.Iz, self.J)
 
 
 SectionRecord = Annotated[CircleRecord | TubeRecord | RectangleRecord | CustomRecord, Field(discriminator="shape")]
@@ -80,14 +129,14 @@ class MemberRecord(Record):
     nodes: list[Name] | None = Field(
         None, min_length=2, description="named nodes along the member (without a mesh file)"
     )
-    elements: int = Field(1, ge=1, le=1_000_000, description="equal parts of each of its segments")
+    elements: int = Field(1, ge=1, le=1_000_000, strict=True, description="equal parts of each of its segments")
     orientation: Vector | None = Field(None, description="vector in the local x-y plane, global axes")
-    shear: bool = Field(False, description="shear deformation (Timoshenko)")
-    rotary_inertia: bool = Field(True, description="rotary inertia of the sections in bending")
+    shear: bool = Field(False, strict=True, description="shear deformation (Timoshenko)")
+    rotary_inertia: bool = Field(True, strict=True, description="rotary inertia of the sections in bending")
     mass: Literal["consistent", "lumped"] = "consistent"
 
 
-class MassRecord(Record):
+class MassRecord(PartRecord[train.MassAt]):
     """Rigid body at a point."""
 
     at: Name
@@ -97,16 +146,33 @@ class MassRecord(Record):
     )
     offset: Point = Field((0.0, 0.0, 0.0), description="from the node to its centre, global axes")
 
+    def made(self) -> train.MassAt:
+        """Return the body and its place."""
+        return train.MassAt(self.at, PointMass(self.mass, self.inertia, self.offset))
 
-class SpringRecord(Record):
+
+class SpringRecord(PartRecord[train.Spring]):
     """Spring and damper along one direction, to ground or to another point."""
 
     at: Name
     to: Name | None = Field(None, description="the other end; ground where absent")
     direction: q.DirectionValue
-    stiffness: Annotated[float, q.Unit("stiffness")] | Annotated[float, q.Unit("rotational stiffness")] = 0.0
-    damping: Annotated[float, q.Unit("damping")] | Annotated[float, q.Unit("rotational damping")] = 0.0
+    stiffness: float = Field(0.0, description="N/m, or N m/rad about an axis")
+    damping: float = Field(0.0, description="N s/m, or N m s/rad about an axis")
     installed_force: q.Force | None = Field(None, description="force it is installed with")
+
+    @field_validator("stiffness", "damping", mode="before")
+    @classmethod
+    def _in_its_unit(cls, value: object, info: ValidationInfo) -> float:
+        """Return SI; a rotation has other units than a translation."""
+        along = info.data.get("direction", "uy")
+        turns = not direction(along)[:3].any()
+        return q.Unit(f"rotational {info.field_name}" if turns else str(info.field_name)).validate(value)
+
+    def made(self) -> train.Spring:
+        """Return the spring."""
+        along = direction(self.direction)
+        return train.Spring(self.at, along, self.stiffness, self.damping, self.to, self.installed_force)
 
 
 class RockerRecord(Record):
@@ -120,7 +186,7 @@ class RockerRecord(Record):
     direction: q.DirectionValue | None = Field(None, description="motion at `from`; along the member there by default")
 
 
-class CamRecord(Record):
+class CamRecord(PartRecord[train.Cam]):
     """A cam and its lift over one revolution."""
 
     at: Name
@@ -131,6 +197,11 @@ class CamRecord(Record):
     fall: q.PositiveAngle = Field(alias="return")
     phase: q.SignedAngle = Field(0.0, description="cam angle at which the rise begins")
 
+    def made(self) -> train.Cam:
+        """Return the cam; an unknown law is reported where all names are."""
+        law = LAWS.get(self.law, SimpleHarmonic())
+        return train.Cam(self.at, LiftEvent(law, self.lift, self.rise, self.fall, self.dwell, self.phase))
+
 
 class ContactRecord(Record):
     """Coupling of a cam and its follower."""
@@ -140,38 +211,54 @@ class ContactRecord(Record):
     model: Literal["published-load"] = Field(description="the published force of the cam on its follower")
     direction: q.DirectionValue | None = Field(None, description="of the lift; from cam to follower by default")
     preload_factor: q.Ratio = Field(2.5, description="preload by the force that the rigid train needs for contact")
-    cam_deflection: bool = Field(False, description="the force feels the shaft's deflection, U_c of (21)")
-    cam_torque: bool = Field(True, description="the force twists the shaft, T_CF of (24)")
+    cam_deflection: bool = Field(False, strict=True, description="the force feels the shaft's deflection, U_c of (21)")
+    cam_torque: bool = Field(True, strict=True, description="the force twists the shaft, T_CF of (24)")
 
 
-class DampingRecord(Record):
+class DampingRecord(PartRecord[Damping]):
     """Damping of the whole structure."""
 
     alpha: Annotated[float, q.Unit("rate")] = Field(0.0, description="Rayleigh factor of the mass")
     beta: Annotated[float, q.Unit("time")] = Field(0.0, description="Rayleigh factor of the stiffness")
     modal: q.Ratio = Field(0.0, description="damping ratio of every mode")
 
+    def made(self) -> Damping:
+        """Return the damping."""
+        return Damping(self.alpha, self.beta, self.modal)
 
-class NewmarkRecord(Record):
+
+class NewmarkRecord(PartRecord[integrate.Scheme]):
     """Newmark's scheme; the default is the average acceleration."""
 
     method: Literal["newmark"] = "newmark"
     beta: q.PositiveNumber = 0.25
     gamma: q.PositiveNumber = 0.5
 
+    def made(self) -> integrate.Scheme:
+        """Return the scheme."""
+        return integrate.newmark(beta=self.beta, gamma=self.gamma)
 
-class HhtRecord(Record):
+
+class HhtRecord(PartRecord[integrate.Scheme]):
     """Scheme of Hilber, Hughes and Taylor."""
 
     method: Literal["hht"]
     alpha: q.SignedNumber = -0.05
 
+    def made(self) -> integrate.Scheme:
+        """Return the scheme."""
+        return integrate.hht(alpha=self.alpha)
 
-class GeneralizedAlphaRecord(Record):
+
+class GeneralizedAlphaRecord(PartRecord[integrate.Scheme]):
     """Generalized-alpha scheme."""
 
     method: Literal["generalized-alpha"]
     rho_inf: q.Ratio = 0.9
+
+    def made(self) -> integrate.Scheme:
+        """Return the scheme."""
+        return integrate.generalized_alpha(rho_inf=self.rho_inf)
 
 
 IntegratorRecord = Annotated[NewmarkRecord | HhtRecord | GeneralizedAlphaRecord, Field(discriminator="method")]
@@ -183,7 +270,9 @@ class RunRecord(Record):
     speed: q.Speed | None = Field(None, description="camshaft speed")
     crank_speed: q.Speed | None = Field(None, description="crankshaft speed, twice the camshaft's")
     revolutions: q.PositiveNumber = Field(2.0, description="of the camshaft")
-    steps_per_revolution: int | None = Field(None, ge=1, le=100_000_000, description="3600 where no step is given")
+    steps_per_revolution: int | None = Field(
+        None, ge=1, le=100_000_000, strict=True, description="3600 where no step is given"
+    )
     step: q.Time | None = Field(None, description="instead of steps_per_revolution")
     start: Literal["rest", "equilibrium"] = Field("rest", description="at rest as installed, or in static equilibrium")
     integrator: IntegratorRecord = Field(default_factory=NewmarkRecord)
@@ -194,13 +283,13 @@ class OutputRecord(Record):
     """What is saved."""
 
     probes: list[Name] = Field(default=[], description="points kept at every step")
-    field_every: int = Field(20, ge=1, description="steps between saved fields")
+    field_every: int = Field(20, ge=1, le=1_000_000_000, strict=True, description="steps between saved fields")
 
 
 class CaseRecord(Record):
     """A whole case file."""
 
-    format: Literal[1]
+    format: int = Field(ge=1, le=1, strict=True, description="version of the case format: 1")
     title: str = ""
     paper: Literal["tayeb-sliman"] | None = Field(None, description="published system whose claims `compare` checks")
     mesh: str | None = Field(None, description="Gmsh file, relative to the case file")

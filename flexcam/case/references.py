@@ -2,105 +2,127 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, cast
 
-from flexcam.case.lines import Path, place
+from flexcam.case.lines import Path, Places
 from flexcam.checks import Fault, did_you_mean
+from flexcam.fem import Mesh
 from flexcam.motion import LAWS
 
 Table = Mapping[str, Any]
 
 
-def reference_faults(raw: Table, mesh_points: Iterable[str] | None, lines: dict[Path, int]) -> list[Fault]:
-    """Return the references of a case that lead nowhere.
+@dataclass(frozen=True)
+class References:
+    """The references of a case.
 
     Parameters
     ----------
     raw
-        The parsed TOML, not yet validated.
-    mesh_points
-        Names of points and, after them, line groups the mesh file defines; None if it could not be read.
-    lines
-        Lines of the keys.
-
-    Returns
-    -------
-    list
-        One fault per reference.
+        The parsed TOML, not yet validated: whatever is of the wrong type is passed over here.
+    mesh
+        The mesh of the file it names; None for a case with its own nodes, or if the file could not be read.
+    places
+        Where the keys were given.
     """
-    points = None if mesh_points is None else [*mesh_points, *_names(raw, "nodes"), *_rocker_points(raw)]
-    found = [*_simple(raw, lines), *_laws(raw, lines)]
-    if points is not None:
-        found += list(_points(raw, points, lines))
-    return found
 
+    raw: Table
+    mesh: Mesh | None
+    places: Places
 
-def _tables(raw: Table, kind: str) -> Iterator[tuple[str, Table]]:
-    group = raw.get(kind)
-    if isinstance(group, Mapping):
-        for name, table in cast("Mapping[str, Any]", group).items():
+    def faults(self) -> list[Fault]:
+        """Return the references that lead nowhere, or to several nodes where one is meant."""
+        found = [*self._parts(), *self._laws(), *self._member_nodes()]
+        if self.mesh is not None:
+            found += [*self._groups(self.mesh)]
+        if self.mesh is not None or "nodes" in self.raw:
+            found += [*self._points()]
+        return found
+
+    def _table(self, kind: str) -> Table:
+        table = self.raw.get(kind)
+        return cast("Table", table) if isinstance(table, Mapping) else {}
+
+    def _each(self, kind: str) -> Iterator[tuple[str, Table]]:
+        for name, table in self._table(kind).items():
             if isinstance(table, Mapping):
                 yield name, cast("Table", table)
 
+    def _known(self, path: Path, name: object, known: Sequence[str], what: str) -> Iterator[Fault]:
+        if isinstance(name, str) and name not in known:
+            allowed = f"{what}: {', '.join(known) or '(there is none)'}"
+            yield Fault(self.places.place(path), repr(name), allowed, "", did_you_mean(name, known))
 
-def _names(raw: Table, kind: str) -> list[str]:
-    group = raw.get(kind)
-    return list(cast("Mapping[str, Any]", group)) if isinstance(group, Mapping) else []
+    def _parts(self) -> Iterator[Fault]:
+        for kind, key, target, what in _PARTS:
+            for name, table in self._each(kind):
+                yield from self._known((kind, name, key), table.get(key), list(self._table(target)), what)
+
+    def _laws(self) -> Iterator[Fault]:
+        for name, table in self._each("cams"):
+            yield from self._known(("cams", name, "law"), table.get("law"), list(LAWS), "a motion law")
+
+    def _member_nodes(self) -> Iterator[Fault]:
+        named = list(self._table("nodes"))
+        for name, table in self._each("members") if "mesh" not in self.raw else ():
+            if "nodes" not in table:
+                where, why = self.places.place(("members", name)), "the case has no mesh file"
+                yield Fault(where, "no nodes", "the named nodes along it", why, 'add nodes = ["...", "..."]')
+            for node in _listed(table.get("nodes")):
+                yield from self._known(("members", name, "nodes"), node, named, "a named node")
+
+    def _groups(self, mesh: Mesh) -> Iterator[Fault]:
+        members = self._table("members")
+        for name, table in self._each("members"):
+            yield from self._known(("members", name), name, list(mesh.lines), "a line group of the mesh")
+            if "nodes" in table:
+                why = "the mesh file says where it runs"
+                yield Fault(self.places.place(("members", name, "nodes")), "nodes", "nothing", why, "remove the key")
+        for name in mesh.lines:
+            if name not in members:
+                yield Fault(f"mesh group {name!r}", "no member", "a table under [members]", "", f"add [members.{name}]")
+
+    def _points(self) -> Iterator[Fault]:
+        counts = dict.fromkeys(self._table("nodes"), 1)
+        if self.mesh is not None:
+            counts = {name: len(index) for name, index in self.mesh.points.items()}
+        rockers = [str(rocker["to"]) for _, rocker in self._each("rockers") if "to" in rocker]
+        for kind, key, of_rockers in _AT:
+            for name, table in self._each(kind):
+                allowed = {**counts, **(dict.fromkeys(rockers, 1) if of_rockers else {})}
+                yield from self._one_point((kind, name, key), table.get(key), allowed)
+        for name in self._table("supports"):
+            yield from self._known(("supports", name), name, list(counts), "a point")
+        for probe in _listed(self._table("output").get("probes")):
+            yield from self._one_point(("output", "probes"), probe, {**counts, **dict.fromkeys(rockers, 1)})
+
+    def _one_point(self, path: Path, name: object, counts: Mapping[str, int]) -> Iterator[Fault]:
+        yield from self._known(path, name, list(counts), "a point")
+        if isinstance(name, str) and counts.get(name, 1) != 1:
+            why = f"it names {counts[name]} nodes"
+            yield Fault(
+                self.places.place(path), repr(name), "a point of one node", why, "give the node a group of its own"
+            )
 
 
-def _rocker_points(raw: Table) -> list[str]:
-    return [str(rocker["to"]) for _, rocker in _tables(raw, "rockers") if "to" in rocker]
-
-
-def _missing(path: Path, name: object, known: list[str], what: str, lines: dict[Path, int]) -> list[Fault]:
-    if not isinstance(name, str) or name in known:
-        return []
-    hint = did_you_mean(name, known)
-    return [Fault(place(path, lines), repr(name), f"{what}: {', '.join(known) or '(there is none)'}", "", hint)]
-
-
-_SIMPLE = (
+_PARTS = (
     ("members", "material", "materials", "a material"),
     ("members", "section", "sections", "a section"),
     ("contacts", "cam", "cams", "a cam"),
 )
-
-
-def _simple(raw: Table, lines: dict[Path, int]) -> Iterator[Fault]:
-    for kind, key, target, what in _SIMPLE:
-        for name, table in _tables(raw, kind):
-            yield from _missing((kind, name, key), table.get(key), _names(raw, target), what, lines)
-
-
-def _laws(raw: Table, lines: dict[Path, int]) -> Iterator[Fault]:
-    for name, table in _tables(raw, "cams"):
-        yield from _missing(("cams", name, "law"), table.get("law"), list(LAWS), "a motion law", lines)
-
+"""Table, key, the table it refers to, what stands there."""
 
 _AT = (
-    ("masses", "at"),
-    ("springs", "at"),
-    ("springs", "to"),
-    ("rockers", "from"),
-    ("cams", "at"),
-    ("contacts", "follower"),
+    ("masses", "at", True),
+    ("springs", "at", True),
+    ("springs", "to", True),
+    ("rockers", "from", False),
+    ("cams", "at", False),
+    ("contacts", "follower", False),
 )
-
-
-def _points(raw: Table, points: list[str], lines: dict[Path, int]) -> Iterator[Fault]:
-    for kind, key in _AT:
-        for name, table in _tables(raw, kind):
-            yield from _missing((kind, name, key), table.get(key), points, "a point", lines)
-    for name in _names(raw, "supports"):
-        yield from _missing(("supports", name), name, points, "a point", lines)
-    for name, table in _tables(raw, "members"):
-        for node in _listed(table.get("nodes")):
-            yield from _missing(("members", name, "nodes"), node, _names(raw, "nodes"), "a named node", lines)
-    output = raw.get("output")
-    if isinstance(output, Mapping):
-        for probe in _listed(cast("Table", output).get("probes")):
-            yield from _missing(("output", "probes"), probe, points, "a point", lines)
+"""Table, key, whether the point of a rocker may stand there."""
 
 
 def _listed(value: object) -> list[object]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any, cast, get_args
 
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
-from flexcam.case.lines import Path, place
+from flexcam.case.lines import Path, Places
 from flexcam.case.records import CaseRecord
 from flexcam.checks import Fault, did_you_mean
 
@@ -16,26 +17,26 @@ _TAGGED = (("sections", "*"), ("run", "integrator"))
 """Tables with variants: pydantic puts the variant's tag behind them in a path."""
 
 
-def faults(errors: Iterable[ErrorDetails], lines: dict[Path, int]) -> list[Fault]:
+def faults(errors: Iterable[ErrorDetails], places: Places) -> list[Fault]:
     """Return pydantic's errors as faults, one per place.
 
     Parameters
     ----------
     errors
         From ``ValidationError.errors()``.
-    lines
-        Lines of the keys, from `flexcam.case.lines`.
+    places
+        Where the keys were given.
 
     Returns
     -------
     list
         In the order of the file.
     """
-    found: dict[str, Fault] = {}
+    found: dict[tuple[str, str], Fault] = {}
     for error in errors:
         path = _path(error)
-        where = place(path, lines)
-        found.setdefault(where, _fault(error, path, where))
+        fault = _fault(error, path, places)
+        found.setdefault((fault.where, fault.given), fault)
     return list(found.values())
 
 
@@ -51,15 +52,24 @@ def _inserted(steps: list[str], i: int) -> bool:
     return tag or steps[i].startswith(("function-", "nullable", "tuple[")) or steps[i] == "[key]"
 
 
-def _fault(error: ErrorDetails, path: Path, where: str) -> Fault:
+def _fault(error: ErrorDetails, path: Path, places: Places) -> Fault:
     context = cast("Mapping[str, Any]", error.get("ctx", {}))
-    given = _shown(error["input"])
+    where, given = places.place(path), _shown(error["input"])
     match error["type"]:
         case "flexcam":
+            where, given = _inside(context, path, error["input"], places)
             return Fault(where, given, str(context["allowed"]), str(context["why"]), str(context["remedy"]))
+        case "missing" if path[-1].isdigit():  # an element of a row
+            return Fault(places.place(path[:-1]), given, f"{int(path[-1]) + 1} values or more", "", "")
+        case "too_long" | "too_short":
+            return Fault(where, given, f"{context.get('max_length', context.get('min_length'))} values", "", "")
+        case "model_type" | "model_attributes_type" | "dict_type":
+            return Fault(where, given, "a table", "", "write it as { key = value } or under a [header]")
         case "missing":
-            about = _about(path)
-            return Fault(where, "nothing", about or "a value", "the key is required", f"add {path[-1]!r}")
+            return _missing(path, _about(path) or "a value", places)
+        case "union_tag_not_found":
+            key = str(context["discriminator"]).strip("'")
+            return _missing((*path, key), _tags(path, key), places)
         case "extra_forbidden":
             known = _keys(path[:-1])
             hint = did_you_mean(path[-1], known) or "remove it"
@@ -67,17 +77,36 @@ def _fault(error: ErrorDetails, path: Path, where: str) -> Fault:
         case "literal_error" | "union_tag_invalid":
             allowed = str(context.get("expected") or context.get("expected_tags"))
             value = str(context.get("tag", error["input"]))
-            return Fault(
-                where,
-                repr(value),
-                allowed,
-                "",
-                did_you_mean(value, [a.strip("' ") for a in allowed.replace(" or ", ",").split(",")]),
-            )
+            names = re.findall(r"'([^']*)'", allowed)
+            return Fault(where, repr(value), allowed, "", did_you_mean(value, names))
+        case "int_type" | "int_parsing" | "int_from_float":
+            return Fault(where, given, f"a whole number: {_about(path)}", "", "")
         case "string_pattern_mismatch":
             return Fault(where, given, "a name of letters, digits, '_', '-' and spaces", "", "")
         case _:
             return Fault(where, given, error["msg"].replace("Input should be ", ""), "", "")
+
+
+def _inside(context: Mapping[str, Any], path: Path, value: object, places: Places) -> tuple[str, str]:
+    """Return place and value of a fault inside a table: of its key, if it is about one."""
+    inside, given = str(context["inside"]), str(context["given"])
+    if not inside:
+        return places.place(path), _shown(value)
+    key = inside.rpartition(".")[2]
+    table = cast("dict[str, object]", value) if isinstance(value, dict) else dict[str, object]()
+    if key in _keys(path):
+        return places.place((*path, key)), _shown(table[key]) if key in table else given
+    return f"{places.place(path)}: {inside}", given
+
+
+def _missing(path: Path, allowed: str, places: Places) -> Fault:
+    return Fault(places.place(path), "nothing", allowed, "the key is required", f"add {path[-1]!r}")
+
+
+def _tags(path: Path, key: str) -> str:
+    """Return the values a key of a table with variants may have."""
+    choices = [record.model_fields[key].annotation for record in _records(path) if key in record.model_fields]
+    return ", ".join(repr(value) for choice in choices for value in get_args(choice))
 
 
 def _shown(value: object) -> str:
@@ -93,18 +122,18 @@ def _records(path: Path) -> list[type[BaseModel]]:
         for record in records:
             by_key = {field.alias or name: field for name, field in record.model_fields.items()}
             field = by_key.get(step)
-            found += _inside(field.annotation) if field else []
+            found += _records_in(field.annotation) if field else []
         # A step that is no field is a name chosen by the user, inside a table of such names.
         records = found or records
     return records
 
 
-def _inside(annotation: object) -> list[type[BaseModel]]:
+def _records_in(annotation: object) -> list[type[BaseModel]]:
     """Return the records inside a type: in unions, tables of names and annotated types."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     parts: list[object] = [*get_args(annotation)]
-    return [record for part in parts for record in _inside(part)]
+    return [record for part in parts for record in _records_in(part)]
 
 
 def _keys(path: Path) -> list[str]:

@@ -77,7 +77,7 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
     """
     for name in mesh.lines:
         if name not in members:
-            raise refuse(f"members.{name}", "nothing", "data for every line group", did_you_mean(name, members))
+            raise refuse(f"members.{name}", "nothing", "data for every line group", remedy=did_you_mean(name, members))
     chosen = [members[name] for name in mesh.lines]
     repeats = [len(line) - 1 for line in mesh.lines.values()]
     ends = mesh.nodes[mesh.elements()]

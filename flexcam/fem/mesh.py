@@ -82,7 +82,7 @@ class Mesh:
         if name in self.points:
             return self.points[name]
         known = ", ".join(self.points) or "(the mesh names no points)"
-        raise refuse(where, repr(name), f"a point of the mesh: {known}", did_you_mean(name, self.points))
+        raise refuse(where, repr(name), f"a point of the mesh: {known}", remedy=did_you_mean(name, self.points))
 
     def node_name(self, node: int) -> str:
         """Return the name of a node: that of a point of its own, or its number."""
@@ -178,6 +178,12 @@ def _duplicate_faults(mesh: Mesh) -> list[Fault]:
     why = "members meet only at a shared node"
     pairs = [(int(order[i]), int(order[i + 1])) for i in same.tolist()]
     return [
-        Fault(f"nodes {a} and {b}", str(mesh.nodes[a].tolist()), "one node at one place", why, "merge them")
+        Fault(
+            f"nodes {mesh.node_name(a)!r} and {mesh.node_name(b)!r}",
+            str(mesh.nodes[a].tolist()),
+            "one node at one place",
+            why,
+            "merge them",
+        )
         for a, b in pairs
     ]

@@ -42,8 +42,12 @@ class Section:
         Shear factors for forces along local y and z; used by members that ask for shear deformation.
     fibre_y, fibre_z
         Distance of the extreme fibre from the axis along local y and z, m; zero if unknown.
+    torsion_arm
+        Length c with which the largest torsional shear stress is T c/J, m; zero if unknown.
     radius
-        Radius at which the torsional shear stress T radius/J is largest, m; zero if unknown. Also the drawn radius.
+        Radius it is drawn with, m.
+    round
+        Whether the extreme fibres lie on a circle (else at the corners of a rectangle).
 
     Raises
     ------
@@ -64,7 +68,9 @@ class Section:
     kappa_z: float = 1.0
     fibre_y: float = 0.0
     fibre_z: float = 0.0
+    torsion_arm: float = 0.0
     radius: float = 0.0
+    round: bool = False
 
     def __post_init__(self) -> None:
         for name, unit in (("A", "m^2"), ("Iy", "m^4"), ("Iz", "m^4"), ("J", "m^4"), ("kappa_y", ""), ("kappa_z", "")):
@@ -85,7 +91,10 @@ class Section:
         second = math.pi * (outer**4 - inner**4) / 4.0
         kappa = _cowper_tube(inner / outer)
         area = math.pi * (outer**2 - inner**2)
-        return cls(area, second, second, 2.0 * second, kappa, kappa, outer, outer, outer)
+        return cls(
+            A=area, Iy=second, Iz=second, J=2.0 * second, kappa_y=kappa, kappa_z=kappa,
+            fibre_y=outer, fibre_z=outer, torsion_arm=outer, radius=outer, round=True,
+        )  # fmt: skip
 
     @classmethod
     def rectangle(cls, width_y: float, width_z: float) -> Self:
@@ -93,7 +102,8 @@ class Section:
         h, b = positive("width_y", width_y, "m"), positive("width_z", width_z, "m")
         return cls(
             A=b * h, Iy=h * b**3 / 12.0, Iz=b * h**3 / 12.0, J=_rectangle_torsion(b, h),
-            kappa_y=5.0 / 6.0, kappa_z=5.0 / 6.0, fibre_y=h / 2.0, fibre_z=b / 2.0, radius=math.hypot(b, h) / 2.0,
+            kappa_y=5.0 / 6.0, kappa_z=5.0 / 6.0, fibre_y=h / 2.0, fibre_z=b / 2.0,
+            torsion_arm=_rectangle_torsion_arm(b, h), radius=math.hypot(b, h) / 2.0,
         )  # fmt: skip
 
     def given(self, *, J: float | None = None, kappa_y: float | None = None, kappa_z: float | None = None) -> Section:
@@ -112,8 +122,22 @@ def _cowper_tube(ratio: float) -> float:
     return 6.0 * (1.0 + nu) * square / ((7.0 + 6.0 * nu) * square + (20.0 + 12.0 * nu) * ratio**2)
 
 
+_ODD_FIFTH_POWERS = 31.0 / 32.0 * 1.0369277551433699263
+"""Sum of 1/n^5 over odd n, (1 - 2^-5) zeta(5)."""
+
+
 def _rectangle_torsion(side: float, other: float) -> float:
     """Return Saint-Venant's J = a b^3 (1/3 - 64 b/(pi^5 a) sum tanh(n pi a/2b)/n^5), n odd, a >= b."""
     a, b = max(side, other), min(side, other)
-    series = math.fsum(math.tanh(n * math.pi * a / (2.0 * b)) / n**5 for n in range(1, 400, 2))
-    return a * b**3 * (1.0 / 3.0 - 64.0 * b / (math.pi**5 * a) * series)
+    small = math.fsum((1.0 - math.tanh(n * math.pi * a / (2.0 * b))) / n**5 for n in range(1, 15, 2))
+    return a * b**3 * (1.0 / 3.0 - 64.0 * b / (math.pi**5 * a) * (_ODD_FIFTH_POWERS - small))
+
+
+def _rectangle_torsion_arm(side: float, other: float) -> float:
+    """Return c of tau = T c/J at the middle of the long side: c = b (1 - 8/pi^2 sum 1/(n^2 cosh(n pi a/2b))), n odd."""
+    a, b = max(side, other), min(side, other)
+    terms = (n * math.pi * a / (2.0 * b) for n in range(1, 15, 2))
+    return b * (
+        1.0
+        - 8.0 / math.pi**2 * math.fsum(1.0 / ((2 * i + 1) ** 2 * math.cosh(min(x, 700.0))) for i, x in enumerate(terms))
+    )

@@ -101,6 +101,10 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     ------
     InputError
         If the probe has several scalars, or the rigid system does not move there.
+
+    Examples
+    --------
+    ``compare(flexcam.run(case), flexcam.run(case, rigid=True), "valve", 3000.0).peak_deviation``
     """
     moved, still = flexible[probe], rigid[probe]
     if moved.displacement.ndim != 1:

@@ -4,10 +4,11 @@ Knows no beam and no cam; may import `system`, `response`, `linalg` and `checks`
 A new scheme of the family is a constructor in `scheme`; another kind of integrator is a file beside `step`.
 """
 
-from flexcam.integrate.problem import Problem, SaveAt, State
+from flexcam.integrate.problem import Problem, State
 from flexcam.integrate.scheme import Scheme, generalized_alpha, hht, newmark
 from flexcam.integrate.solve import outline, solve
 from flexcam.integrate.statics import equilibrium, rest, static_displacement
+from flexcam.response import SaveAt
 
 __all__ = [
     "Problem",

@@ -190,7 +190,10 @@ def settle(
         if (still and settled) or not np.isfinite(residual).all():  # a non-finite force is reported by `solve`
             return reaction.force, new_states, new_rates, iteration
         tangent = np.eye(len(f)) - reaction.by_gap @ within.gap_by_force - reaction.by_rate @ within.rate_by_force
-        f = f - np.linalg.solve(tangent, residual)
+        try:
+            f = f - np.linalg.solve(tangent, residual)
+        except np.linalg.LinAlgError:
+            raise NoConvergenceError from None
     raise NoConvergenceError
 
 

@@ -58,6 +58,14 @@ class Problem:
     ------
     InputError
         If the step is not positive, there is no step, or the start has another size than the system.
+
+    Examples
+    --------
+    >>> from flexcam.linalg import Triplets
+    >>> from flexcam.system import ConstantSpeed
+    >>> one = Triplets.from_dense([[1.0]])
+    >>> Problem(System(one, Triplets.zeros(1), one, ("x",)), ConstantSpeed(1.0), step=0.1, steps=10).steps
+    10
     """
 
     system: System
@@ -70,27 +78,6 @@ class Problem:
         positive("step", self.step, "s")
         if self.steps < 1:
             raise refuse("steps", self.steps, "a whole number from 1")
-        if self.start is not None and self.start.displacement.shape != (self.system.size,):
-            given = f"{self.start.displacement.size} unknowns"
-            raise refuse("start", given, f"the {self.system.size} unknowns of the system")
-
-
-@dataclass(frozen=True)
-class SaveAt:
-    """What of a run is kept; probes and channels are kept at every step.
-
-    Parameters
-    ----------
-    field_every
-        All unknowns at every so many steps, the first and the last step included.
-    fields_per_block
-        Saved fields handed out together.
-    """
-
-    field_every: int = 20
-    fields_per_block: int = 32
-
-    def __post_init__(self) -> None:
-        for name in ("field_every", "fields_per_block"):
-            if getattr(self, name) < 1:
-                raise refuse(f"save.{name}", getattr(self, name), "a whole number from 1")
+        for name in ("displacement", "velocity"):
+            if self.start is not None and (given := getattr(self.start, name).size) != self.system.size:
+                raise refuse(f"start {name}", f"{given} unknowns", f"the {self.system.size} unknowns of the system")

@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from flexcam.integrate.local import LocalForces, NoConvergenceError, Schedule
-from flexcam.integrate.problem import Problem, SaveAt, State
+from flexcam.integrate.problem import Problem, State
 from flexcam.integrate.scheme import Scheme
 from flexcam.integrate.step import Moment, Stepper, first_moment
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
-from flexcam.response import Block, Cause, Memory, Outline, Response, RunFailedError, Series, Sink, Stats, Status
+from flexcam.response import (
+    Block,
+    Cause,
+    Memory,
+    Outline,
+    Response,
+    RunFailedError,
+    SaveAt,
+    Series,
+    Sink,
+    Stats,
+    Status,
+)
 from flexcam.system import CamMotion, Probe, System
 
 
@@ -34,7 +46,14 @@ def outline(system: System) -> Outline:
     return Outline(system.names, probes, tuple((c.name, c.unit) for c in system.channels))
 
 
-def solve(problem: Problem, scheme: Scheme, *, save: SaveAt | None = None, sinks: Sequence[Sink] = ()) -> Response:
+def solve(
+    problem: Problem,
+    scheme: Scheme,
+    *,
+    save: SaveAt | None = None,
+    sinks: Sequence[Sink] = (),
+    stop: Callable[[], bool] | None = None,
+) -> Response:
     """Integrate a problem in time with a fixed step.
 
     Parameters
@@ -47,6 +66,8 @@ def solve(problem: Problem, scheme: Scheme, *, save: SaveAt | None = None, sinks
         What to keep; None for the defaults of `SaveAt`.
     sinks
         Further takers of the results, beside the returned response.
+    stop
+        Asked before every step; the run ends, keeping what it has, when it says so.
 
     Returns
     -------
@@ -72,24 +93,19 @@ def solve(problem: Problem, scheme: Scheme, *, save: SaveAt | None = None, sinks
     >>> bool(abs(response["x"].displacement.max() - 2.0) < 1e-4)
     True
     """
-    save = save or SaveAt()
     memory = Memory(outline(problem.system))
     takers = (memory, *sinks)
     started = time.perf_counter()
     status, stats = Status(), Stats(unknowns=problem.system.size)
     try:
-        for block, iterations in _Run(problem, scheme, save).blocks():
-            good, status = _finite_part(block, problem.system)
+        run = _Run(problem, scheme, save or SaveAt(), stop or _never)
+        for block, iterations in run.blocks():
             for sink in takers:
-                sink.write(good)
-            stats = replace(stats, steps=stats.steps + len(good.time), iterations=stats.iterations + iterations)
-            if not status.ok:
-                break
-    except NoConvergenceError:
-        text = "the local forces (contacts, joints) did not settle within a step"
-        status = Status(Cause.NO_CONVERGENCE, text, "take a smaller step or a softer contact")
+                sink.write(block)
+            stats = replace(stats, steps=stats.steps + len(block.time), iterations=stats.iterations + iterations)
+        status = run.status
     except KeyboardInterrupt:
-        status = Status(Cause.INTERRUPTED, "stopped by the user", "what was finished is kept")
+        status = _STOPPED
     except SingularMatrixError as fault:
         raise RunFailedError(_singular(fault, problem.system)) from None
     seconds = time.perf_counter() - started
@@ -107,15 +123,20 @@ def _singular(fault: SingularMatrixError, system: System) -> Status:
 class _Run:
     """One run: the step operator and the walk over the blocks."""
 
-    def __init__(self, problem: Problem, scheme: Scheme, save: SaveAt) -> None:
-        self._problem, self._save, self._system = problem, save, problem.system
+    def __init__(self, problem: Problem, scheme: Scheme, save: SaveAt, stop: Callable[[], bool]) -> None:
+        self._problem, self._save, self._system, self._stop = problem, save, problem.system, stop
         self._forces = LocalForces(problem.system)
         self._stepper = Stepper(problem.system, scheme, problem.step, self._forces)
         self._load_vectors = problem.system.load_vectors()
         self._start = problem.start or State.rest(problem.system.size)
+        self.status = Status()
 
     def blocks(self) -> Iterator[tuple[Block, int]]:
-        """Yield the results block by block, the start in the first, with the iterations each took."""
+        """Yield the results block by block, the start in the first, with the iterations each took.
+
+        A block is cut before the first instant that is not finite or did not settle, and is then the last one;
+        `status` says why.
+        """
         size = self._save.field_every * self._save.fields_per_block
         end = self._problem.steps + 1
         last: Moment | None = None
@@ -124,17 +145,30 @@ class _Run:
             at = np.asarray(self._start.time + steps * self._problem.step, dtype=float)
             motion = self._problem.drive.at(at)
             with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
-                moments = list(self._moments(motion, last))
-            last = moments[-1]
-            yield self._block(steps, at, motion, moments), sum(m.iterations for m in moments)
+                moments, self.status = self._advance(motion, at, last)
+            if moments:
+                good = slice(len(moments))
+                part = CamMotion(motion.angle[good], motion.speed[good], motion.rate[good])
+                block = self._block(steps[good], at[good], part, moments)
+                yield block, sum(m.iterations for m in moments)
+                last = moments[-1]
+            if not self.status.ok:
+                return
 
-    def _moments(self, motion: CamMotion, last: Moment | None) -> Iterator[Moment]:
+    def _advance(self, motion: CamMotion, at: FloatArray, last: Moment | None) -> tuple[list[Moment], Status]:
         loads = self._system.load_histories(motion) @ self._load_vectors
         schedule = self._forces.schedule(motion)
+        moments: list[Moment] = []
         moment = last
         for i, load in enumerate(loads):
-            moment = self._stepper.advance(moment, load, schedule, i) if moment else self._first(load, schedule)
-            yield moment
+            if self._stop():
+                return moments, _STOPPED
+            try:
+                moment = self._stepper.advance(moment, load, schedule, i) if moment else self._first(load, schedule)
+            except NoConvergenceError:
+                return moments, _unsettled(self._system, at[i], motion.angle[i])
+            moments.append(moment)
+        return _in_range(moments, last, self._system, at, motion.angle)
 
     def _first(self, load: FloatArray, schedule: Schedule) -> Moment:
         start = self._start
@@ -176,23 +210,44 @@ def _channels(system: System, local: FloatArray, motion: CamMotion) -> FloatArra
     return values
 
 
-def _finite_part(block: Block, system: System) -> tuple[Block, Status]:
-    """Return the block up to its last finite instant, and a status that names the first bad one."""
-    bad = ~(block.probes.finite() & np.isfinite(block.channels).all(axis=1))
-    bad |= block.time >= block.field_time[~block.fields.finite()].min(initial=np.inf)
-    if not bad.any():
-        return block, Status()
-    count = int(np.argmax(bad))
-    fields = block.field_time < block.time[count]
-    column = np.flatnonzero(~np.isfinite(block.fields.displacement[~fields]).all(axis=0))
-    where = system.names[int(column[0])] if column.size else "a probe"
-    text = (
-        f"the motion of {where} left the range of numbers at t = {block.time[count]:.6g} s, "
-        f"cam angle {np.degrees(block.angle[count]):.2f} deg"
-    )
-    good = np.arange(len(block.time)) < count
-    cut = Block(
-        block.time[good], block.angle[good], block.probes.at(good), block.channels[good],
-        block.field_time[fields], block.field_angle[fields], block.fields.at(fields),
-    )  # fmt: skip
-    return cut, Status(Cause.NOT_FINITE, text, "take a smaller step, more damping or a lower speed")
+_STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "what was finished is kept")
+
+_LARGEST = 1e100
+"""Size (SI) beyond which a motion has diverged; its squares, as stresses need them, are still numbers."""
+
+
+def _never() -> bool:
+    return False
+
+
+def _in_range(
+    moments: list[Moment], before: Moment | None, system: System, at: FloatArray, angle: FloatArray
+) -> tuple[list[Moment], Status]:
+    """Return the moments up to the last one in range, and a status that names what left it first."""
+    motion = np.array([_everything(m) for m in moments])
+    good = (np.abs(motion) < _LARGEST).all(axis=1)  # False for NaN as well
+    if good.all():
+        return moments, Status()
+    count = int(np.argmin(good))
+    previous = moments[count - 1] if count else before
+    # One overflow spoils every unknown within its step: what was ahead just before is what left.
+    ahead = np.where(np.isfinite(motion[count]), np.abs(motion[count]), np.inf)
+    if previous is not None and np.count_nonzero(ahead == ahead.max()) > 1:
+        ahead = np.abs(_everything(previous))
+    names = [*(3 * system.names), *(name for force in system.local_forces for name in [force.name] * len(force.sense))]
+    text = f"{names[int(np.argmax(ahead))]} left the range of numbers {_instant(at[count], angle[count])}"
+    return moments[:count], Status(Cause.NOT_FINITE, text, "take a smaller step, more damping or a lower speed")
+
+
+def _everything(moment: Moment) -> FloatArray:
+    return np.concatenate([moment.d, moment.v, moment.a, moment.local])
+
+
+def _unsettled(system: System, at: float, angle: float) -> Status:
+    forces = ", ".join(force.name for force in system.local_forces)
+    text = f"the local forces ({forces}) did not settle within the step {_instant(at, angle)}"
+    return Status(Cause.NO_CONVERGENCE, text, "take a smaller step or a softer contact")
+
+
+def _instant(at: float, angle: float) -> str:
+    return f"at t = {at:.6g} s, cam angle {np.degrees(angle):.2f} deg"

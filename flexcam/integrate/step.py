@@ -138,7 +138,24 @@ class Stepper:
 def instant_forces(
     forces: LocalForces, d: FloatArray, v: FloatArray, schedule: Schedule, states: list[FloatArray]
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """Return the local forces of an instant (row 0 of the schedule) and the rates of their states."""
+    """Return the local forces of an instant.
+
+    Parameters
+    ----------
+    forces
+        The local forces, stacked.
+    d, v
+        Displacement and velocity, shape (n,).
+    schedule
+        The cam motion at the instant (row 0).
+    states
+        Internal states, one array per law.
+
+    Returns
+    -------
+    tuple
+        Forces, shape (c,), and the rates of the states.
+    """
     vectors = forces.sense.vectors
     gap = schedule.sense[0] @ (vectors @ d) + schedule.offset[0]
     rate = schedule.sense[0] @ (vectors @ v) + schedule.sense_rate[0] @ (vectors @ d) + schedule.offset_rate[0]

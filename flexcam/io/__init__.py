@@ -4,9 +4,11 @@ May import `fem`, `response`, `linalg` and `checks`; owns h5py and meshio.
 A new format is one file here with one read or write function.
 """
 
+from flexcam.io.geometry import Geometry
 from flexcam.io.mesh_file import read_mesh, write_mesh
 from flexcam.io.pvd import write_pvd
 from flexcam.io.result import Result, read_result
+from flexcam.io.target import made_folder
 from flexcam.io.vtkhdf import ResultFile
 
-__all__ = ["Result", "ResultFile", "read_mesh", "read_result", "write_mesh", "write_pvd"]
+__all__ = ["Geometry", "Result", "ResultFile", "made_folder", "read_mesh", "read_result", "write_mesh", "write_pvd"]

@@ -6,14 +6,18 @@ process on a bad file; its Gmsh module raises instead and is called here directl
 
 from __future__ import annotations
 
+import io
+import re
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flexcam.checks import Fault, InputError, refuse
+from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
+from flexcam.io.target import free_to_write
 from flexcam.linalg import IntArray
 
 _DIMENSIONS = {"vertex": 0, "line": 1}
@@ -37,13 +41,18 @@ def read_mesh(path: Path) -> Mesh:
     ------
     InputError
         If there is no such file, it is no Gmsh file, or its groups make no members.
+
+    Examples
+    --------
+    ``read_mesh(Path("meshes/tayeb-3.msh")).lines["camshaft"]`` are the nodes of the camshaft in order.
     """
     if path.suffix.lower() != ".msh":
         raise refuse("mesh", path.name, "a Gmsh file (.msh)", "other formats lose the names of groups")
     if not path.is_file():
-        raise refuse("mesh", str(path), "an existing file", "", "paths are relative to the case file")
+        near = did_you_mean(path.name, [other.name for other in path.parent.glob("*.msh")])
+        raise refuse("mesh", str(path), "an existing file", "the path is relative to the case file", near)
     raw = _gmsh(path)
-    groups = _groups(raw)
+    groups = _groups(raw, _physical_names(path))
     faults = [fault for group in groups for fault in _group_faults(group)]
     lines = {group.name: _chain(group.nodes) for group in groups if group.dimension == 1}
     points = {group.name: np.unique(group.nodes) for group in groups if group.dimension == 0 and group.name}
@@ -58,7 +67,8 @@ def _gmsh(path: Path) -> Any:  # noqa: ANN401 - meshio has no types
     from meshio import ReadError, gmsh  # pyright: ignore[reportMissingTypeStubs] - only a mesh file needs it
 
     try:
-        return gmsh.read(path)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # meshio talks
+            return gmsh.read(path)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
     except (ReadError, OSError, ValueError, LookupError, AssertionError, TypeError) as fault:  # what bad files raise
         why = str(fault) or type(fault).__name__
         raise refuse("mesh", str(path), "a Gmsh file of format 2.2 or 4.1", why, "export it again from Gmsh") from None
@@ -73,8 +83,14 @@ class _Group:
     nodes: IntArray
 
 
-def _groups(raw: Any) -> list[_Group]:  # noqa: ANN401
-    names = {(int(dimension), int(tag)): str(name) for name, (tag, dimension) in raw.field_data.items()}
+def _physical_names(path: Path) -> dict[tuple[int, int], str]:
+    """Return dimension and tag to name; meshio keeps only one of a member and a point of the same name."""
+    section = path.read_bytes().partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0]
+    rows = re.findall(r'^\s*(\d+)\s+(\d+)\s+"(.*)"\s*$', section.decode("utf-8", "replace"), re.M)
+    return {(int(dimension), int(tag)): name for dimension, tag, name in rows}
+
+
+def _groups(raw: Any, names: dict[tuple[int, int], str]) -> list[_Group]:  # noqa: ANN401
     tags = raw.cell_data.get("gmsh:physical", [np.zeros(len(block.data), int) for block in raw.cells])
     parts: dict[tuple[int, int, int], list[IntArray]] = {}
     for block, block_tags in zip(raw.cells, tags, strict=True):
@@ -118,7 +134,7 @@ def _chain(pairs: IntArray) -> IntArray | None:
     return np.array(order, dtype=np.intp) if len(order) == len(pairs) + 1 else None
 
 
-def write_mesh(mesh: Mesh, path: Path) -> None:
+def write_mesh(mesh: Mesh, path: Path, *, overwrite: bool = False) -> None:
     """Write a mesh as Gmsh 2.2 text, the format in which meshio keeps all group names.
 
     Parameters
@@ -127,17 +143,23 @@ def write_mesh(mesh: Mesh, path: Path) -> None:
         The mesh.
     path
         The file; its folder exists.
+    overwrite
+        Whether an existing file may be replaced.
 
     Raises
     ------
     InputError
-        If the file exists.
+        If the file exists and may not be replaced, or a member and a point have one name, which Gmsh 2.2 cannot say.
+
+    Examples
+    --------
+    ``write_mesh(flexcam.fem.generate.published_model(3), Path("tayeb-3.msh"))``
     """
     import meshio  # pyright: ignore[reportMissingTypeStubs]
 
-    if path.exists():
-        why = "nothing is written over"
-        raise refuse("mesh file", str(path), "a file that does not exist yet", why, "remove it first")
+    free_to_write("mesh file", path, overwrite=overwrite)
+    if both := sorted(set(mesh.lines) & set(mesh.points)):
+        raise refuse("mesh file", f"a member and a point named {both[0]!r}", "different names", "", "rename one")
     groups = [(1, name, np.column_stack([line[:-1], line[1:]])) for name, line in mesh.lines.items()]
     groups += [(0, name, index[:, None]) for name, index in mesh.points.items()]
     cells: Any = [("line" if dimension else "vertex", nodes) for dimension, _, nodes in groups]

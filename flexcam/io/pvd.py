@@ -6,6 +6,7 @@ The point data are those of the result file; XML with base64 data, as VTK's XML 
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -14,6 +15,7 @@ import numpy as np
 from flexcam.checks import refuse
 from flexcam.fem import Mesh
 from flexcam.io.result import Result
+from flexcam.io.target import free_to_write, made_folder
 from flexcam.io.vtkhdf import VECTORS
 from flexcam.linalg import FloatArray, IntArray
 
@@ -46,20 +48,16 @@ def write_pvd(result: Result, path: Path, *, every: int = 1, overwrite: bool = F
     """
     if every < 1:
         raise refuse("every", every, "a whole number from 1")
-    if path.exists() and not overwrite:
-        raise refuse(
-            "export", str(path), "a file that does not exist yet", "nothing is written over", "add --overwrite"
-        )
-    folder = path.with_suffix("")
-    folder.mkdir(parents=True, exist_ok=True)
-    fields = {name: result.field(name) for name in VECTORS}
+    free_to_write("export", path, overwrite=overwrite)
+    folder = made_folder(path.with_suffix(""))
+    node = result.still["node"].astype(int)
+    fields = {**{name: result.field(name)[:, node] for name in VECTORS}, **result.recovered}
     times = result.response.field_time
     written: list[Path] = []
     for i in range(0, len(times), every):
         piece = folder / f"{path.stem}_{i:06d}.vtp"
-        piece.write_text(
-            _vtp(result.mesh, {name: data[i] for name, data in fields.items()}, result.point_radius), encoding="ascii"
-        )
+        data = {**{name: values[i] for name, values in fields.items()}, **result.still}
+        piece.write_text(_vtp(result.mesh, node, data), encoding="ascii")
         written.append(piece)
     entries = [
         f'    <DataSet timestep="{float(times[i])!r}" part="0" file={quoteattr(f"{folder.name}/{piece.name}")}/>'
@@ -72,19 +70,16 @@ def write_pvd(result: Result, path: Path, *, every: int = 1, overwrite: bool = F
     return [path, *written]
 
 
-def _vtp(mesh: Mesh, vectors: dict[str, FloatArray], radius: FloatArray) -> str:
-    lines = list(mesh.lines.values())
-    connectivity = np.concatenate(lines).astype(np.int64)
-    ends = np.cumsum([len(line) for line in lines]).astype(np.int64)
-    point_data = [_array(name, data) for name, data in vectors.items()] + [_array("radius", radius)]
+def _vtp(mesh: Mesh, node: IntArray, data: Mapping[str, FloatArray]) -> str:
+    ends = np.cumsum([len(line) for line in mesh.lines.values()])
     return "\n".join([
         '<?xml version="1.0"?>',
         '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
-        f'<PolyData><Piece NumberOfPoints="{len(mesh.nodes)}" NumberOfLines="{len(lines)}">',
-        '<PointData Vectors="displacement">', *point_data, "</PointData>",
-        "<CellData>", _array("member", np.arange(len(lines))), "</CellData>",
-        "<Points>", _array("Points", mesh.nodes), "</Points>",
-        "<Lines>", _array("connectivity", connectivity), _array("offsets", ends), "</Lines>",
+        f'<PolyData><Piece NumberOfPoints="{len(node)}" NumberOfLines="{len(ends)}">',
+        '<PointData Vectors="displacement">', *(_array(name, values) for name, values in data.items()), "</PointData>",
+        "<CellData>", _array("member", np.arange(len(ends))), "</CellData>",
+        "<Points>", _array("Points", mesh.nodes[node]), "</Points>",
+        "<Lines>", _array("connectivity", np.arange(len(node))), _array("offsets", ends), "</Lines>",
         "</Piece></PolyData></VTKFile>", "",
     ])  # fmt: skip
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from flexcam.checks import refuse
 from flexcam.fem import COMPONENTS, Mesh
-from flexcam.io.vtkhdf import FORMAT, VECTORS
+from flexcam.io.geometry import RECOVERED
+from flexcam.io.vtkhdf import FORMAT, SERIES, STILL, VECTORS
 from flexcam.linalg import FloatArray
 from flexcam.response import Cause, Outline, Response, Series, Stats, Status
 
@@ -27,19 +28,27 @@ class Result:
         Geometry, with named points and members.
     response
         Histories, status and figures of the run; its fields hold six components per node, node after node.
-    point_radius
-        Drawn radius per node, m, shape (nodes,).
+    still
+        Point data that do not change: ``radius`` (m), ``node``, ``axis_x``, ``axis_y``, ``axis_z`` (global axes).
+    recovered
+        Section forces (N, N m, local axes) and stresses (Pa) at the points of the members, shape (instants, points, 3)
+        or (instants, points).
     about
         Texts kept with the result: case file, versions, date.
+
+    Examples
+    --------
+    ``result.field("displacement")[-1]`` is the last saved displacement of every node.
     """
 
     mesh: Mesh
     response: Response
-    point_radius: FloatArray
+    still: Mapping[str, FloatArray]
+    recovered: Mapping[str, FloatArray]
     about: Mapping[str, str]
 
     def field(self, name: str) -> FloatArray:
-        """Return a point vector over the saved instants.
+        """Return a nodal vector over the saved instants.
 
         Parameters
         ----------
@@ -63,7 +72,7 @@ def read_result(path: str | Path) -> Result:
     Parameters
     ----------
     path
-        A ``.vtkhdf`` file written by flexcam, complete or partial.
+        A ``.vtkhdf`` file written by flexcam, complete or partial; of a partial one, what was finished.
 
     Returns
     -------
@@ -73,7 +82,11 @@ def read_result(path: str | Path) -> Result:
     Raises
     ------
     InputError
-        If it is no such file, or of a newer format.
+        If it is no such file, damaged, or of a newer format.
+
+    Examples
+    --------
+    ``read_result("results/model-3-shm.vtkhdf").response["valve"].velocity`` is the velocity of the valve.
     """
     source = Path(path)
     try:
@@ -87,51 +100,66 @@ def read_result(path: str | Path) -> Result:
 def _result(file: Any, source: Path) -> Result:  # noqa: ANN401 - h5py has no types
     about = {name: item.asstr()[()] for name, item in file["about"].items()}
     if int(about["format"]) > FORMAT:
-        raise refuse(
-            "result", f"{source} of format {about['format']}", f"up to format {FORMAT}", "it is newer", "update flexcam"
-        )
+        given = f"{source} of format {about['format']}"
+        raise refuse("result", given, f"up to format {FORMAT}", "it is newer", "update flexcam")
     vtk = file["VTKHDF"]
-    return Result(_mesh(file), _response(file), vtk["PointData/radius"][()], about)
+    data, mesh = vtk["PointData"], _mesh(file)
+    count, points = min(int(vtk["Steps"].attrs["NSteps"]), len(vtk["Steps/Values"])), int(vtk["NumberOfPoints"][0])
+    recovered = {name: data[name][: count * points] for name in RECOVERED}
+    return Result(
+        mesh=mesh,
+        response=_response(file, count, len(mesh.nodes)),
+        still={name: data[name][()] for name in STILL},
+        recovered={name: values.reshape(count, points, *values.shape[1:]) for name, values in recovered.items()},
+        about=about,
+    )
 
 
 def _mesh(file: Any) -> Mesh:  # noqa: ANN401
-    vtk = file["VTKHDF"]
-    ids, ends = vtk["Lines/Connectivity"][()], vtk["Lines/Offsets"][()]
+    vtk, group = file["VTKHDF"], file["mesh"]
+    node, ends = vtk["PointData/node"][()], vtk["Lines/Offsets"][()].tolist()
     names = [str(name) for name in vtk["CellData/member"].attrs["names"]]
-    lines = {name: ids[a:b] for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
-    return Mesh(vtk["Points"][()], lines, {name: index[()] for name, index in file["points"].items()})
+    lines = {name: node[a:b] for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
+    return Mesh(group["nodes"][()], lines, {name: index[()] for name, index in group["points"].items()})
 
 
-def _response(file: Any) -> Response:  # noqa: ANN401
+def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
     vtk, history = file["VTKHDF"], file["history"]
-    nodes = int(vtk["NumberOfPoints"][0])
-    count = min(int(vtk["Steps"].attrs["NSteps"]), len(vtk["Steps/Values"]))
-    steps = len(history["time"])
-    probes = tuple(
-        (name, tuple(str(c) for c in group.attrs["components"])) for name, group in history.get("probes", {}).items()
-    )
-    channels = {name: data[:steps] for name, data in history.get("channels", {}).items()}
-    units = tuple((name, str(data.attrs["units"])) for name, data in history.get("channels", {}).items())
-    unknowns = tuple(f"node {n}.{c}" for n in range(nodes) for c in COMPONENTS)
+    steps = int(history.attrs["steps"])
+    probes = tuple((name, tuple(str(c) for c in one.attrs["components"])) for name, one in history["probes"].items())
+    channels = history["channels"].items()
     return Response(
-        outline=Outline(unknowns, probes, units),
-        time=history["time"][()], angle=history["cam_angle"][()],
-        probes=Series(*(_side_by_side(history, probes, s, steps) for s in Series.__annotations__)),
-        channels=channels,
-        field_time=vtk["Steps/Values"][:count], field_angle=file["fields/cam_angle"][:count],
-        fields=Series(*(_fields(vtk["PointData"], s, count, nodes) for s in Series.__annotations__)),
-        status=_status(file), stats=_stats(file),
-    )  # fmt: skip
+        outline=Outline(
+            tuple(f"node {n}.{c}" for n in range(nodes) for c in COMPONENTS),
+            probes,
+            tuple((name, str(data.attrs["units"])) for name, data in channels),
+        ),
+        time=history["time"][:steps],
+        angle=history["cam_angle"][:steps],
+        probes=Series(*(_side_by_side(history, probes, series, steps) for series in SERIES)),
+        channels={name: data[:steps] for name, data in channels},
+        field_time=vtk["Steps/Values"][:count],
+        field_angle=file["fields/cam_angle"][:count],
+        fields=Series(*(_fields(vtk["PointData"], series, count, nodes) for series in SERIES)),
+        status=_status(file),
+        stats=_stats(file),
+    )
 
 
 def _side_by_side(history: Any, probes: tuple[tuple[str, tuple[str, ...]], ...], series: str, steps: int) -> FloatArray:  # noqa: ANN401
-    columns = [history[f"probes/{name}/{series}"][:steps] for name, _ in probes]
+    columns = [history["probes"][name][series][:steps] for name, _ in probes]
     return np.concatenate(columns, axis=1) if columns else np.zeros((steps, 0))
 
 
 def _fields(data: Any, series: str, count: int, nodes: int) -> FloatArray:  # noqa: ANN401
-    parts = [data[name][: count * nodes].reshape(count, nodes, 3) for name, (s, _, _) in VECTORS.items() if s == series]
-    return np.concatenate(parts, axis=2).reshape(count, nodes * 6)
+    """Return one series at the nodes, shape (count, 6 nodes); points of a joint agree, any of them counts."""
+    node = data["node"][()]
+    spread = np.zeros((count, nodes, 6))
+    for name, (of, first, _) in VECTORS.items():
+        if of == series:
+            values = data[name][: count * len(node)].reshape(count, len(node), 3)
+            spread[:, node, first : first + 3] = values
+    return spread.reshape(count, 6 * nodes)
 
 
 def _status(file: Any) -> Status:  # noqa: ANN401

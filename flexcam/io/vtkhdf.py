@@ -2,7 +2,8 @@
 
 The group ``/VTKHDF`` follows Kitware's file format (PolyData, version 2.0, one polyline per member, the mesh stored
 once); VTK ignores the groups beside it, which hold histories, case, status and provenance. Blocks are appended in the
-order data, ``NSteps``, ``Values``, each flushed, because VTK's reader trusts ``Values`` to have its data.
+order data, counts (``NSteps`` and the rows of the histories), ``Values``, each flushed: VTK's reader trusts ``Values``
+to have its data, and flexcam's reads no row that is not counted.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.checks import refuse
-from flexcam.fem import DofMap, Mesh
-from flexcam.linalg import FloatArray, IntArray
-from flexcam.response import Block, Outline, Stats, Status
+from flexcam.io.geometry import RECOVERED, Geometry
+from flexcam.io.growing import extend, fixed, growing, ordered, texts
+from flexcam.io.target import free_to_write
+from flexcam.response import Block, Outline, SaveAt, Stats, Status
 
 FORMAT = 1
 """Version of flexcam's own groups; a reader refuses a higher one."""
@@ -32,8 +34,9 @@ VECTORS = {
 }
 """Point vectors: name to the series they come from, their first component and their unit."""
 
-_TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
-_PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 4, "shuffle": True, "fletcher32": True}
+SERIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+STILL = ("radius", "node", "axis_x", "axis_y", "axis_z")
+"""Point data that do not change."""
 
 
 class ResultFile:
@@ -43,12 +46,12 @@ class ResultFile:
     ----------
     path
         The final file; its folder exists.
-    mesh, dofs
-        Geometry and numbering of the fields.
+    geometry
+        What the fields are drawn on.
     outline
         Names of what will come.
-    radius
-        Drawn radius of each member, m.
+    save
+        How the run hands out its blocks.
     about
         Texts kept with the result: name to text, such as the case file.
     overwrite
@@ -57,109 +60,107 @@ class ResultFile:
     Raises
     ------
     InputError
-        If the result exists and may not be replaced.
+        If the result exists and may not be replaced, or the file cannot be made.
     """
 
     def __init__(
-        self, path: Path, mesh: Mesh, dofs: DofMap, outline: Outline, *,
-        radius: Mapping[str, float], about: Mapping[str, str], overwrite: bool = False,
+        self, path: Path, geometry: Geometry, outline: Outline, *,
+        save: SaveAt, about: Mapping[str, str], overwrite: bool = False,
     ) -> None:  # fmt: skip
-        if path.exists() and not overwrite:
-            raise refuse(
-                "result", str(path), "a file that does not exist yet", "nothing is written over", "add --overwrite"
-            )
+        free_to_write("result", path, overwrite=overwrite)
         self.path = path
         self.partial = path.with_name(f"{path.stem}.partial.vtkhdf")
-        self._dofs, self._outline = dofs, outline
-        self._file: Any = h5py.File(self.partial, "w", locking=False)
+        self._geometry, self._outline = geometry, outline
+        try:
+            self._file: Any = h5py.File(self.partial, "w", locking=False)
+        except OSError as fault:
+            raise refuse("result", str(self.partial), "a file that can be written", str(fault)) from None
         self._vtk: Any = self._file.create_group("VTKHDF")
-        _write_geometry(self._vtk, mesh, radius)
-        self._create_steps(len(mesh.nodes))
-        self._create_history()
-        _write_texts(self._file.create_group("about"), {"format": str(FORMAT), **about})
+        _write_geometry(self._vtk, geometry)
+        self._create_steps(save.fields_per_block)
+        self._create_history(save.fields_per_block * save.field_every)
+        texts(self._file.create_group("about"), {"format": str(FORMAT), **about})
         self._file.flush()
 
-    def _create_steps(self, points: int) -> None:
-        data = self._vtk.require_group("PointData")
-        for name, (_, _, unit) in VECTORS.items():
-            _growing(data, name, (points * 8, 3), unit, width=3)
+    def _create_steps(self, rows: int) -> None:
+        data = self._vtk["PointData"]
+        points = len(self._geometry.node)
+        for name, (unit, width) in {**{v: (u, 3) for v, (_, _, u) in VECTORS.items()}, **RECOVERED}.items():
+            growing(data, name, rows * points, unit, width=width if width > 1 else 0)
         steps = self._vtk.create_group("Steps")
         steps.attrs["NSteps"] = 0
-        for name, width in (
-            ("PartOffsets", 0),
-            ("NumberOfParts", 0),
-            ("PointOffsets", 0),
-            ("CellOffsets", 4),
-            ("ConnectivityIdOffsets", 4),
-        ):
-            _growing(steps, name, (64, width) if width else (64,), "", width=width, kind="i8")
-        for group, names in (("PointDataOffsets", [*VECTORS, "radius"]), ("CellDataOffsets", ["member"])):
-            for name in names:
-                _growing(steps.require_group(group), name, (64,), "", kind="i8")
-        _growing(steps, "Values", (64,), "s")
-        _growing(self._file.create_group("fields"), "cam_angle", (64,), "rad")
+        for name in ("PartOffsets", "NumberOfParts", "PointOffsets"):
+            growing(steps, name, rows, "", kind="i8")
+        for name in ("CellOffsets", "ConnectivityIdOffsets"):  # one column for each of VTK's four kinds of cells
+            growing(steps, name, rows, "", width=4, kind="i8")
+        for name in (*VECTORS, *RECOVERED, *STILL):
+            growing(steps.require_group("PointDataOffsets"), name, rows, "", kind="i8")
+        growing(steps.require_group("CellDataOffsets"), "member", rows, "", kind="i8")
+        growing(steps, "Values", rows, "s")
+        growing(self._file.create_group("fields"), "cam_angle", rows, "rad")
 
-    def _create_history(self) -> None:
+    def _create_history(self, rows: int) -> None:
         history = self._file.create_group("history")
-        _growing(history, "time", (1024,), "s").make_scale("time")
-        _growing(history, "cam_angle", (1024,), "rad")
+        history.attrs["steps"] = 0
+        time = growing(history, "time", rows, "s")
+        time.make_scale("time")
+        made = [growing(history, "cam_angle", rows, "rad")]
+        probes = ordered(history, "probes")
         for name, components in self._outline.probes:
-            group = history.create_group(f"probes/{name}")
+            group = ordered(probes, name)
             group.attrs["components"] = list(components)
-            for series, unit in (("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s^2")):
+            for series, unit in SERIES.items():
                 told = unit if len(components) == 1 else f"{unit}; rotations {unit.replace('m', 'rad', 1)}"
-                _growing(group, series, (1024, len(components)), told, width=len(components)).dims[0].attach_scale(
-                    history["time"]
-                )
-        for name, unit in self._outline.channels:
-            _growing(history, f"channels/{name}", (1024,), unit).dims[0].attach_scale(history["time"])
+                made.append(growing(group, series, rows, told, width=len(components)))
+        channels = ordered(history, "channels")
+        made += [growing(channels, name, rows, unit) for name, unit in self._outline.channels]
+        for dataset in made:
+            dataset.dims[0].attach_scale(time)
 
     def write(self, block: Block) -> None:
         """Append a block."""
-        self._append_history(block)
-        count = len(block.field_time)
-        steps = self._vtk["Steps"]
-        before = int(steps.attrs["NSteps"])
-        points = self._append_fields(block)
+        steps, history = self._vtk["Steps"], self._file["history"]
+        before, count = int(steps.attrs["NSteps"]), len(block.field_time)
+        self._append_history(history, block)
+        self._append_fields(block)
+        points = len(self._geometry.node)
         for name in ("PartOffsets", "PointOffsets", "CellOffsets", "ConnectivityIdOffsets"):
-            _extend(steps[name], np.zeros((count, *steps[name].shape[1:]), int))
-        _extend(steps["NumberOfParts"], np.ones(count, int))
-        for name in VECTORS:
-            _extend(steps["PointDataOffsets"][name], (before + np.arange(count)) * points)
-        for still in (steps["PointDataOffsets"]["radius"], steps["CellDataOffsets"]["member"]):
-            _extend(still, np.zeros(count, int))
+            extend(steps[name], np.zeros((count, *steps[name].shape[1:]), int))
+        extend(steps["NumberOfParts"], np.ones(count, int))
+        for name in (*VECTORS, *RECOVERED):
+            extend(steps["PointDataOffsets"][name], (before + np.arange(count)) * points)
+        for still in (*(steps["PointDataOffsets"][name] for name in STILL), steps["CellDataOffsets/member"]):
+            extend(still, np.zeros(count, int))
         self._file.flush()
         steps.attrs["NSteps"] = before + count
+        history.attrs["steps"] = len(history["time"])
         self._file.flush()
-        _extend(steps["Values"], block.field_time)
+        extend(steps["Values"], block.field_time)
         self._file.flush()
 
-    def _append_fields(self, block: Block) -> int:
-        data = self._vtk["PointData"]
-        nodal = {
-            series: self._dofs.nodal(getattr(block.fields, series))
-            for series in ("displacement", "velocity", "acceleration")
-        }
+    def _append_fields(self, block: Block) -> None:
+        data, geometry = self._vtk["PointData"], self._geometry
+        nodal = {series: geometry.dofs.nodal(getattr(block.fields, series)) for series in SERIES}
         for name, (series, first, _) in VECTORS.items():
-            _extend(data[name], nodal[series][..., first : first + 3].reshape(-1, 3))
-        _extend(self._file["fields/cam_angle"], block.field_angle)
-        return nodal["displacement"].shape[-2]
+            extend(data[name], nodal[series][:, geometry.node, first : first + 3].reshape(-1, 3))
+        for name, values in geometry.recovered(nodal["displacement"]).items():
+            extend(data[name], values.reshape(-1, *values.shape[2:]))
+        extend(self._file["fields/cam_angle"], block.field_angle)
 
-    def _append_history(self, block: Block) -> None:
-        history = self._file["history"]
-        _extend(history["time"], block.time)
-        _extend(history["cam_angle"], block.angle)
+    def _append_history(self, history: Any, block: Block) -> None:  # noqa: ANN401 - h5py has no types
+        extend(history["time"], block.time)
+        extend(history["cam_angle"], block.angle)
         for name, _ in self._outline.probes:
             columns = self._outline.columns(name)
-            for series in ("displacement", "velocity", "acceleration"):
-                _extend(history[f"probes/{name}/{series}"], getattr(block.probes, series)[:, columns])
+            for series in SERIES:
+                extend(history["probes"][name][series], getattr(block.probes, series)[:, columns])
         for i, (name, _) in enumerate(self._outline.channels):
-            _extend(history[f"channels/{name}"], block.channels[:, i])
+            extend(history["channels"][name], block.channels[:, i])
 
     def close(self, status: Status, stats: Stats) -> None:
         """Write how the run ended; a complete result takes its final name, any other keeps the partial one."""
         group = self._file.create_group("status")
-        _write_texts(group, {"cause": str(status.cause), "text": status.text, "remedy": status.remedy})
+        texts(group, {"cause": str(status.cause), "text": status.text, "remedy": status.remedy})
         for name in stats.__dataclass_fields__:
             group.attrs[name] = getattr(stats, name)
         self._file.close()
@@ -167,50 +168,32 @@ class ResultFile:
             self.partial.replace(self.path)
 
 
-def _growing(group: Any, name: str, chunk: tuple[int, ...], unit: str, *, width: int = 0, kind: str = "f8") -> Any:  # noqa: ANN401 - h5py has no types
-    shape, limit = ((0, width), (None, width)) if width else ((0,), (None,))
-    dataset = group.create_dataset(name, shape, kind, maxshape=limit, chunks=chunk, **_PACKED)
-    dataset.attrs["units"] = unit
-    return dataset
-
-
-def _extend(dataset: Any, rows: FloatArray | IntArray) -> None:  # noqa: ANN401
-    first = dataset.shape[0]
-    dataset.resize(first + len(rows), axis=0)
-    if len(rows):
-        dataset[first:] = rows
-
-
-def _write_texts(group: Any, texts: Mapping[str, str]) -> None:  # noqa: ANN401
-    for name, text in texts.items():
-        group.create_dataset(name, data=text, dtype=h5py.string_dtype())  # pyright: ignore[reportUnknownMemberType]
-
-
-def _write_geometry(vtk: Any, mesh: Mesh, radius: Mapping[str, float]) -> None:  # noqa: ANN401
+def _write_geometry(vtk: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types
     vtk.attrs["Version"] = (2, 0)
     vtk.attrs.create("Type", b"PolyData", dtype="S8")
-    lengths = [len(line) for line in mesh.lines.values()]
-    vtk["NumberOfPoints"] = np.array([len(mesh.nodes)])
-    vtk["Points"] = mesh.nodes
-    vtk["Points"].attrs["units"] = "m"
-    for topology in _TOPOLOGIES:
+    mesh, points, ends = geometry.mesh, len(geometry.node), geometry.ends
+    fixed(vtk, "NumberOfPoints", np.array([points]))
+    fixed(vtk, "Points", mesh.nodes[geometry.node], "m")
+    for topology in ("Vertices", "Lines", "Polygons", "Strips"):
         lines = topology == "Lines"
         group = vtk.create_group(topology)
-        group["NumberOfCells"] = np.array([len(lengths) if lines else 0])
-        group["NumberOfConnectivityIds"] = np.array([sum(lengths) if lines else 0])
-        group["Connectivity"] = np.concatenate(list(mesh.lines.values())) if lines else np.zeros(0, np.intp)
-        group["Offsets"] = np.cumsum([0, *lengths]) if lines else np.zeros(1, int)
-    vtk["CellData/member"] = np.arange(len(lengths))
-    vtk["CellData/member"].attrs["names"] = list(mesh.lines)
-    vtk["PointData/radius"] = _point_radius(mesh, radius)
-    vtk["PointData/radius"].attrs["units"] = "m"
-    sets = vtk.parent.create_group("points")
-    for name, index in mesh.points.items():
-        sets[name] = index
+        fixed(group, "NumberOfCells", np.array([len(mesh.lines) if lines else 0]))
+        fixed(group, "NumberOfConnectivityIds", np.array([points if lines else 0]))
+        fixed(group, "Connectivity", np.arange(points if lines else 0))
+        fixed(group, "Offsets", ends if lines else np.zeros(1, int))
+    member = fixed(vtk.create_group("CellData"), "member", np.arange(len(mesh.lines)))
+    member.attrs["names"] = list(mesh.lines)
+    data, axes = vtk.create_group("PointData"), geometry.axes()
+    fixed(data, "radius", geometry.radius(), "m")
+    fixed(data, "node", geometry.node)
+    for i, name in enumerate(("axis_x", "axis_y", "axis_z")):
+        fixed(data, name, axes[:, i])
+    _write_mesh(vtk.parent, geometry)
 
 
-def _point_radius(mesh: Mesh, radius: Mapping[str, float]) -> FloatArray:
-    values = np.zeros(len(mesh.nodes))
-    for name, line in mesh.lines.items():
-        values[line] = np.maximum(values[line], radius[name])
-    return values
+def _write_mesh(file: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types
+    group = file.create_group("mesh")
+    fixed(group, "nodes", geometry.mesh.nodes, "m")
+    points = ordered(group, "points")
+    for name, index in geometry.mesh.points.items():
+        fixed(points, name, index)

@@ -114,9 +114,6 @@ def factorize(matrix: Triplets) -> Factor:
 
 
 def _dense_inverse(scaled: FloatArray, scale: FloatArray) -> _Inverse:
-    dead = np.flatnonzero(~scaled.any(axis=1))
-    if dead.size:
-        raise SingularMatrixError(tuple(dead.tolist()))
     try:
         inverse = np.linalg.inv(scaled)
     except np.linalg.LinAlgError:
@@ -128,19 +125,33 @@ def _dense_inverse(scaled: FloatArray, scale: FloatArray) -> _Inverse:
 
 def _null_unknowns(scaled: FloatArray) -> tuple[int, ...]:
     """Return the unknowns that move most in the motion the matrix does not resist."""
-    weakest = np.abs(np.linalg.svd(scaled)[2][-1])
-    return tuple(np.flatnonzero(weakest > 0.5 * weakest.max()).tolist())
+    return _largest(np.linalg.svd(scaled)[2][-1])
+
+
+def _largest(motion: FloatArray) -> tuple[int, ...]:
+    size = np.abs(motion)
+    return tuple(np.flatnonzero(size > 0.5 * size.max()).tolist())
 
 
 def _sparse_lu(matrix: Triplets, scale: FloatArray) -> _SparseLU:
-    from scipy.sparse import diags_array
+    from scipy.sparse import diags_array, eye_array
     from scipy.sparse.linalg import splu
 
     spread = diags_array(scale)
+    scaled = (spread @ matrix.csr() @ spread).tocsc()
+    options = {"SymmetricMode": True}
     try:
-        lu = splu((spread @ matrix.csr() @ spread).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        lu = splu(scaled, permc_spec="MMD_AT_PLUS_A", options=options)
+        regular = bool(np.abs(lu.U.diagonal()).min() > np.finfo(float).eps)
     except RuntimeError:  # SuperLU's only sign of an exactly zero pivot
-        raise SingularMatrixError from None
+        lu, regular = None, False
+    if lu is None or not regular:
+        # Inverse iteration: the shift finds the motion without stiffness, it solves nothing.
+        shifted = splu((scaled + 1e-8 * eye_array(matrix.size)).tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
+        motion = np.random.default_rng(0).standard_normal(matrix.size)
+        for _ in range(3):
+            motion = shifted.solve(motion / np.linalg.norm(motion))
+        raise SingularMatrixError(_largest(motion))
     return _SparseLU(lu.solve, scale)
 
 

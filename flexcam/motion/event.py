@@ -25,8 +25,8 @@ class LiftEvent:
         Law of the rise; the return is its mirror image.
     lift
         Full lift, m.
-    rise, dwell, fall
-        Cam angles of rise, upper dwell and return, rad; the rest of the revolution is the lower dwell.
+    rise, fall, dwell
+        Cam angles of rise, return and upper dwell, rad; the rest of the revolution is the lower dwell.
     phase
         Cam angle at which the rise begins, rad.
 

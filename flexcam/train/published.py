@@ -93,6 +93,9 @@ def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -
         If nothing resists the lift: without a spring the published load is not defined.
     """
     push = structure.dofs.vector(find_node(structure.model, contact.follower, where), contact.direction)
+    if not push.any():
+        given, why = f"{contact.follower!r}, held along the lift", "a follower that cannot move feels no cam"
+        raise refuse(where, given, "a point that is free along the lift", why, "remove that component from [supports]")
     try:
         give = float(push @ static_displacement(structure.stiffness, push, structure.dofs.names))
     except RunFailedError as failure:

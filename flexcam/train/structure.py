@@ -90,7 +90,7 @@ def find_node(model: Model, point: str, where: str) -> int:
     """
     if point not in model.mesh.points:
         known = [*model.mesh.points, *(r.point for r in model.rockers.values())]
-        raise refuse(where, repr(point), f"a point: {', '.join(known)}", did_you_mean(point, known))
+        raise refuse(where, repr(point), f"a point: {', '.join(known)}", remedy=did_you_mean(point, known))
     return model.mesh.node(point, where)
 
 

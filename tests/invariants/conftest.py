@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from flexcam.fem import Beams, DofMap, Member, Mesh, Section, beams, dof_map, refined
 
 NODES = np.array([[0.0, 0.0, 0.0], [0.5, 0.1, -0.2], [0.7, 0.6, 0.1]])
@@ -18,7 +19,9 @@ class Frame:
         points = {"foot": [0], "knee": [1], "tip": [2]}
         mesh = Mesh(size * NODES @ rotation.T, {"a": order([0, 1]), "b": order([1, 2])}, points)
         self.mesh: Mesh = refined(mesh, {"a": parts, "b": parts})
-        section = Section(A=4e-4 * size**2, Iy=2e-8 * size**4, Iz=7e-9 * size**4, J=1e-8 * size**4, kappa_y=0.8, kappa_z=0.6)
+        section = Section(
+            A=4e-4 * size**2, Iy=2e-8 * size**4, Iz=7e-9 * size**4, J=1e-8 * size**4, kappa_y=0.8, kappa_z=0.6
+        )
         data = Member(material, section, orientation=tuple(rotation @ ORIENTATION), **member)
         self.beams: Beams = beams(self.mesh, {"a": data, "b": data})
         self.dofs: DofMap = dof_map(self.mesh, [("foot", ("ux", "uy", "uz", "rx", "ry", "rz"))] if held else [])

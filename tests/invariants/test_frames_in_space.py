@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
 from flexcam import fem
 from flexcam.fem import Material
 from flexcam.integrate import static_displacement
 from flexcam.modal import modes
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 THEORIES = [
     {"shear": False, "rotary_inertia": False}, {"shear": False, "rotary_inertia": True},
@@ -150,7 +151,11 @@ def test_caller_s_arrays_are_left_alone(frame, readonly):
     force = readonly(np.ones(len(body.beams)))
     for name in ("length", "triads", "EA", "rho_A", "phi_y", "lumped"):
         getattr(body.beams, name).setflags(write=False)
-    M, K, G = fem.mass(body.beams, body.dofs), fem.stiffness(body.beams, body.dofs), fem.geometric(body.beams, force, body.dofs)
+    M, K, G = (
+        fem.mass(body.beams, body.dofs),
+        fem.stiffness(body.beams, body.dofs),
+        fem.geometric(body.beams, force, body.dofs),
+    )
     for part in (M, K, G):
         part.values.setflags(write=False)
     before = M.values.copy(), K.values.copy()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from flexcam.fem import Material, Member, Mesh, Section, beam, beams
 
 L, STRETCH = 0.6, 3e-4

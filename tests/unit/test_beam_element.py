@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from flexcam.fem import Material, Member, Mesh, Section, beam, beams
 
 SECTION = Section(A=3e-3, Iy=2e-6, Iz=5e-6, J=4e-6, kappa_y=0.8, kappa_z=0.6)
@@ -24,9 +25,11 @@ def tip_flexibility(bar):
     return np.linalg.inv(beam.stiffness(bar)[0][6:, 6:])
 
 
-@pytest.mark.parametrize(("deflection", "turn", "sign", "second", "kappa"), [(1, 5, 1, "Iz", "kappa_y"), (2, 4, -1, "Iy", "kappa_z")])
+@pytest.mark.parametrize(
+    ("deflection", "turn", "sign", "second", "kappa"), [(1, 5, 1, "Iz", "kappa_y"), (2, 4, -1, "Iy", "kappa_z")]
+)
 def test_cantilever_in_both_planes(bar, deflection, turn, sign, second, kappa):
-    # Tip load: P L^3/3EI + P L/(kappa A G), slope P L^2/2EI; tip moment: slope M L/EI. Timoshenko, Strength of Materials I.
+    # Tip load: P L^3/3EI + P L/(kappa A G), slope P L^2/2EI; tip moment: slope M L/EI (Timoshenko).
     flexibility, EI = tip_flexibility(bar), MATERIAL.E * getattr(SECTION, second)
     shear = LENGTH / (getattr(SECTION, kappa) * SECTION.A * MATERIAL.G) if bar.phi_y[0] > 0 else 0.0
     assert flexibility[deflection, deflection] == pytest.approx(LENGTH**3 / (3 * EI) + shear, rel=1e-12)

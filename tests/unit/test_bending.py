@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from flexcam.fem.elements import axial, bending
 
 L, EI, RHO_A, RHO_I, N = 0.37, 2.3e3, 5.1, 0.013, -41.0

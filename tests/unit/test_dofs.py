@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from flexcam.checks import InputError
 from flexcam.fem import COMPONENTS, Mesh, dof_map, refined
 from flexcam.fem.generate import chain
@@ -34,7 +35,7 @@ def test_rigid_motion_is_translation_plus_w_cross_r():
     dofs = dof_map(MESH, [])
     w = np.array([0.3, -0.2, 0.7])
     motion = dofs.nodal(dofs.rigid_motion(MESH, np.concatenate([[1.0, 2.0, 3.0], w])))[:3]
-    np.testing.assert_allclose(motion[:, :3], [1.0, 2.0, 3.0] + np.cross(w, MESH.nodes[:3]), rtol=1e-14)
+    np.testing.assert_allclose(motion[:, :3], np.array([1.0, 2.0, 3.0]) + np.cross(w, MESH.nodes[:3]), rtol=1e-14)
     np.testing.assert_array_equal(motion[:, 3:], np.tile(w, (3, 1)))
 
 
@@ -47,7 +48,9 @@ def test_misspelled_names_are_refused_with_the_nearest(supports):
 def test_refined_keeps_old_nodes_and_the_line():
     fine = refined(MESH, {"b": 4})
     np.testing.assert_array_equal(fine.nodes[:4], MESH.nodes)
-    np.testing.assert_allclose(fine.nodes[fine.lines["b"]], np.column_stack([np.ones(5), np.linspace(0, 2, 5), np.zeros(5)]))
+    np.testing.assert_allclose(
+        fine.nodes[fine.lines["b"]], np.column_stack([np.ones(5), np.linspace(0, 2, 5), np.zeros(5)])
+    )
     np.testing.assert_array_equal(fine.lines["a"], [0, 1])
     assert fine.element_ranges() == {"a": slice(0, 1), "b": slice(1, 5)}
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+
 from flexcam.checks import InputError
 from flexcam.motion import LAWS, LiftEvent
 
@@ -15,7 +16,9 @@ ANGLES = np.linspace(0.0, TURN, 721)
 
 
 def event(law="cycloidal", **changes):
-    return LiftEvent(LAWS[law], **({"lift": LIFT, "rise": RISE, "dwell": DWELL, "fall": FALL, "phase": PHASE} | changes))
+    return LiftEvent(
+        LAWS[law], **({"lift": LIFT, "rise": RISE, "dwell": DWELL, "fall": FALL, "phase": PHASE} | changes)
+    )
 
 
 @pytest.mark.parametrize("law", sorted(LAWS))
@@ -33,7 +36,9 @@ def test_phase_shifts():
 
 
 def test_parts():
-    at = PHASE + np.array([0.0, RISE / 2, RISE, RISE + DWELL, RISE + DWELL + FALL / 2, RISE + DWELL + FALL, RISE + DWELL + FALL + 0.5])
+    at = PHASE + np.array(
+        [0.0, RISE / 2, RISE, RISE + DWELL, RISE + DWELL + FALL / 2, RISE + DWELL + FALL, RISE + DWELL + FALL + 0.5]
+    )
     np.testing.assert_allclose(event()(at), LIFT * np.array([0, 0.5, 1, 1, 0.5, 0, 0]), atol=1e-16)
 
 
@@ -49,7 +54,9 @@ def test_derivatives_scale_with_the_angles():
     for order in range(1, 5):
         law = LAWS["cycloidal"](np.array([0.25]), order)[0]
         np.testing.assert_allclose(event()(np.array([up]), order), LIFT * law / RISE**order, rtol=1e-9, atol=1e-12)
-        np.testing.assert_allclose(event()(np.array([down]), order), LIFT * law / (-FALL) ** order, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            event()(np.array([down]), order), LIFT * law / (-FALL) ** order, rtol=1e-9, atol=1e-12
+        )
 
 
 @pytest.mark.parametrize("slip", [-1e-12, 0.0, 1e-12])
@@ -71,7 +78,9 @@ def test_steps_never_choose_the_side(steps):
         np.testing.assert_array_equal(full(np.arange(turn * steps, (turn + 1) * steps) * (TURN / steps), 2), first)
 
 
-@pytest.mark.parametrize("changes", [{"rise": 0.0}, {"lift": -1.0}, {"dwell": 4.0}, {"fall": 180.0}, {"rise": math.nan}])
+@pytest.mark.parametrize(
+    "changes", [{"rise": 0.0}, {"lift": -1.0}, {"dwell": 4.0}, {"fall": 180.0}, {"rise": math.nan}]
+)
 def test_refused(changes):
     with pytest.raises(InputError):
         event(**changes)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+
 from flexcam.fem import Material, Member, Mesh, Section, beams, dof_map, mass, refined, stiffness
 from flexcam.linalg import DENSE_LIMIT, SingularMatrixError, Triplets, factorize, null_space, operator
-from scipy.spatial.transform import Rotation
 
 STEEL = Material(2e11, 0.3, 7800.0)
 
@@ -70,14 +71,19 @@ def test_a_dead_unknown_is_named(n, unit):
 def test_two_unknowns_that_only_move_together_are_named(n):
     cut = grounded_chain(n).part(np.arange(2, n))
     floating = Triplets(2, np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1]), np.array([1.0, -1.0, -1.0, 1.0]))
-    whole = Triplets(n, np.append(floating.rows, cut.rows + 2), np.append(floating.cols, cut.cols + 2), np.append(floating.values, cut.values))
+    whole = Triplets(
+        n,
+        np.append(floating.rows, cut.rows + 2),
+        np.append(floating.cols, cut.cols + 2),
+        np.append(floating.values, cut.values),
+    )
     with pytest.raises(SingularMatrixError) as fault:
         factorize(whole)
     assert fault.value.unknowns == (0, 1)
 
 
 def frame(parts, seed=0, size=1.0):
-    """An L of two members, turned at random; nothing holds it."""
+    """Return an L of two members, turned at random; nothing holds it."""
     corner = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
     nodes = size * np.array([[0.0, 0, 0], [0.4, 0, 0], [0.4, 0.3, 0.1]]) @ corner.T
     mesh = refined(Mesh(nodes, {"a": [0, 1], "b": [1, 2]}, {}), {"a": parts, "b": parts})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from flexcam.checks import InputError
 from flexcam.fem import PointMass, along, dof_map, mass_at
 from flexcam.fem.generate import chain
@@ -34,7 +35,9 @@ def test_spring_on_a_difference():
     np.testing.assert_array_equal(along(row, 3.0).dense(), 3.0 * np.outer(row, row))
 
 
-@pytest.mark.parametrize("make", [lambda: PointMass(-1.0), lambda: PointMass(1.0, (1.0, 1.0, 3.0)), lambda: PointMass(1.0, (0, 0, -1))])
+@pytest.mark.parametrize(
+    "make", [lambda: PointMass(-1.0), lambda: PointMass(1.0, (1.0, 1.0, 3.0)), lambda: PointMass(1.0, (0, 0, -1))]
+)
 def test_impossible_bodies_are_refused(make):
     with pytest.raises(InputError):
         make()

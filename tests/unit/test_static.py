@@ -1,14 +1,15 @@
-"""Static displacement: exact nodal values, free motions tolerated where nothing loads them, mechanisms refused by name."""
+"""Static displacement: exact nodal values, free motions tolerated where nothing loads them, else refused by name."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+
 from flexcam.fem import COMPONENTS, Member, Mesh, Section, beams, dof_map, refined, stiffness
 from flexcam.fem.generate import chain
 from flexcam.integrate import static_displacement
 from flexcam.response import Cause, RunFailedError
-from scipy.spatial.transform import Rotation
 
 
 def shaft(steel, parts, supports):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from flexcam.checks import InputError
 from flexcam.linalg import Triplets
 from flexcam.system import AngleVector, CamMotion, ConstantSpeed, Load, System, constant
@@ -28,7 +29,9 @@ def test_load_tables():
     system = System(*(Triplets.zeros(2) for _ in range(3)), ("a", "b"), loads)
     motion = CamMotion(np.zeros(4), np.arange(4.0), np.zeros(4))
     assert system.load_histories(motion).shape == (4, 2)
-    np.testing.assert_array_equal(system.load_histories(motion) @ system.load_vectors(), np.outer(5 * np.arange(4.0), [1, 1]))
+    np.testing.assert_array_equal(
+        system.load_histories(motion) @ system.load_vectors(), np.outer(5 * np.arange(4.0), [1, 1])
+    )
 
 
 def test_no_loads():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from flexcam import fem
 from flexcam.fem.generate import chain
 from flexcam.modal import modes

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 import pytest
+
 from flexcam.fem import Material, Member, Section
 
 SOURCE = "AFNOR/SFM guide (1990), simply supported beam under axial force"

@@ -10,9 +10,10 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+
 from flexcam.fem import Material, Member, Section
 from flexcam.modal import modes
-from scipy.optimize import brentq
 
 SOURCE = "Classical beams, characteristic equations"
 # Divided by cosh, so that the roots are well conditioned.
@@ -54,10 +55,15 @@ def test_the_roots_are_the_known_ones():
 def test_frequencies(record, plane_beam, supports, n):
     x = root(supports, n)
     record(
-        source=SOURCE, case=f"{supports}, 16 elements", quantity=f"bending {n}", unit="Hz", reference=exact(supports, n),
-        computed=bending(plane_beam, supports, 16, n)[n - 1], tolerance=(x / 16) ** 4 / 1440,
+        source=SOURCE,
+        case=f"{supports}, 16 elements",
+        quantity=f"bending {n}",
+        unit="Hz",
+        reference=exact(supports, n),
+        computed=bending(plane_beam, supports, 16, n)[n - 1],
+        tolerance=(x / 16) ** 4 / 1440,
         reason="cubic elements: (x/16)^4/1440 of the eigenvalue, half of it in frequency, doubled for clamped ends",
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("n", [1, 2])
@@ -82,7 +88,12 @@ def test_axial_and_torsional_rods(record, straight_beam):
         found = modes(beam.mass.part(picked), beam.stiffness.part(picked), 2).frequencies
         for n in (1, 2):
             record(
-                source=SOURCE, case=f"fixed-free rod, 40 elements, {component}", quantity=f"mode {n}", unit="Hz",
-                reference=(2 * n - 1) / (4 * LENGTH) * math.sqrt(modulus / STEEL.density), computed=found[n - 1],
-                tolerance=1.05 * ((2 * n - 1) * math.pi / 80) ** 2 / 24, reason="linear bars: (k h)^2/24, consistent mass",
-            )  # fmt: skip
+                source=SOURCE,
+                case=f"fixed-free rod, 40 elements, {component}",
+                quantity=f"mode {n}",
+                unit="Hz",
+                reference=(2 * n - 1) / (4 * LENGTH) * math.sqrt(modulus / STEEL.density),
+                computed=found[n - 1],
+                tolerance=1.05 * ((2 * n - 1) * math.pi / 80) ** 2 / 24,
+                reason="linear bars: (k h)^2/24, consistent mass",
+            )

@@ -1,7 +1,7 @@
-"""Buckling of columns, K + lambda K_g: L. Euler; S. P. Timoshenko, J. M. Gere, Theory of Elastic Stability, 2nd ed., ch. 2.
+"""Buckling of columns, K + lambda K_g: S. P. Timoshenko, J. M. Gere, Theory of Elastic Stability, 2nd ed., ch. 2.
 
-P L^2/EI with n equal elements; digits of the brief from an independent script. One element, by hand: pinned-pinned
-12 (K_g and K on the end rotations alone), fixed-free the root of 15 p^2 - 156 p... = 2.48596 (det of 2 x 2).
+P L^2/EI with n equal elements; the digits are those of an independent script given with the project's brief. One
+element by hand, pinned-pinned: ends turning by -r and r, 2 EI/L r = P L/6 r, so 12.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ import math
 
 import numpy as np
 import pytest
-from flexcam.fem import Material, Member, Section
 from scipy.linalg import eigh
+
+from flexcam.fem import Material, Member, Section
 
 SOURCE = "Euler columns, cubic elements"
 DIGITS = {

@@ -6,10 +6,9 @@ at 0.0117 s, static 0.538 mm. Static reference by Timoshenko: 5 q L^4/(384 EI) +
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
+
 from flexcam.fem import Material, Member, Section
 from flexcam.fem.damping import rayleigh
 from flexcam.integrate import Problem, newmark, solve, static_displacement
@@ -42,9 +41,13 @@ def push(beam):
 def response(beam, push):
     row = beam.dofs.vector(ELEMENTS // 2, np.array([0, 1.0, 0, 0, 0, 0]))
     system = System(
-        beam.mass, rayleigh(beam.mass, beam.stiffness, ALPHA, BETA), beam.stiffness, beam.dofs.names,
-        (Load("q", push, lambda motion: np.ones_like(motion.angle)),), probes=(Probe("middle", ("uy",), row[None], (None,)),),
-    )  # fmt: skip
+        beam.mass,
+        rayleigh(beam.mass, beam.stiffness, ALPHA, BETA),
+        beam.stiffness,
+        beam.dofs.names,
+        (Load("q", push, lambda motion: np.ones_like(motion.angle)),),
+        probes=(Probe("middle", ("uy",), row[None], (None,)),),
+    )
     return solve(Problem(system, ConstantSpeed(1.0), STEP, 200), newmark())
 
 
@@ -72,13 +75,21 @@ def test_against_modal_superposition(record, beam, push, response):
     found = modes(beam.mass, beam.stiffness)
     row = beam.dofs.vector(ELEMENTS // 2, np.array([0, 1.0, 0, 0, 0, 0]))
     motion = np.zeros_like(response.time)
-    for w, shape in zip(found.omegas[found.rigid:], found.shapes.T[found.rigid:], strict=True):
+    for w, shape in zip(found.omegas[found.rigid :], found.shapes.T[found.rigid :], strict=True):
         zeta = ALPHA / (2 * w) + BETA * w / 2
         root = np.emath.sqrt(1 - zeta**2) * w  # imaginary where over-damped: the formula holds
         decay = np.exp(-zeta * w * response.time)
         step = 1 - decay * (np.cos(root * response.time) + zeta * w / root * np.sin(root * response.time))
         motion += (row @ shape) * (shape @ push) / w**2 * np.real(step)
     error = np.abs(response["middle"].displacement - motion).max()
-    record(source=SOURCE, case="transient, dt 1e-4 s", quantity="largest deviation from modal superposition", unit="mm",
-           reference=0.0, computed=1e3 * error, tolerance=1e3 * motion.max() * math.pi**2 / 300, absolute=True,
-           reason="period error (w dt)^2/12 = 6e-5 of mode 1 over 1.2 periods; mode 3 less in amplitude")  # fmt: skip
+    record(
+        source=SOURCE,
+        case="transient, dt 1e-4 s",
+        quantity="largest deviation from modal superposition",
+        unit="mm",
+        reference=0.0,
+        computed=1e3 * error,
+        tolerance=4e-4,
+        absolute=True,
+        reason="period error (w dt)^2/12 = 6e-5 of mode 1 over 0.85 periods: 1.7e-4 mm; as much for the others",
+    )

@@ -1,0 +1,111 @@
+"""The drawn geometry of a model: every member a polyline with points of its own.
+
+A joint can so carry the section forces of each member that meets there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.fem import Beams, DofMap, Mesh, Section
+from flexcam.fem.recovery import Fibres, fibres, section_forces
+from flexcam.linalg import FloatArray, IntArray
+
+RECOVERED = {
+    "section_force": ("N", 3),
+    "section_moment": ("N m", 3),
+    "stress_axial": ("Pa", 1),
+    "stress_bending": ("Pa", 1),
+    "stress_torsion": ("Pa", 1),
+    "stress_von_mises": ("Pa", 1),
+}
+"""Point data that follow from the displacements: unit and width. Forces are N, Vy, Vz and T, My, Mz in local axes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Points, polylines and what is drawn on them.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    dofs, beams
+        Numbering and elements, to spread and recover fields.
+    sections
+        Member name to its section.
+
+    Examples
+    --------
+    `flexcam.runner.result_file` makes one from a model.
+    """
+
+    mesh: Mesh
+    dofs: DofMap
+    beams: Beams
+    sections: Mapping[str, Section]
+
+    @property
+    def node(self) -> IntArray:
+        """Mesh node of every point, shape (points,): the members' chains one after the other."""
+        return np.concatenate(list(self.mesh.lines.values()))
+
+    @property
+    def ends(self) -> IntArray:
+        """First point of every member and, last, the number of points, shape (members + 1,)."""
+        return np.cumsum([0, *(len(line) for line in self.mesh.lines.values())])
+
+    def radius(self) -> FloatArray:
+        """Return the drawn radius at every point, m, shape (points,)."""
+        lengths = [len(line) for line in self.mesh.lines.values()]
+        return np.repeat([self.sections[name].radius for name in self.mesh.lines], lengths)
+
+    def axes(self) -> FloatArray:
+        """Return the local axes at every point, that of the element before a joint, shape (points, 3, 3)."""
+        return np.concatenate([
+            self.beams.triads[part][np.minimum(np.arange(len(line)), len(line) - 2)]
+            for line, part in zip(self.mesh.lines.values(), self.mesh.element_ranges().values(), strict=True)
+        ])  # fmt: skip
+
+    def fibres(self) -> Fibres:
+        """Return the fibres of all elements."""
+        counts = [len(line) - 1 for line in self.mesh.lines.values()]
+        return fibres([s for name, n in zip(self.mesh.lines, counts, strict=True) for s in [self.sections[name]] * n])
+
+    def recovered(self, nodal: FloatArray) -> dict[str, FloatArray]:
+        """Return section forces and stresses at the points.
+
+        Parameters
+        ----------
+        nodal
+            Displacements, shape (times, nodes, 6), global axes.
+
+        Returns
+        -------
+        dict
+            Keys of `RECOVERED`, shape (times, points, 3) or (times, points); the mean of the two elements at a point.
+        """
+        forces, fibre = section_forces(self.beams, nodal), self.fibres()
+        return {
+            "section_force": self._at_points(forces[..., :3]),
+            "section_moment": self._at_points(forces[..., 3:]),
+            "stress_axial": self._at_points(fibre.axial(forces)),
+            "stress_bending": self._at_points(fibre.bending(forces)),
+            "stress_torsion": self._at_points(fibre.shear(forces)),
+            "stress_von_mises": self._at_points(fibre.von_mises(forces)),
+        }
+
+    def _at_points(self, values: FloatArray) -> FloatArray:
+        """Return the mean over the element ends that meet at a point, from values of shape (times, e, 2, ...)."""
+        out = np.zeros((len(values), len(self.node), *values.shape[3:]))
+        share = np.zeros(len(self.node))
+        for first, part in zip(self.ends[:-1].tolist(), self.mesh.element_ranges().values(), strict=True):
+            count = part.stop - part.start
+            for end in (0, 1):
+                points = slice(first + end, first + end + count)
+                out[:, points] += values[:, part, end]
+                share[points] += 1.0
+        return out / share.reshape(1, -1, *(1,) * (values.ndim - 3))

@@ -1,0 +1,53 @@
+"""Where files go: nothing is written over unless that was asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from flexcam.checks import refuse
+
+
+def free_to_write(where: str, path: Path, *, overwrite: bool) -> None:
+    """Refuse a target that exists.
+
+    Parameters
+    ----------
+    where
+        What is written, for the message.
+    path
+        The target.
+    overwrite
+        Whether it may be replaced.
+
+    Raises
+    ------
+    InputError
+        If it exists and may not be replaced.
+    """
+    if path.exists() and not overwrite:
+        raise refuse(where, str(path), "a file that does not exist yet", "nothing is written over", "add --overwrite")
+
+
+def made_folder(path: Path) -> Path:
+    """Return a folder, made with its parents if it does not exist.
+
+    Parameters
+    ----------
+    path
+        The folder.
+
+    Returns
+    -------
+    Path
+        The same.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise refuse("folder", str(path), "a folder that can be made", str(fault), "name another with -o") from None
+    return path

@@ -1,0 +1,128 @@
+"""Every public function and class: annotated, no **kwargs, and a docstring whose parameters are the signature's."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import inspect
+import pkgutil
+import re
+
+import pytest
+
+import flexcam
+
+MODULES = [
+    importlib.import_module(m.name)
+    for m in pkgutil.walk_packages(flexcam.__path__, "flexcam.")
+    if not m.name.endswith("__main__")
+]
+
+
+def own(module, kind):
+    return [
+        pytest.param(item, id=f"{module.__name__}.{name}")
+        for name, item in vars(module).items()
+        if not name.startswith("_") and kind(item) and getattr(item, "__module__", None) == module.__name__
+    ]
+
+
+FUNCTIONS = [row for module in MODULES for row in own(module, inspect.isfunction)]
+CLASSES = [row for module in MODULES for row in own(module, inspect.isclass)]
+METHODS = [
+    pytest.param(item, id=f"{row.id}.{name}")
+    for row in CLASSES
+    for name, raw in vars(row.values[0]).items()
+    if not name.startswith("_")
+    and inspect.isfunction(item := inspect.unwrap(getattr(raw, "__func__", getattr(raw, "fget", raw))))
+]
+COMMANDS = "flexcam.cli"
+"""Commands document their parameters where cyclopts shows them: at the annotations."""
+
+
+def section(doc, title):
+    """Return the body of a numpydoc section, or None."""
+    found = re.search(rf"^{title}\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", doc, re.S | re.M)
+    return found[1] if found else None
+
+
+def documented(item):
+    """Return the names of the section Parameters, in order."""
+    body = section(inspect.getdoc(item) or "", "Parameters")
+    if body is None:
+        return []
+    heads = [line.partition(" :")[0] for line in body.splitlines() if line and not line.startswith(" ")]
+    return [name.strip().lstrip("*") for head in heads for name in head.split(",")]
+
+
+def parameters(item):
+    return [p for p in inspect.signature(item).parameters.values() if p.name not in ("self", "cls")]
+
+
+def gaps(function):
+    """Return what is not annotated, and whether unknown keywords are swallowed."""
+    lacking = [p.name for p in parameters(function) if p.annotation is p.empty]
+    lacking += ["return"] if inspect.signature(function).return_annotation is inspect.Signature.empty else []
+    return lacking + [f"**{p.name}" for p in parameters(function) if p.kind is p.VAR_KEYWORD]
+
+
+def test_something_is_looked_at():
+    assert len(FUNCTIONS) > 80
+    assert len(CLASSES) > 40
+    assert len(METHODS) > 40
+
+
+@pytest.mark.parametrize("function", [*FUNCTIONS, *METHODS])
+def test_annotated_and_no_unknown_keywords(function):
+    assert not gaps(function)
+    assert (inspect.getdoc(function) or "").strip()
+
+
+@pytest.mark.parametrize(
+    "function", [row for row in FUNCTIONS if not row.id.startswith(COMMANDS) or row.id.endswith(".main")]
+)
+def test_documented_parameters_are_the_signatures(function):
+    assert documented(function) == [p.name for p in parameters(function)]
+
+
+@pytest.mark.parametrize("function", [row for row in FUNCTIONS if not row.id.startswith(COMMANDS)])
+def test_what_is_returned_is_documented(function):
+    returned = inspect.signature(function).return_annotation
+    doc = inspect.getdoc(function) or ""
+    assert returned in ("None", None) or section(doc, "Returns") or section(doc, "Yields")
+
+
+def fields(kind):
+    if dataclasses.is_dataclass(kind):
+        return [f.name for f in dataclasses.fields(kind) if f.init]
+    return [p.name for p in parameters(kind.__init__)] if "__init__" in vars(kind) else []
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+def test_documented_fields_are_the_constructors(kind):
+    assert (inspect.getdoc(kind) or "").strip()
+    told = documented(kind)
+    assert not told or told == fields(kind)
+
+
+PUBLIC = [pytest.param(getattr(flexcam, name), id=name) for name in flexcam.__all__ if name != "LAWS"]
+
+
+@pytest.mark.parametrize("item", PUBLIC)
+def test_public_names_document_every_parameter(item):
+    wanted = fields(item) if inspect.isclass(item) else [p.name for p in parameters(item)]
+    assert documented(item) == wanted
+
+
+@pytest.mark.parametrize("item", [row for row in PUBLIC if not row.id.endswith("Error")])
+def test_public_names_have_an_example(item):
+    assert section(inspect.getdoc(item) or "", "Examples")
+
+
+@pytest.mark.parametrize("function", [row for row in PUBLIC if inspect.isfunction(row.values[0])])
+def test_an_unknown_keyword_is_refused(function):
+    """A misspelled option must never be swallowed."""
+    with pytest.raises(TypeError, match="nosuch"):
+        function(
+            *[None] * sum(p.default is p.empty and p.kind is not p.KEYWORD_ONLY for p in parameters(function)), nosuch=1
+        )

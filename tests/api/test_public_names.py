@@ -1,0 +1,69 @@
+"""The public surface: a snapshot of names, each to be fetched, and functions that modules of their name do not hide."""
+
+# ruff: noqa: E501 - tables, a row to a line
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+import flexcam
+
+NAMES = {
+    "LAWS", "Case", "ConstantSpeed", "Damping", "FlexcamError", "InputError", "LiftEvent", "Material", "Member", "Mesh", "Model",
+    "PointMass", "Problem", "Response", "Result", "RunFailedError", "SaveAt", "Section", "Status", "System", "build_model", "compare",
+    "generalized_alpha", "hht", "modes", "newmark", "prepare", "read_case", "read_mesh", "read_result", "run", "solve", "write_mesh",
+}  # fmt: skip
+"""A change here is a change of the public interface: it goes into the changelog."""
+
+
+def test_snapshot():
+    assert set(flexcam.__all__) == NAMES
+    assert len(flexcam.__all__) == len(NAMES) <= 40
+
+
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_every_name_can_be_fetched(name):
+    found = getattr(flexcam, name)
+    assert name in dir(flexcam)
+    assert getattr(found, "__name__", name) == name
+    assert not hasattr(found, "__path__"), "not a module"
+
+
+def test_star_import_brings_exactly_these():
+    space: dict[str, object] = {}
+    exec("from flexcam import *", space)  # noqa: S102 - what users may write
+    assert set(space) - {"__builtins__"} == NAMES
+
+
+def test_dir_shows_nothing_else():
+    assert set(dir(flexcam)) - {"__version__"} == NAMES
+
+
+def test_unknown_name():
+    with pytest.raises(AttributeError, match="nosuch"):
+        _ = flexcam.nosuch
+
+
+FIRST = [
+    "", "import flexcam.runner", "from flexcam.fidelity import compare", "import flexcam.fidelity.compare", "import flexcam.integrate.solve",
+    "import flexcam.cli", "import flexcam.modal.modes", "import flexcam.train.modes", "from flexcam.fidelity import claims",
+    "import flexcam.system, flexcam.response, flexcam.case.read",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("first", FIRST)
+def test_functions_are_not_hidden_by_modules(first):
+    """A submodule that is imported becomes an attribute of its package and may hide a function of its name."""
+    code = f"{first}\nimport flexcam, types\nassert all(not isinstance(getattr(flexcam, n), types.ModuleType) for n in flexcam.__all__)"
+    code += "\nassert all(callable(f) for f in (flexcam.run, flexcam.modes, flexcam.compare, flexcam.solve, flexcam.prepare))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+
+
+def test_version_is_the_package_s():
+    from importlib.metadata import version
+
+    assert flexcam.__version__ == version("flexcam")

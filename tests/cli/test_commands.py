@@ -1,0 +1,129 @@
+"""Every verb, in words and with --json: stable keys, results to standard output, messages to standard error."""
+
+# ruff: noqa: E501 - tables, a row to a line
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from flexcam import read_mesh, read_result
+
+KEYS = {
+    "check": {"status", "elements", "dof"},
+    "modes": {"status", "frequencies_hz"},
+    "compare": {"status", "speed_rpm", "peak_deviation", "rms_deviation", "peak_acceleration_ratio"},
+    "run": {"status", "result", "steps", "dof"},
+}
+
+
+@pytest.mark.parametrize("verb", KEYS)
+def test_json_is_one_object_with_stable_keys(verb, flexcam, case):
+    done = flexcam(verb, "case.toml", "--json")
+    assert done.code == 0
+    assert KEYS[verb] <= set(done.json)
+    assert done.err == ""
+
+
+@pytest.mark.parametrize(
+    ("verb", "words"),
+    [("check", ["degrees of freedom", "21", "3000 rpm"]), ("modes", ["67.11", "Hz"]), ("compare", ["valve", "3000 rpm", "published load"]),
+     ("run", ["results/case.vtkhdf", "720 steps"])],
+)  # fmt: skip
+def test_words(verb, words, flexcam, case):
+    done = flexcam(verb, "case.toml")
+    assert done.code == 0
+    assert not [word for word in words if word not in done.out], done.out
+    assert done.err == ""
+
+
+@pytest.mark.parametrize(("model", "elements", "dof"), [(1, 4, 21), (2, 8, 25), (3, 10, 47)])
+def test_published_counts(model, elements, dof, flexcam, tayeb):
+    found = flexcam("check", tayeb(model), "--json").json
+    assert (found["elements"], found["dof"]) == (elements, dof)
+
+
+def test_the_same_case_with_nodes_of_its_own(flexcam, case, tayeb):
+    """The inline case is published model 1: only the order of the unknowns may differ, hence rounding."""
+    own, mesh = (flexcam("modes", path, "--json").json["frequencies_hz"] for path in (case, tayeb(1)))
+    assert own == pytest.approx(mesh, rel=1e-6, abs=1e-3)
+
+
+def test_run_writes_what_it_says(flexcam, case, tmp_path):
+    told = flexcam("run", "case.toml", "-o", "out", "--json").json
+    assert told["status"] == "done"
+    assert told["result"] == "out/case.vtkhdf"
+    assert (told["steps"], told["dof"]) == (720, 21)
+    result = read_result(tmp_path / told["result"])
+    assert result.response.status.ok
+    assert len(result.response.time) == 721
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["case.vtkhdf"]
+
+
+def test_modes(flexcam, case):
+    found = flexcam("modes", "case.toml", "--count", "4", "--json").json
+    assert len(found["frequencies_hz"]) == 4
+    assert found["frequencies_hz"][1] == pytest.approx(67.114, rel=1e-4)  # the digits of the published value
+
+
+def test_compare_with_the_published_speed(flexcam, tayeb):
+    """The digits of the published table, 3000 rpm, SHM."""
+    found = flexcam("compare", tayeb(1), "--json").json
+    assert found["peak_deviation"] == pytest.approx(1.238, rel=5e-4)
+    assert found["speed_rpm"] == pytest.approx(3000.0, rel=1e-12)
+    assert 0.0 < found["rms_deviation"] < found["peak_deviation"]
+    assert found["peak_acceleration_ratio"] > 1.0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--set", "run.speed=4000rpm"],
+        ["--set=run.speed=4000rpm"],
+        ["--set", "run.speed=1000 rpm", "--set", "run.speed=4000rpm"],
+    ],
+)
+def test_a_value_laid_over(words, flexcam, case):
+    found = flexcam("check", "case.toml", *words, "--json").json
+    assert found["case"]["run"]["speed"] == pytest.approx(4000.0 * math.pi / 30.0, rel=1e-15)
+    assert found["step_s"] == pytest.approx(60.0 / 4000.0 / 720.0, rel=1e-12)
+
+
+def test_a_value_laid_over_changes_the_result(flexcam, case):
+    slow, fast = (flexcam("compare", "case.toml", "--json", "--set", f"run.speed={n}rpm").json for n in (1000, 4000))
+    assert (slow["speed_rpm"], fast["speed_rpm"]) == (pytest.approx(1000.0), pytest.approx(4000.0))
+    assert fast["peak_deviation"] > 3.0 * slow["peak_deviation"]
+
+
+def test_crank_speed_is_twice_the_camshafts(flexcam, case):
+    case.write_text(case.read_text().replace('speed = "3000 rpm"', 'crank_speed = "6000 rpm"'))
+    assert flexcam("compare", "case.toml", "--json").json["speed_rpm"] == pytest.approx(3000.0, rel=1e-12)
+
+
+def test_export(flexcam, case, tmp_path):
+    flexcam("run", "case.toml", "-o", "out")
+    told = flexcam("export", "out/case.vtkhdf", "--format", "pvd", "--every", "6", "--json")
+    assert told.code == 0
+    assert told.json["files"][0] == "out/case.pvd"
+    assert len(told.json["files"]) == 8
+    assert all((tmp_path / name).is_file() for name in told.json["files"])
+    assert "out/case.pvd" in flexcam("export", "out/case.vtkhdf", "--overwrite").out
+
+
+def test_export_a_mesh_and_use_it(flexcam, case, tmp_path):
+    told = flexcam("export", "case.toml", "--format", "msh", "-o", "mesh", "--json").json
+    assert told["files"] == ["mesh/case.msh"]
+    assert set(read_mesh(tmp_path / "mesh/case.msh").lines) == {"camshaft", "pushrod"}
+
+
+@pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["--version"]])
+def test_help_and_version(words, flexcam):
+    done = flexcam(*words)
+    assert done.code == 0
+    assert done.out.strip()
+    assert done.err == ""
+
+
+def test_help_shows_examples(flexcam):
+    assert "flexcam run cases/" in flexcam("--help").out

@@ -1,0 +1,89 @@
+"""Exit code 2: refused input, with --json too; existing results are not written over."""
+
+# ruff: noqa: E501 - tables, a row to a line
+
+from __future__ import annotations
+
+import pytest
+
+FIVE = {"where", "given", "allowed", "why", "remedy"}
+COMMANDS = {
+    "no case": ["check", "nosuch.toml"],
+    "bad case": ["check", "bad.toml"],
+    "bad case to run": ["run", "bad.toml"],
+    "bad case to compare": ["compare", "bad.toml"],
+    "bad case for modes": ["modes", "bad.toml"],
+    "bad case to export": ["export", "bad.toml", "--format", "msh"],
+    "no modes": ["modes", "case.toml", "--count", "0"],
+    "no such probe": ["compare", "case.toml", "--probe", "vale"],
+    "probe of six": ["compare", "case.toml", "--probe", "cam"],
+    "probe that stands still": ["compare", "case.toml", "--probe", "cam.uz"],
+    "wrong override": ["check", "case.toml", "--set", "run.sped=3rpm"],
+    "no override": ["check", "case.toml", "--set"],
+    "unknown command": ["chekc", "case.toml"],
+    "unknown option": ["check", "case.toml", "--josn"],
+    "no argument": ["check"],
+    "not a number": ["modes", "case.toml", "--count", "many"],
+    "unknown format": ["export", "case.toml", "--format", "xdmf"],
+    "no result": ["export", "nosuch.vtkhdf"],
+    "no result but a case": ["export", "case.toml"],
+    "every zero": ["export", "out/case.vtkhdf", "--every", "0"],
+    "folder is a file": ["run", "case.toml", "-o", "bad.toml"],
+    "folder of an export is a file": ["export", "case.toml", "--format", "msh", "-o", "bad.toml"],
+    "result exists": ["run", "case.toml", "-o", "out"],
+}
+
+
+@pytest.fixture
+def files(flexcam, case, tmp_path):
+    (tmp_path / "bad.toml").write_text(case.read_text().replace("density", "densty").replace('"3000 rpm"', '"0 rpm"'))
+    (tmp_path / "out").mkdir()
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_refused_in_json(name, flexcam, files):
+    (files / "out/case.vtkhdf").write_text("mine")
+    before = sorted(files.rglob("*"))
+    done = flexcam(*COMMANDS[name], "--json")
+    assert done.code == 2
+    assert done.json["status"] == "refused"
+    assert done.json["errors"]
+    assert all(set(error) == FIVE and error["given"] and error["allowed"] for error in done.json["errors"])
+    assert sorted(files.rglob("*")) == before, "a refused command leaves nothing behind"
+
+
+@pytest.mark.parametrize("name", ["bad case", "unknown option", "result exists", "folder of an export is a file"])
+def test_refused_in_words(name, flexcam, files):
+    (files / "out/case.vtkhdf").write_text("mine")
+    done = flexcam(*COMMANDS[name])
+    assert done.code == 2
+    assert done.out == "", "messages go to standard error"
+    assert len(done.err.splitlines()) >= 1
+
+
+def test_all_faults_at_once(flexcam, files):
+    errors = flexcam("check", "bad.toml", "--json").json["errors"]
+    assert {"materials.steel.density", "materials.steel.densty", "run.speed"} <= {
+        e["where"].split(" (")[0] for e in errors
+    }
+    assert any("did you mean 'density'" in e["remedy"] for e in errors)
+
+
+@pytest.mark.parametrize("first", [["run", "case.toml", "-o", "out"], ["export", "out/case.vtkhdf"], ["export", "case.toml", "--format", "msh", "-o", "out"]],
+                         ids=["run", "pvd", "msh"])  # fmt: skip
+def test_existing_results_are_kept_unless_told(first, flexcam, case, tmp_path):
+    flexcam("run", "case.toml", "-o", "out")
+    target = (
+        tmp_path
+        / "out"
+        / {"run": "case.vtkhdf", "case.toml": "case.msh"}.get(first[0] if first[0] == "run" else first[1], "case.pvd")
+    )
+    flexcam(*first)
+    content = target.read_bytes()
+    again = flexcam(*first)
+    assert again.code == 2
+    assert target.name in again.err
+    assert target.read_bytes() == content
+    assert flexcam(*first, "--overwrite").code == 0
+    assert target.is_file()

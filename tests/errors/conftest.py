@@ -1,0 +1,55 @@
+"""Bad cases: the text of a good one, changed, and what flexcam says to it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from flexcam import InputError, prepare, read_case
+
+DATA = Path(__file__).parents[1] / "data"
+
+
+@pytest.fixture(scope="session")
+def text():
+    """Return the inline case, which needs no mesh file."""
+    return (DATA / "inline.toml").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="session")
+def meshed():
+    """Return the case of published model 1 with the mesh's full path."""
+    cases = Path(__file__).parents[2] / "cases/tayeb"
+    return (
+        (cases / "model-1-shm.toml")
+        .read_text(encoding="utf-8")
+        .replace("../../meshes", str(cases.parents[1] / "meshes"))
+    )
+
+
+@pytest.fixture(scope="session")
+def changed():
+    """Return a text with each old part, which must be there, replaced by a new one."""
+
+    def change(text, *pairs):
+        for old, new in pairs:
+            assert text.count(old) >= 1, f"{old!r} is not in the case"
+            text = text.replace(old, new, 1)
+        return text
+
+    return change
+
+
+@pytest.fixture
+def faults_of(tmp_path):
+    """Return the faults of a case text, from reading it and getting it ready to run."""
+
+    def find(text, overrides=()):
+        path = tmp_path / "case.toml"
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(InputError) as refusal:
+            prepare(read_case(path, overrides))
+        return refusal.value.faults
+
+    return find

@@ -1,0 +1,207 @@
+"""One wrong thing at a time: the report names key and line, what stands there, what may, and what to do."""
+
+# ruff: noqa: E501 - tables, a row to a line
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+SPRING = '[springs.side]\nat = "cam"\ndirection = "{}"\nstiffness = "{}"\n[springs.valve]'
+
+# what is wrong: (old text, new text), the key it must be reported at, a part of `given`, a part of the whole message
+FAULTS = {
+    # unknown keys, at every level
+    "table": ("[masses]", "[mases]", "mases", "mases", "did you mean 'masses'"),
+    "key at the top": ('title = "', 'titel = "', "titel", "titel", "did you mean 'title'"),
+    "key of a material": ("density =", "densty =", "materials.steel.densty", "densty", "did you mean 'density'"),
+    "key of a section": ("{ shape = ", "{ diametr = 1, shape = ", "sections.shaft.diametr", "diametr", "did you mean 'diameter'"),
+    "key of a member": ('camshaft = { nodes', 'camshaft = { element = 2, nodes', "members.camshaft.element", "element", "did you mean 'elements'"),
+    "key of a mass": ('mass = "0.15 kg"', 'mass = "0.15 kg", ofset = 1', "masses.lobe.ofset", "ofset", "did you mean 'offset'"),
+    "key of a spring": ("stiffness =", "stifness =", "springs.valve.stifness", "stifness", "did you mean 'stiffness'"),
+    "key of a rocker": ("inertia =", "inertai =", "rockers.rocker.inertai", "inertai", "did you mean 'inertia'"),
+    "key of a cam": ("lift =", "lfit =", "cams.intake.lfit", "lfit", "did you mean 'lift'"),
+    "key of a contact": ('follower = "tappet"', 'folower = "tappet"', "contacts.intake.folower", "folower", "did you mean 'follower'"),
+    "key of the run": ("revolutions =", "revolution =", "run.revolution", "revolution", "did you mean 'revolutions'"),
+    "key of the integrator": ('"newmark"', '"newmark", bta = 1', "run.integrator.bta", "bta", "did you mean 'beta'"),
+    "key of another variant": ('"newmark"', '"newmark", rho_inf = 0.5', "run.integrator.rho_inf", "rho_inf", "gamma"),
+    "key of damping": ("[output]", "damping = { modl = 0.1 }\n[output]", "run.damping.modl", "modl", "did you mean 'modal'"),
+    "key of the output": ("field_every", "fields_every", "output.fields_every", "fields_every", "did you mean 'field_every'"),
+    "inner name of a cam's return": ("return =", "fall =", "cams.intake.fall", "fall", "return"),
+    "inner name of a rocker's from": ("from =", "start =", "rockers.rocker.start", "start", "from"),
+    # missing keys
+    "no format": ("format = 1\n", "", "format", "nothing", "required"),
+    "no run": (re.compile(r"\[run\].*(?=\[output\])", re.S), "", "run", "nothing", "required"),
+    "no lift": ('lift = "6 mm"\n', "", "cams.intake.lift", "nothing", "required"),
+    "no return": ('return = "180 deg"\n', "", "cams.intake.return", "nothing", "required"),
+    "no Young's modulus": ('E = "207 GPa"\n', "", "materials.steel.E", "nothing", "Young's modulus"),
+    "no diameter": (', diameter = "25 mm"', "", "sections.shaft.diameter", "nothing", "required"),
+    "no shape": ('shape = "circle", ', "", "sections.shaft", "", "circle"),
+    "no method": ('{ method = "newmark" }', "{ beta = 0.25 }", "run.integrator", "", "newmark"),
+    "no nodes of a member": ('nodes = ["tappet", "pushrod-top"], ', "", "members.pushrod", "no nodes", "node"),
+    # units
+    "wrong unit": ('lift = "6 mm"', 'lift = "6 kg"', "cams.intake.lift", "6 kg", "does not measure a length"),
+    "unknown unit": ('"207 GPa"', '"207 Gpa"', "materials.steel.E", "207 Gpa", "did you mean 'GPa'"),
+    "revolutions per minute without an angle": ('"3000 rpm"', '"3000 1/min"', "run.speed", "3000 1/min", "rpm"),
+    "no number": ('lift = "6 mm"', 'lift = "six mm"', "cams.intake.lift", "six mm", "number"),
+    "decimal comma": ('lift = "6 mm"', 'lift = "6,5 mm"', "cams.intake.lift", "6,5 mm", "unit"),
+    "empty text": ('lift = "6 mm"', 'lift = ""', "cams.intake.lift", "''", "number"),
+    "angle without unit": ('rise = "180 deg"', "rise = 180", "cams.intake", "deg", "'180 deg'"),
+    "rotational stiffness along uy": ("[springs.valve]", SPRING.format("uy", "40 kN m/rad"), "springs.side.stiffness", "40 kN m/rad", "stiffness"),
+    "stiffness about rx": ("[springs.valve]", SPRING.format("rx", "40 kN/m"), "springs.side.stiffness", "40 kN/m", "rotational stiffness"),
+    "force with an angle": ('"40 kN/m"', '"40 kN deg/m"', "springs.valve.stiffness", "40 kN deg/m", "stiffness"),
+    "unit of a pure number": ("nu = 0.29", 'nu = "0.29 mm"', "materials.steel.nu", "0.29 mm", "number"),
+    # signs, zeros, what is not finite, switches where numbers stand
+    "negative": ('lift = "6 mm"', 'lift = "-6 mm"', "cams.intake.lift", "-6 mm", "above zero"),
+    "zero": ('diameter = "25 mm"', "diameter = 0", "sections.shaft.diameter", "0", "above zero"),
+    "negative mass": ('"0.15 kg"', '"-0.15 kg"', "masses.lobe.mass", "-0.15 kg", "zero or more"),
+    "speed zero": ('"3000 rpm"', '"0 rpm"', "run.speed", "0 rpm", "above zero"),
+    "negative speed": ('"3000 rpm"', '"-3000 rpm"', "run.speed", "-3000 rpm", "above zero"),
+    "nan": ('lift = "6 mm"', "lift = nan", "cams.intake.lift", "nan", "finite"),
+    "infinite": ('stiffness = "40 kN/m"', "stiffness = inf", "springs.valve.stiffness", "inf", "finite"),
+    "beyond doubles": ('lift = "6 mm"', 'lift = "1e400 mm"', "cams.intake.lift", "1e400", "finite"),
+    "whole number beyond doubles": ('lift = "6 mm"', f"lift = 1{'0' * 400}", "cams.intake.lift", "10000", "finite"),
+    "true as a length": ('lift = "6 mm"', "lift = true", "cams.intake.lift", "True", "length"),
+    "true as a count": ("steps_per_revolution = 720", "steps_per_revolution = true", "run.steps_per_revolution", "True", ""),
+    "true as a format": ("format = 1", "format = true", "format", "True", "1"),
+    "text as a count": ("field_every = 20", 'field_every = "20"', "output.field_every", "'20'", ""),
+    "fraction as a count": ("steps_per_revolution = 720", "steps_per_revolution = 720.5", "run.steps_per_revolution", "720.5", ""),
+    "zero steps": ("steps_per_revolution = 720", "steps_per_revolution = 0", "run.steps_per_revolution", "0", "greater than or equal to 1"),
+    "endless": ("revolutions = 1", "revolutions = 1e308", "run.revolutions", "1e+308", "revolutions"),
+    "field_every beyond counting": ("field_every = 20", f"field_every = 1{'0' * 30}", "output.field_every", "1000", ""),
+    "text as a switch": ("pushrod = { ", 'pushrod = { shear = "yes", ', "members.pushrod.shear", "'yes'", ""),
+    "number as a switch": ("pushrod = { ", "pushrod = { shear = 1, ", "members.pushrod.shear", "1", ""),
+    "truths as a direction": ('direction = "uy"', "direction = [false, true, false]", "springs.valve.direction", "True", "number"),
+    "text as a probe list": ('probes = ["valve", "cam"]', 'probes = "valve"', "output.probes", "'valve'", "list"),
+    "number as a title": ('title = "Nodes in the file"', "title = 7", "title", "7", "string"),
+    "date as a length": ('lift = "6 mm"', "lift = 2024-05-01", "cams.intake.lift", "2024", "length"),
+    # ranges
+    "Poisson's ratio": ("nu = 0.29", "nu = 0.6", "materials.steel.nu", "0.6", "0.5"),
+    "tube without a wall": ('inner_diameter = "5 mm"', 'inner_diameter = "8 mm"', "sections.tube.inner_diameter", "8 mm", "less than"),
+    "event over 360 deg": ('rise = "180 deg"', 'rise = "200 deg"', "cams.intake", "380 deg", "360 deg"),
+    "integrator out of range": ('{ method = "newmark" }', '{ method = "hht", alpha = 0.5 }', "run.integrator.alpha", "0.5", "-1/3"),
+    "spectral radius": ('{ method = "newmark" }', '{ method = "generalized-alpha", rho_inf = 2 }', "run.integrator.rho_inf", "2", "0 to 1"),
+    "body without a shape": ('"0.15 kg"', '"0.15 kg", inertia = [1, 0, 0]', "masses.lobe.inertia", "1", "sum"),
+    # references
+    "material": ('material = "steel"', 'material = "stel"', "members.camshaft.material", "'stel'", "did you mean 'steel'"),
+    "section": ('section = "shaft"', 'section = "shaf"', "members.camshaft.section", "'shaf'", "did you mean 'shaft'"),
+    "cam": ('cam = "intake"', 'cam = "intak"', "contacts.intake.cam", "'intak'", "did you mean 'intake'"),
+    "follower": ('follower = "tappet"', 'follower = "tapet"', "contacts.intake.follower", "'tapet'", "did you mean 'tappet'"),
+    "law": ('law = "shm"', 'law = "cycloid"', "cams.intake.law", "'cycloid'", "did you mean 'cycloidal'"),
+    "point of a mass": ('lobe = { at = "cam"', 'lobe = { at = "camm"', "masses.lobe.at", "'camm'", "did you mean 'cam'"),
+    "point of a spring": ('[springs.valve]\nat = "valve"', '[springs.valve]\nat = "vlve"', "springs.valve.at", "'vlve'", "did you mean 'valve'"),
+    "end of a spring": ('direction = "uy"', 'direction = "uy"\nto = "ground"', "springs.valve.to", "'ground'", "a point"),
+    "point of a rocker": ('from = "pushrod-top"', 'from = "pushrod"', "rockers.rocker.from", "'pushrod'", "did you mean 'pushrod-top'"),
+    "point of a cam": ('at = "cam"\nlaw', 'at = "cm"\nlaw', "cams.intake.at", "'cm'", "did you mean 'cam'"),
+    "cam at a rocker's point": ('at = "cam"\nlaw', 'at = "valve"\nlaw', "cams.intake.at", "'valve'", "point"),
+    "support": ("\nfront = [\"uy\"", "\nfrnt = [\"uy\"", "supports.frnt", "'frnt'", "did you mean 'front'"),
+    "component held": ('tappet = ["ux", "uz", "ry"]', 'tappet = ["ux", "uz", "yr"]', "supports.tappet", "'yr'", "did you mean 'ry'"),
+    "direction": ('direction = "uy"', 'direction = "uyy"', "springs.valve.direction", "'uyy'", "did you mean 'uy'"),
+    "two signs": ('direction = "uy"', 'direction = "+-uy"', "springs.valve.direction", "'+-uy'", "uy"),
+    "direction of length zero": ('direction = "uy"', "direction = [0, 0, 0]", "springs.valve.direction", "0", "zero"),
+    "words as a direction": ('direction = "uy"', 'direction = ["a", "b", "c"]', "springs.valve.direction", "a", "three or six numbers"),
+    "probe": ('probes = ["valve"', 'probes = ["vavle"', "output.probes", "'vavle'", "did you mean 'valve'"),
+    "node of a member": ('"cam", "rear"]', '"cam", "reer"]', "members.camshaft.nodes", "'reer'", "did you mean 'rear'"),
+    "shape": ('shape = "circle"', 'shape = "cirle"', "sections.shaft", "'cirle'", "did you mean 'circle'"),
+    "method": ('"newmark"', '"newmrk"', "run.integrator", "'newmrk'", "did you mean 'newmark'"),
+    "start": ('start = "rest"', 'start = "rset"', "run.start", "'rset'", "did you mean 'rest'"),
+    "contact model": ('"published-load"', '"publshed-load"', "contacts.intake.model", "'publshed-load'", "did you mean 'published-load'"),
+    "newer format": ("format = 1", "format = 2", "format", "2", "1"),
+    # one of two
+    "neither mesh nor nodes": (re.compile(r"\[nodes\].*(?=\[materials)", re.S), "", "case file", "neither mesh nor nodes", "either mesh or"),
+    "both mesh and nodes": ("[nodes]", 'mesh = "x.msh"\n[nodes]', "", "mesh and nodes", "either mesh or"),
+    "both speeds": ("[run]", '[run]\ncrank_speed = "6000 rpm"', "run", "speed and crank_speed", "either speed or crank_speed"),
+    "neither speed": ('speed = "3000 rpm"\n', "", "run", "neither speed nor crank_speed", "either speed or crank_speed"),
+    "both steps": ("[run]", '[run]\nstep = "20 us"', "run", "steps_per_revolution and step", "either"),
+    # types of tables
+    "text for a section": ('{ shape = "circle", diameter = "25 mm" }', '"circle"', "sections.shaft", "'circle'", "table"),
+    "list for a table": ("[materials.steel]", "[[materials.steel]]", "materials.steel", "[{", "table"),
+    "table for a direction": ('direction = "uy"', "direction = { x = 1 }", "springs.valve.direction", "x", "uy"),
+    "date for a direction": ('direction = "uy"', "direction = 2024-05-01", "springs.valve.direction", "2024", "uy"),
+    "text for components": ('tappet = ["ux", "uz", "ry"]', 'tappet = "ux"', "supports.tappet", "'ux'", "list"),
+    "two coordinates": ('rear = ["180 mm", "0 mm", "0 mm"]', 'rear = ["180 mm", "0 mm"]', "nodes.rear", "180 mm", "3"),
+    "four coordinates": ('rear = ["180 mm", ', 'rear = ["180 mm", 0, ', "nodes.rear", "180 mm", "3"),
+    "three arms": ('arms = ["25 mm", ', 'arms = ["25 mm", 1, ', "rockers.rocker.arms", "25 mm", "2"),
+    # geometry
+    "two nodes at one place": ('rear = ["180 mm"', 'rear = ["60 mm"', "nodes", "", "rear"),
+    "closed member": ('"cam", "rear"]', '"cam", "drive"]', "members.camshaft", "drive", "chain"),
+    "node twice in a row": ('"cam", "rear"]', '"cam", "cam"]', "members.camshaft", "cam", ""),
+    "member of one node": ('["tappet", "pushrod-top"]', '["tappet"]', "members.pushrod.nodes", "tappet", "2"),
+    "nothing resists the lift": ('stiffness = "40 kN/m"', "stiffness = 0", "contacts.intake.follower", "", "spring"),
+}  # fmt: skip
+PYTHONS_OWN = (
+    "Value error",
+    "float()",
+    "numpy",
+    "dictionary",
+    "Tuple should",
+    "NoneType",
+    "Traceback",
+    "discriminator",
+    "instance of",
+)
+
+
+def apply(text, old, new):
+    if isinstance(old, re.Pattern):
+        assert old.search(text)
+        return old.sub(new, text, count=1)
+    assert old in text, f"{old!r} is not in the case"
+    return text.replace(old, new, 1)
+
+
+def about(faults, key):
+    """Return the faults reported at a key or inside it; ``a.b (line 3): c`` is a place in ``a.b`` as well."""
+    return [f for f in faults if re.sub(r" \(line \d+\)", "", f.where).replace(": ", ".").startswith(key)]
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_refused_with_place_and_remedy(name, text, faults_of):
+    old, new, key, given, said = FAULTS[name]
+    bad = apply(text, old, new)
+    faults = faults_of(bad)
+    found = about(faults, key)
+    assert found, f"nothing is said about {key}: {[str(f) for f in faults]}"
+    assert any(given in f.given for f in found), [f.given for f in found]
+    assert any(said in str(f) for f in found), [str(f) for f in found]
+    assert all(f.allowed for f in faults)
+    assert not [str(f) for f in faults if any(word in str(f) for word in PYTHONS_OWN)], (
+        "flexcam's voice, not a library's"
+    )
+
+
+def line_of(text, key):
+    """Return the lines that define the last step of a key path or one of the tables it lies in."""
+    steps = re.split(r"\.(?![^\[]*\])", key)
+    words = {re.escape(step) for step in steps}
+    return [
+        i
+        for i, line in enumerate(text.splitlines(), 1)
+        if any(re.match(rf"\s*(\[+[\w.-]*\b)?{w}\b", line) for w in words)
+    ]
+
+
+WITHOUT_LINE = {"neither mesh nor nodes", "no format", "no run"}
+"""Nothing stands in the file that a line could point at."""
+
+
+@pytest.mark.parametrize("name", [n for n in FAULTS if n not in WITHOUT_LINE])
+def test_every_fault_has_a_line(name, text, faults_of):
+    old, new, key, _, _ = FAULTS[name]
+    bad = apply(text, old, new)
+    found = about(faults_of(bad), key)
+    lines = [int(m[1]) for f in found if (m := re.search(r"\(line (\d+)\)", f.where))]
+    assert lines, f"no line: {[f.where for f in found]}"
+    assert not key or set(lines) & set(line_of(bad, key)), f"lines {lines} are not where {key} stands"
+
+
+HINTED = [name for name, row in FAULTS.items() if "did you mean" in row[4]]
+
+
+@pytest.mark.parametrize("name", HINTED)
+def test_what_was_meant_is_the_remedy(name, text, faults_of):
+    old, new, key, _, said = FAULTS[name]
+    assert any(said in f.remedy for f in about(faults_of(apply(text, old, new)), key)), (
+        "in the field that says what to do"
+    )

@@ -1,0 +1,142 @@
+"""A run that fails says why, where and what to do, and keeps what it has; one that cannot start is refused by name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexcam.integrate import Problem, SaveAt, State, newmark, solve
+from flexcam.linalg import DENSE_LIMIT, Triplets
+from flexcam.response import Cause, RunFailedError
+from flexcam.system import AngleVector, ConstantSpeed, LocalForce, Reaction, System, constant
+
+DRIVE = ConstantSpeed(5.0)
+STEP = 0.01
+
+
+class Law:
+    """Force and tangents from three functions of gap and rate."""
+
+    start_state = np.zeros(0)
+
+    def __init__(self, force, by_gap, by_rate):
+        self.parts = force, by_gap, by_rate
+
+    def respond(self, gap, rate, state, angle):
+        force, by_gap, by_rate = (part(gap, rate) for part in self.parts)
+        return Reaction(force, np.atleast_2d(by_gap), np.atleast_2d(by_rate), np.zeros(0))
+
+
+def nothing(gap, rate):
+    return np.zeros(1)
+
+
+def chained(n, gap=(), law=None):
+    """N masses on springs; `gap` lists unknowns without mass and stiffness."""
+    stiff = np.ones(n)
+    stiff[list(gap)] = 0.0
+    places = np.arange(n)
+    K, M = Triplets(n, places, places, 100 * stiff), Triplets(n, places, places, stiff)
+    row = np.eye(1, n, 1)[0]
+    force = (
+        (LocalForce("joint", (AngleVector.constant(row),), (AngleVector.constant(row),), law, (constant(0.0),)),)
+        if law
+        else ()
+    )
+    return System(M, Triplets.zeros(n), K, tuple(f"part{i}.uy" for i in range(n)), local_forces=force)
+
+
+def start(n):
+    return State(np.full(n, 0.1), np.zeros(n))
+
+
+def assert_kept(response):
+    assert len(response.time) == len(response.probes.displacement)
+    for part in (response.probes, response.fields):
+        for name in ("displacement", "velocity", "acceleration"):
+            assert np.isfinite(getattr(part, name)).all()
+    assert response.status.remedy
+
+
+@pytest.mark.parametrize("save", [SaveAt(), SaveAt(20, 1), SaveAt(1, 1), SaveAt(1000, 1)], ids=str)
+@pytest.mark.parametrize("local", [True, False], ids=["local", "matrix"])
+def test_divergence(local, save):
+    """Negative damping, (1 + x)/(1 - x) per step with x = g dt/2 = 0.9: 1e100 is left after about 80 steps."""
+    gain = 180.0
+    if local:
+        system = chained(3, law=Law(lambda g, r: gain * r, nothing, lambda g, r: np.array([gain])))
+    else:
+        plain = chained(3)
+        system = System(plain.mass, Triplets.outer(np.eye(3)[1], np.eye(3)[1], -gain), plain.stiffness, plain.names)
+    response = solve(Problem(system, DRIVE, STEP, 2000, start(3)), newmark(), save=save)
+    assert response.status.cause is Cause.NOT_FINITE
+    assert not response.status.ok
+    named = ("part1.uy", "joint") if local else ("part1.uy",)  # the unknown that left, or the force that drove it
+    assert any(name in response.status.text for name in named)
+    assert "t = " in response.status.text
+    assert "deg" in response.status.text
+    assert_kept(response)
+    assert 70 < len(response.time) < 100  # whatever is saved, the run is cut where it left the range (1e100)
+
+
+@pytest.mark.parametrize("n", [3, DENSE_LIMIT + 10], ids=["dense", "sparse"])
+def test_neither_mass_nor_stiffness(n):
+    with pytest.raises(RunFailedError, match=r"part2\.uy") as failure:
+        solve(Problem(chained(n, gap=[2]), DRIVE, STEP, 10), newmark())
+    assert failure.value.status.cause is Cause.SINGULAR
+    assert failure.value.status.remedy
+
+
+@pytest.mark.parametrize("failing_step", [1, 700])
+def test_no_convergence(failing_step):
+    """A force that jumps against its own motion has no solution once it acts."""
+    wall = {"on": False, "calls": 0}
+
+    def push(gap, rate):
+        wall["calls"] += 1
+        return np.where(gap > 0, 1e9, -1e9) if wall["calls"] > failing_step else np.zeros(1)
+
+    system = chained(3, law=Law(lambda g, r: -push(g, r), nothing, nothing))
+    response = solve(Problem(system, DRIVE, STEP, 2000, start(3)), newmark())
+    assert response.status.cause is Cause.NO_CONVERGENCE
+    assert "t = " in response.status.text
+    assert "joint" in response.status.text
+    assert_kept(response)
+    assert len(response.time) >= min(failing_step - 5, 640)
+
+
+def test_singular_tangent_is_a_status():
+    """A negative spring that cancels the step's own stiffness, S = M/(beta dt^2) + K: Newton's matrix is zero."""
+    exact = 1.0 / (0.25 * STEP**2) + 100.0
+    law = Law(lambda g, r: exact * g, lambda g, r: np.array([exact]), nothing)
+    response = solve(Problem(chained(3, law=law), DRIVE, STEP, 50, start(3)), newmark())
+    assert response.status.cause in (Cause.NO_CONVERGENCE, Cause.SINGULAR, Cause.NOT_FINITE)
+    assert_kept(response)
+
+
+class Stop:
+    """A sink that presses Ctrl-C at its second block."""
+
+    def __init__(self):
+        self.blocks, self.status = 0, None
+
+    def write(self, block):
+        self.blocks += 1
+        if self.blocks == 2:
+            raise KeyboardInterrupt
+
+    def close(self, status, stats):
+        self.status = status
+
+
+def test_interrupt_keeps_what_is_finished():
+    sink = Stop()
+    response = solve(Problem(chained(3), DRIVE, STEP, 500, start(3)), newmark(), save=SaveAt(10, 5), sinks=[sink])
+    assert response.status.cause is Cause.INTERRUPTED
+    assert sink.status is response.status
+    assert len(response.time) >= 50
+    assert_kept(response)
+
+
+def test_every_cause_has_its_own_words():
+    assert len({str(cause) for cause in Cause}) == len(Cause)

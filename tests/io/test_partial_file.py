@@ -1,0 +1,173 @@
+"""A run that is cut anywhere leaves a file that flexcam and VTK read, with instants that agree among themselves."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from flexcam import InputError, read_result
+from flexcam.response import Cause
+
+CALLS = 70
+"""A block is appended in fewer pieces than this."""
+
+
+class Cut:
+    """A sink whose n-th write is interrupted."""
+
+    def __init__(self, after):
+        self.left = after
+
+    def write(self, block):
+        self.left -= 1
+        if self.left < 0:
+            raise KeyboardInterrupt
+
+    def close(self, status, stats):
+        pass
+
+
+@pytest.fixture
+def cut_at(monkeypatch, ready, solve_into):
+    """Interrupt the writing of the file where a dataset grows for the n-th time."""
+    grow = h5py.Dataset.resize
+
+    def run(folder, at):
+        count = iter(range(10**6))
+
+        def grown(*arguments, **names):
+            if next(count) == at:
+                raise KeyboardInterrupt
+            grow(*arguments, **names)
+
+        monkeypatch.setattr(h5py.Dataset, "resize", grown)
+        response, sink = solve_into(ready, folder)
+        monkeypatch.setattr(h5py.Dataset, "resize", grow)
+        return response, sink
+
+    return run
+
+
+def counts(path):
+    with h5py.File(path, "r") as file:
+        steps = file["VTKHDF/Steps"]
+        return (
+            int(steps.attrs["NSteps"]),
+            len(steps["Values"]),
+            len(file["VTKHDF/PointData/displacement"]) // int(file["VTKHDF/NumberOfPoints"][0]),
+        )
+
+
+def assert_prefix(read, whole):
+    """Every history and field is the beginning of the complete run's, all of one length."""
+    n, f = len(read.time), len(read.field_time)
+    for name in ("time", "angle"):
+        assert np.array_equal(getattr(read, name), getattr(whole, name)[:n]), name
+    for name in ("field_time", "field_angle"):
+        assert np.array_equal(getattr(read, name), getattr(whole, name)[:f]), name
+    for series in ("displacement", "velocity", "acceleration"):
+        assert np.array_equal(getattr(read.probes, series), getattr(whole.probes, series)[:n]), series
+        assert np.array_equal(getattr(read.fields, series), getattr(whole.fields, series)[:f]), series
+    for name in whole.channels:
+        assert np.array_equal(read.channels[name], whole.channels[name][:n]), name
+
+
+def test_between_two_blocks(ready, solve_into, done, tmp_path):
+    response, sink = solve_into(ready, tmp_path, sinks=[Cut(after=1)])
+    assert response.status.cause is Cause.INTERRUPTED
+    assert not sink.path.exists(), "only a complete run takes the final name"
+    read = read_result(sink.partial).response
+    assert read.status == response.status
+    assert len(read.time) > 0
+    assert_prefix(read, done.result.response)
+
+
+def agrees(path, whole):
+    steps, values, stored = counts(path)
+    assert values <= steps <= stored, "vtkHDFReader aborts where NSteps < len(Values)"
+    assert_prefix(read_result(path).response, whole)
+
+
+def test_within_a_block(cut_at, done, tmp_path):
+    """Interrupted before any one piece: what is read back is cut to the shortest common length."""
+    wrong, places = {}, 0
+    for at in range(3 * CALLS):
+        response, sink = cut_at(tmp_path, at)
+        if response.status.ok:
+            break
+        places += 1
+        try:
+            agrees(sink.partial, done.result.response)
+        except (AssertionError, ValueError, InputError) as fault:
+            wrong[at] = str(fault).splitlines()[0]
+    assert places > 20
+    assert not wrong
+
+
+KILL = """
+import os, sys
+from pathlib import Path
+import h5py
+from flexcam import read_case
+from flexcam.integrate import solve
+from flexcam.runner import prepare, result_file
+ready, grow = prepare(read_case(sys.argv[1])), h5py.Dataset.resize
+for at in map(int, sys.argv[3:]):
+    if os.fork() == 0:
+        count = iter(range(10**6))
+        h5py.Dataset.resize = lambda *a, **n: os._exit(9) if next(count) == at else grow(*a, **n)
+        folder = Path(sys.argv[2]) / str(at)
+        solve(ready.problem, ready.scheme, save=ready.save, sinks=[result_file(ready, folder)])
+        os._exit(0)
+    os.wait()
+"""
+
+
+@pytest.fixture(scope="module")
+def killed(ready, tmp_path_factory):
+    """Partial files of processes that ended without closing them, at many places."""
+    folder = tmp_path_factory.mktemp("killed")
+    places = [str(at) for at in range(1, 2 * CALLS, 5)]
+    subprocess.run([sys.executable, "-c", KILL, str(ready.case.path), str(folder), *places], check=True, timeout=120)
+    return sorted(folder.glob("*/inline.partial.vtkhdf"), key=lambda path: int(path.parent.name))
+
+
+def test_after_a_kill_the_file_is_readable(killed, done):
+    """A chunk that was flushed is never written again: its old place may be given away before the index knows."""
+    assert len(killed) >= 8, "files of killed processes were looked at"
+    for path in killed:
+        agrees(path, done.result.response)
+        read = read_result(path).response
+        assert read.status.cause is Cause.INTERRUPTED
+        assert len(read.time) >= 20 * (len(read.field_time) - 1), "histories reach as far as the fields"
+    kept = [counts(path)[1] for path in killed]
+    assert kept == sorted(kept), "what was flushed once stays"
+    assert kept[-1] >= 32, "some had a whole block"
+
+
+READ = """
+import sys
+from vtkmodules.vtkIOHDF import vtkHDFReader
+for path in sys.argv[1:]:
+    reader = vtkHDFReader()
+    reader.SetFileName(path)
+    reader.UpdateInformation()
+    steps = reader.GetNumberOfSteps()
+    for step in range(steps):
+        reader.SetStep(step)
+        reader.Update()
+        assert reader.GetOutput().GetNumberOfPoints() == 6
+"""
+
+
+def test_after_a_kill_vtk_reads_every_step(killed):
+    """In a process of its own: a wrong order makes the reader abort."""
+    pytest.importorskip("vtkmodules.vtkIOHDF")
+    some = [str(path) for path in killed if counts(Path(path))[1] > 0]
+    done = subprocess.run([sys.executable, "-c", READ, *some], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr

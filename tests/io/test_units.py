@@ -1,0 +1,196 @@
+"""units.parse: every symbol and composed unit against pint, what is refused, and a round trip."""
+
+# ruff: noqa: E501 - tables, a row to a line
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexcam.checks import InputError
+from flexcam.units import DIMENSIONS, parse
+
+EXACT = 1e-15
+"""A few roundings of a double: the factor's, the product's, the text's."""
+
+PREFIXES = ("", "G", "M", "k", "d", "c", "m", "u", "µ", "n")
+PREFIXED = {
+    "m": "length",
+    "g": "mass",
+    "s": "time",
+    "N": "force",
+    "Pa": "stress",
+    "J": "moment",
+    "Hz": "rate",
+    "rad": "angle",
+}
+PLAIN = {
+    "t": "mass", "bar": "stress", "deg": "angle", "°": "angle", "rev": "angle", "rpm": "speed", "min": "time",
+    "h": "time", "in": "length", "ft": "length", "lb": "mass", "lbf": "force", "psi": "stress", "%": "number",
+}  # fmt: skip
+SYMBOLS = [(p + s, kind) for s, kind in PREFIXED.items() for p in PREFIXES] + list(PLAIN.items())
+COMPOSED = [
+    ("kg/m^3", "density"), ("g/cm^3", "density"), ("lb/in^3", "density"), ("t/m**3", "density"),
+    ("kN/m", "stiffness"), ("N/mm", "stiffness"), ("lbf/in", "stiffness"), ("MN / m", "stiffness"),
+    ("N s/m", "damping"), ("kN*s/m", "damping"), ("N*s/mm", "damping"), ("kg/s", "damping"),
+    ("1/s", "rate"), ("1/min", "rate"), ("s^-1", "rate"), ("kg m^2", "inertia"), ("g*mm^2", "inertia"),
+    ("mm^2", "area"), ("in^2", "area"), ("mm^4", "second moment"), ("m/s^2", "acceleration"), ("ft/s^2", "acceleration"),
+    ("kg m/s^2", "force"), ("N/mm^2", "stress"), ("lbf/in^2", "stress"), ("N m", "moment"), ("lbf ft", "moment"),
+    ("rev/min", "speed"), ("deg/s", "speed"), ("N m/deg", "rotational stiffness"), ("N m s/rad", "rotational damping"),
+    ("W s", "moment"), ("kW h", "moment"), ("J/m", "force"),
+]  # fmt: skip
+FOR_PINT = {"°": "deg", "%": "percent", "rev": "turn", "rev/min": "turn/min"}
+
+
+def size(kind, share):
+    """Return a size between the least and the most of a kind, in SI."""
+    least, most = DIMENSIONS[kind].least, DIMENSIONS[kind].most
+    return least * (most / least) ** share
+
+
+def factor(unit, kind):
+    """Return the factor of a unit, by a number of it that is of an allowed size."""
+    number = 10.0 ** next(n for n in range(-30, 31) if allowed(f"1e{n} {unit}", kind))
+    return parse(f"{number!r} {unit}", kind) / number
+
+
+def allowed(text, kind):
+    try:
+        return parse(text, kind) > 0.0
+    except InputError:
+        return False
+
+
+UNIT_FACTOR = {unit: factor(unit, kind) for unit, kind in [*SYMBOLS, *COMPOSED]}
+
+
+@pytest.fixture(scope="module")
+def pint_si():
+    """Return the SI number pint finds; it counts rev/min as rad/s and drops radians, as flexcam does."""
+    pint = pytest.importorskip("pint")
+    registry = pint.UnitRegistry()
+    return lambda number, unit: registry.Quantity(number, FOR_PINT.get(unit, unit)).to_base_units().magnitude
+
+
+@pytest.mark.parametrize(("unit", "kind"), [*SYMBOLS, *COMPOSED])
+def test_agrees_with_pint(unit, kind, pint_si):
+    """At a size in the middle of the kind's range; pint multiplies in another order and has fewer digits of psi: 1e-12."""
+    number = size(kind, 0.5) / pint_si(1.0, unit)
+    assert parse(f"{number!r} {unit}", kind) == pytest.approx(pint_si(number, unit), rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", DIMENSIONS)
+def test_a_plain_number_is_si(kind):
+    assert parse(3, kind) == 3.0
+    assert parse(-0.25, kind) == -0.25
+
+
+@pytest.mark.parametrize("kind", [d for d in DIMENSIONS.values() if d.si])
+def test_symbol_of_the_si_unit_has_factor_one(kind):
+    assert parse(f"1 {kind.si}", kind.name) == 1.0
+
+
+@pytest.mark.parametrize("kind", DIMENSIONS.values())
+def test_the_example_in_messages_is_valid(kind):
+    assert math.isfinite(parse(kind.example, kind.name))
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "expected"),
+    [("25mm", "length", 0.025), (" 25  mm ", "length", 0.025), ("+2.5e1 mm", "length", 0.025), (".5 m", "length", 0.5),
+     ("3000rpm", "speed", 100.0 * math.pi), ("1e-4 kg m^2", "inertia", 1e-4), ("2%", "number", 0.02), ("0.5", "number", 0.5)],
+)  # fmt: skip
+def test_ways_of_writing(text, kind, expected):
+    assert parse(text, kind) == pytest.approx(expected, rel=EXACT)
+
+
+def test_what_follows_a_stroke_stays_below_it():
+    """As in print, N/mm mm is N/(mm mm); pint reads from left to right, which the other kind of quantity rules out."""
+    assert parse("207 N/mm mm", "stress") == pytest.approx(207e6, rel=EXACT)
+    with pytest.raises(InputError):
+        parse("207 N/mm mm", "force")
+
+
+WRONG_DIMENSION = [
+    ("25 kg", "length"), ("25 mm^2", "length"), ("3000 1/min", "speed"), ("50 Hz", "speed"), ("5 rad/s", "rate"),
+    ("180 mm", "angle"), ("5 mm", "number"), ("40 kN m", "stiffness"), ("300 N s", "force"), ("7800 kg", "density"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "kind"), WRONG_DIMENSION)
+def test_refuses_a_unit_of_another_kind(text, kind):
+    with pytest.raises(InputError) as refusal:
+        parse(text, kind, "cams.intake.lift")
+    fault = refusal.value.faults[0]
+    assert fault.where == "cams.intake.lift"
+    assert text in fault.given
+    assert kind in fault.allowed
+    assert fault.why
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [("300 N deg", "force"), ("5 kg rad", "mass"), ("207 GPa/deg", "stress"), ("40 kN/m deg", "stiffness")],
+)
+def test_an_angle_has_no_place_in_a_force_or_mass(text, kind):
+    """Only moments and rotational stiffness and damping may be written without their radian."""
+    with pytest.raises(InputError):
+        parse(text, kind)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "near"), [("207 Gpa", "stress", "GPa"), ("3000 rpms", "speed", "rpm"), ("2 kNm/rad", "stiffness", "did"),
+                               ("180 degree", "angle", "deg"), ("4 knm", "length", "nm")],
+)  # fmt: skip
+def test_unknown_unit_with_what_was_meant(text, kind, near):
+    with pytest.raises(InputError) as refusal:
+        parse(text, kind)
+    fault = refusal.value.faults[0]
+    assert "unit" in fault.given
+    assert "did you mean" in fault.remedy, "the hint is what to do, not why"
+    assert near in fault.remedy
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "1e400 mm", "nan", "inf mm", "nan mm"])
+def test_refuses_what_is_not_finite(value):
+    with pytest.raises(InputError):
+        parse(value, "length")
+
+
+def test_refuses_a_whole_number_beyond_doubles():
+    with pytest.raises(InputError):
+        parse(10**400, "length")
+
+
+@pytest.mark.parametrize("value", [True, False, None, [], {}, (1.0,), np.array([1.0]), 1j])
+def test_refuses_what_is_no_number(value):
+    with pytest.raises(InputError):
+        parse(value, "length")
+
+
+@pytest.mark.parametrize("text", ["", " ", "mm", "mm 25", "1,5 mm", "1 2 mm", "25 mm mm^", "25 /", "25 mm/", "25 (mm)", "--5 mm", "0x10 mm", "1_000 mm"])  # fmt: skip
+def test_refuses_text_that_is_no_quantity(text):
+    with pytest.raises(InputError):
+        parse(text, "length")
+
+
+@pytest.mark.parametrize("kind", DIMENSIONS.values())
+def test_sizes_that_no_mechanism_has(kind):
+    assert parse(0, kind.name) == 0.0
+    for number in (kind.least, -kind.most):
+        assert parse(number, kind.name) == number
+    for number in (0.99 * kind.least, -1.01 * kind.most):
+        with pytest.raises(InputError, match="no mechanism"):
+            parse(number, kind.name)
+
+
+@given(share=st.floats(0.01, 0.99), row=st.sampled_from([*SYMBOLS, *COMPOSED]), sign=st.sampled_from([1, -1]))
+def test_round_trip(share, row, sign):
+    """Text to SI and back over the factor of the unit: a quotient of two rounded products."""
+    unit, kind = row
+    number = sign * size(kind, share) / UNIT_FACTOR[unit]
+    assert parse(f"{number!r} {unit}", kind) / UNIT_FACTOR[unit] == pytest.approx(number, rel=EXACT, abs=0.0)

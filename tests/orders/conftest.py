@@ -1,0 +1,112 @@
+"""A damped pair of masses, started in motion under a load that is there at once, with its exact solution."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from flexcam.integrate import Problem, State, solve
+from flexcam.system import ConstantSpeed, Reaction
+
+M = np.array([[2.0, 0.3], [0.3, 1.0]])
+C = np.array([[0.4, -0.1], [-0.1, 0.3]])
+K = np.array([[30.0, -12.0], [-12.0, 20.0]])
+PUSH, SPEED = np.array([5.0, -3.0]), 3.0
+START, SPEED0 = np.array([0.2, -0.1]), np.array([-0.5, 0.8])
+END = 2.0
+
+
+@pytest.fixture(scope="session")
+def pair(system_of):
+    """Return the pair as a System; `springs` off leaves its stiffness away, `local` adds forces."""
+
+    def make(stiffness=K, damping=C, local=()):
+        return system_of(M, damping, stiffness, [(PUSH, lambda motion: np.cos(motion.angle))], local)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def run():
+    """Return displacement and velocity at the end of a run of so many steps over 2 s."""
+
+    def go(system, scheme, steps):
+        problem = Problem(system, ConstantSpeed(SPEED), END / steps, steps, State(START, SPEED0))
+        response = solve(problem, scheme)
+        assert response.status.ok, str(response.status)
+        return response["all"]
+
+    return go
+
+
+@pytest.fixture(scope="session")
+def exact_end():
+    """Return the exact displacement and velocity: the exponential of the whole linear system, load included.
+
+    `extra` holds the coupling of inner states z: rows of the acceleration by z, z' by u, z' by z.
+    """
+
+    def at_end(stiffness=K, damping=C, extra=None):
+        inner = 0 if extra is None else len(extra[2])
+        n = 4 + inner + 2
+        A, inverse = np.zeros((n, n)), np.linalg.inv(M)
+        A[:2, 2:4] = np.eye(2)
+        A[2:4, :2], A[2:4, 2:4], A[2:4, -2] = -inverse @ stiffness, -inverse @ damping, inverse @ PUSH
+        if extra is not None:
+            A[2:4, 4 : 4 + inner], A[4 : 4 + inner, :2], A[4 : 4 + inner, 4 : 4 + inner] = (
+                inverse @ extra[0],
+                extra[1],
+                extra[2],
+            )
+        A[-2:, -2:] = SPEED * np.array([[0, -1], [1, 0]])
+        x = np.concatenate([START, SPEED0, np.zeros(inner), [1.0, 0.0]])
+        end = expm(END * A) @ x
+        return end[:2], end[2:4]
+
+    return at_end
+
+
+class Linear:
+    """f = k gamma + c gamma'."""
+
+    start_state = np.zeros(0)
+
+    def __init__(self, k, c=0.0):
+        self.k, self.c = k, c
+
+    def respond(self, gap, rate, state, angle):
+        one = np.eye(len(gap))
+        return Reaction(self.k * gap + self.c * rate, self.k * one, self.c * one, np.zeros(0))
+
+
+class Cubic:
+    """f = k gamma + k3 gamma^3."""
+
+    start_state = np.zeros(0)
+
+    def __init__(self, k, k3):
+        self.k, self.k3 = k, k3
+
+    def respond(self, gap, rate, state, angle):
+        slope = np.diag(self.k + 3 * self.k3 * gap**2)
+        return Reaction(self.k * gap + self.k3 * gap**3, slope, 0 * slope, np.zeros(0))
+
+
+class Maxwell:
+    """Spring and dashpot in series; z is the stretch of the dashpot: f = k (gamma - z), z' = f/c."""
+
+    start_state = np.zeros(1)
+
+    def __init__(self, k, c):
+        self.k, self.c = k, c
+
+    def respond(self, gap, rate, state, angle):
+        force = self.k * (gap - state)
+        return Reaction(force, np.array([[self.k]]), np.zeros((1, 1)), force / self.c)
+
+
+@pytest.fixture(scope="session")
+def laws():
+    """Return the three test laws by name."""
+    return {"linear": Linear, "cubic": Cubic, "maxwell": Maxwell}

@@ -1,0 +1,145 @@
+"""Local forces: equal to the same spring in K, order 2 with inner state and with vectors that turn with the cam.
+
+References: exponential of the linear system (Maxwell), DOP853 at 1e-12 for what has no closed form.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from flexcam.integrate import Problem, State, equilibrium, generalized_alpha, hht, newmark, solve
+from flexcam.system import AngleVector, ConstantSpeed, LocalForce, constant
+
+SCHEMES = {"newmark": newmark(), "hht": hht(alpha=-0.1), "generalized-alpha": generalized_alpha(rho_inf=0.8)}
+STEPS = np.array([200, 400, 800, 1600])
+ROW, SPRING, DAMPER, SLOW = np.array([1.0, -1.0]), 400.0, 6.0, 40.0
+K = np.array([[30.0, -12.0], [-12.0, 20.0]])
+C = np.array([[0.4, -0.1], [-0.1, 0.3]])
+
+
+@pytest.fixture(scope="module", params=sorted(SCHEMES))
+def scheme(request):
+    return SCHEMES[request.param]
+
+
+@pytest.mark.parametrize(("k", "c"), [(SPRING, 0.0), (0.0, DAMPER), (SPRING, DAMPER), (1e5, 0.0)])
+def test_same_as_in_the_matrices(pair, run, laws, local_force, scheme, k, c):
+    outer = np.outer(ROW, ROW)
+    inside = run(pair(K + k * outer, C + c * outer), scheme, 200)
+    outside = run(pair(local=[local_force("spring", ROW, laws["linear"](k, c))]), scheme, 200)
+    # Rounding grows as (w dt)^2 eps a step on both sides, 1e-12 at 1e5 N/m: the unknown is the acceleration.
+    for field in ("displacement", "velocity", "acceleration"):
+        one, other = getattr(inside, field), getattr(outside, field)
+        assert np.abs(one - other).max() <= 1e-10 * np.abs(one).max()
+
+
+def test_a_law_of_two_scalars(pair, run, laws):
+    """One law that senses and acts on both unknowns, with coupling entries, is the same as K."""
+    vectors = tuple(AngleVector.constant(row) for row in np.eye(2))
+    back = tuple(AngleVector.constant(-row) for row in np.eye(2))
+    force = LocalForce("both", vectors, back, laws["linear"](50.0, 1.0), (constant(0.0), constant(0.0)))
+    inside = run(pair(K + 50.0 * np.eye(2), C + np.eye(2)), newmark(), 100)
+    outside = run(pair(local=[force]), newmark(), 100)
+    np.testing.assert_allclose(outside.displacement, inside.displacement, atol=1e-10)
+
+
+def test_forces_side_by_side(pair, run, laws, local_force):
+    parts = [
+        local_force("a", ROW, laws["linear"](SPRING)),
+        local_force("b", np.array([0.0, 1.0]), laws["linear"](70.0, 2.0)),
+    ]
+    inside = run(pair(K + SPRING * np.outer(ROW, ROW) + np.diag([0, 70.0]), C + np.diag([0, 2.0])), newmark(), 100)
+    np.testing.assert_allclose(run(pair(local=parts), newmark(), 100).displacement, inside.displacement, atol=1e-10)
+
+
+def fit(fitted_order, run, system, scheme, d, v):
+    ends = [run(system, scheme, n) for n in STEPS]
+    return (
+        fitted_order(1 / STEPS, [np.linalg.norm(e.displacement[-1] - d) for e in ends]),
+        fitted_order(1 / STEPS, [np.linalg.norm(e.velocity[-1] - v) for e in ends]),
+    )
+
+
+def test_order_with_inner_state(pair, run, exact_end, laws, local_force, fitted_order, scheme):
+    system = pair(local=[local_force("maxwell", ROW, laws["maxwell"](SPRING, SLOW))])
+    extra = (SPRING * ROW[:, None], SPRING / SLOW * ROW[None, :], np.array([[-SPRING / SLOW]]))
+    d, v = exact_end(stiffness=K + SPRING * np.outer(ROW, ROW), extra=extra)
+    assert fit(fitted_order, run, system, scheme, d, v) == pytest.approx((2.0, 2.0), abs=0.1)
+
+
+def integrated(system, gap_force):
+    """End state by DOP853 at 1e-12 of M u'' + C u' + K u = p cos(angle) + gap_force(t, u, v)."""
+    M, C, K = (m.dense() for m in (system.mass, system.damping, system.stiffness))
+    p = system.loads[0].vector
+
+    def rate(t, x):
+        u, v = x[:2], x[2:]
+        return np.concatenate([v, np.linalg.solve(M, p * np.cos(3.0 * t) + gap_force(t, u, v) - C @ v - K @ u)])
+
+    start = [0.2, -0.1, -0.5, 0.8]
+    end = solve_ivp(rate, (0, 2.0), start, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    return end[:2], end[2:]
+
+
+def test_order_of_a_nonlinear_law(pair, run, laws, local_force, fitted_order, scheme):
+    system = pair(local=[local_force("cubic", ROW, laws["cubic"](20.0, 300.0))])
+    d, v = integrated(system, lambda t, u, v: -ROW * (20.0 * (ROW @ u) + 300.0 * (ROW @ u) ** 3))
+    assert fit(fitted_order, run, system, scheme, d, v) == pytest.approx((2.0, 2.0), abs=0.1)
+
+
+def turning(order_sign=1.0):
+    """g(angle) = cos e0 + sin e1, and its derivatives by the angle."""
+    return AngleVector(
+        order_sign * np.eye(2),
+        (lambda a, n: np.cos(a + n * np.pi / 2), lambda a, n: np.sin(a + n * np.pi / 2)),
+    )
+
+
+def test_order_of_vectors_that_turn(pair, run, laws, fitted_order, scheme):
+    """Spring and damper along a direction that turns with the cam, and a prescribed part: gamma' holds g' u and g0'."""
+    offset = lambda a, n: 0.1 * np.sin(2 * a + n * np.pi / 2) * 2.0**n  # noqa: E731
+    force = LocalForce("turning", (turning(),), (turning(-1.0),), laws["linear"](SPRING, DAMPER), (offset,))
+    system = pair(local=[force])
+
+    def reaction(t, u, v):
+        a = 3.0 * t
+        g, slope = np.array([np.cos(a), np.sin(a)]), 3.0 * np.array([-np.sin(a), np.cos(a)])
+        gap, rate = g @ u + 0.1 * np.sin(2 * a), g @ v + slope @ u + 0.6 * np.cos(2 * a)
+        return -g * (SPRING * gap + DAMPER * rate)
+
+    d, v = integrated(system, reaction)
+    assert fit(fitted_order, run, system, scheme, d, v) == pytest.approx((2.0, 2.0), abs=0.1)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_units_change_nothing(system_of, laws, local_force, unit):
+    """Lengths times `unit`: forces follow, a cubic stiffness falls as its square; the run is the same, scaled."""
+
+    def run(scale):
+        system = system_of([[1.0]], [[0.1]], [[9.0]], [([2.0 * scale], lambda m: np.cos(m.angle))],
+                           [local_force("cubic", [1.0], laws["cubic"](5.0, 40.0 / scale**2))])  # fmt: skip
+        start = State([0.3 * scale], [0.0])
+        response = solve(Problem(system, ConstantSpeed(2.0), 0.01, 500, start), newmark())
+        return response["all"].displacement / scale
+
+    np.testing.assert_allclose(run(unit), run(1.0), atol=1e-10)
+
+
+def test_equilibrium_with_local_forces(pair, laws, local_force):
+    """Static balance at an angle: K u + k row row.u = p cos(angle)."""
+    system = pair(local=[local_force("spring", ROW, laws["linear"](SPRING))])
+    found = equilibrium(system, ConstantSpeed(3.0), time=0.2).displacement
+    expected = np.linalg.solve(K + SPRING * np.outer(ROW, ROW), system.loads[0].vector * np.cos(0.6))
+    np.testing.assert_allclose(found, expected, rtol=1e-11)
+
+
+def test_a_start_in_equilibrium_stays(system_of, laws, local_force):
+    steady = ([4.0, -1.0], lambda motion: np.ones_like(motion.angle))
+    system = system_of(np.eye(2), np.zeros((2, 2)), K, [steady], [local_force("cubic", ROW, laws["cubic"](10.0, 5.0))])
+    drive = ConstantSpeed(1.0)
+    start = equilibrium(system, drive)
+    response = solve(Problem(system, drive, 0.02, 200, start), newmark())
+    # The tolerance of Newton's iteration, 1e-12 of the force, over 200 steps of an undamped system.
+    assert np.abs(response["all"].displacement - start.displacement).max() <= 1e-9

@@ -1,0 +1,159 @@
+"""The integrator alone, on a toy of one unknown and on none: what it saves, hands out and leaves alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexcam.checks import InputError
+from flexcam.integrate import Problem, SaveAt, State, newmark, rest, solve
+from flexcam.linalg import Triplets
+from flexcam.system import Channel, ConstantSpeed, Load, Probe, System
+
+W = 7.0
+
+
+@pytest.fixture
+def toy(system_of):
+    return system_of([[1.0]], [[0.0]], [[W**2]])
+
+
+def free(toy, steps=400, **options):
+    return solve(Problem(toy, ConstantSpeed(1.0), 1e-3, steps, State([1.0], [0.0])), newmark(), **options)
+
+
+def test_free_vibration(toy):
+    response = free(toy)
+    # Period error (w dt)^2/12 = 4e-6 over 2.8 rad.
+    np.testing.assert_allclose(response["all"].displacement, np.cos(W * response.time), atol=1.2e-5)
+    assert response.status.ok
+    assert response.stats.steps == 400
+    assert response.stats.unknowns == 1
+
+
+@pytest.mark.parametrize("save", [SaveAt(1, 1), SaveAt(7, 3), SaveAt(20, 32), SaveAt(1000, 1)])
+def test_what_is_saved_does_not_change_the_run(toy, save):
+    one, other = free(toy), free(toy, save=save)
+    np.testing.assert_array_equal(one["all"].displacement, other["all"].displacement)
+    np.testing.assert_array_equal(one.time, other.time)
+    at = np.union1d(np.arange(0, 401, save.field_every), [400])
+    np.testing.assert_array_equal(other.field_time, one.time[at])
+    np.testing.assert_array_equal(other.fields.displacement[:, 0], one["all"].displacement[at])
+    np.testing.assert_array_equal(other.fields.acceleration[:, 0], one["all"].acceleration[at])
+
+
+def test_a_second_leg_goes_on(toy):
+    whole, first = free(toy), free(toy, 150)
+    start = State(first["all"].displacement[-1:], first["all"].velocity[-1:], first.time[-1])
+    second = solve(Problem(toy, ConstantSpeed(1.0), 1e-3, 250, start), newmark())
+    np.testing.assert_allclose(second["all"].displacement, whole["all"].displacement[150:], atol=1e-13)
+    np.testing.assert_allclose(second.time, whole.time[150:], rtol=1e-14)
+
+
+def test_same_run_twice_is_bit_identical(toy):
+    np.testing.assert_array_equal(free(toy)["all"].velocity, free(toy)["all"].velocity)
+
+
+class Listener:
+    """A sink that remembers."""
+
+    def __init__(self):
+        self.lengths, self.ends = [], []
+
+    def write(self, block):
+        self.lengths.append(len(block.time))
+
+    def close(self, status, stats):
+        self.ends.append((status, stats))
+
+
+def test_sinks_get_every_step_once_and_the_end(toy):
+    listener = Listener()
+    response = free(toy, sinks=[listener], save=SaveAt(10, 4))
+    assert listener.lengths == [40] * 10 + [1]
+    assert listener.ends == [(response.status, response.stats)]
+
+
+def test_arguments_are_left_alone(toy, readonly):
+    start = readonly([1.0])
+    for matrix in (toy.mass, toy.damping, toy.stiffness):
+        matrix.values.setflags(write=False)
+    solve(Problem(toy, ConstantSpeed(1.0), 1e-3, 5, State(start, readonly([0.0]))), newmark())
+    np.testing.assert_array_equal(start, [1.0])
+
+
+def test_no_unknowns_only_a_prescribed_probe():
+    """A rigid rung: the probe follows its function of the angle, with the rates of a turning cam."""
+    nothing, speed = Triplets.zeros(0), 3.0
+    lift = lambda a, n: np.sin(2 * a + n * np.pi / 2) * 2.0**n  # noqa: E731
+    system = System(
+        nothing,
+        nothing,
+        nothing,
+        (),
+        (Load("spring", np.zeros(0), lambda m: 5.0 * lift(m.angle, 0)),),
+        probes=(
+            Probe("valve", ("lift",), np.zeros((1, 0)), (lift,)),
+            Probe("still", ("a", "b"), np.zeros((2, 0)), (None, lift)),
+        ),
+        channels=(Channel("force", "N", (0,)), Channel("torque", "N m", (0,), factor=lambda a, n: lift(a, n + 1))),
+    )
+    response = solve(Problem(system, ConstantSpeed(speed), 0.01, 100), newmark())
+    angle = speed * response.time
+    np.testing.assert_allclose(response.angle, angle)
+    np.testing.assert_allclose(response["valve"].displacement, np.sin(2 * angle), atol=1e-15)
+    np.testing.assert_allclose(response["valve"].velocity, 2 * speed * np.cos(2 * angle), atol=1e-14)
+    np.testing.assert_allclose(response["valve"].acceleration, -4 * speed**2 * np.sin(2 * angle), atol=1e-13)
+    assert not response["still.a"].displacement.any()
+    np.testing.assert_array_equal(response["still"].displacement[:, 1], response["still.b"].displacement)
+    np.testing.assert_allclose(response.channels["torque"], 10 * np.sin(2 * angle) * np.cos(2 * angle), atol=1e-13)
+    assert response.fields.displacement.shape == (len(response.field_time), 0)
+
+
+def test_a_probe_adds_its_prescribed_part(system_of):
+    system = system_of([[1.0]], [[0.0]], [[W**2]])
+    probe = Probe("sum", ("x",), np.array([[2.0]]), (lambda a, n: a if n == 0 else np.full_like(a, n == 1),))
+    system = System(system.mass, system.damping, system.stiffness, system.names, probes=(*system.probes, probe))
+    response = solve(Problem(system, ConstantSpeed(4.0), 1e-3, 50, State([1.0], [0.0])), newmark())
+    x = response["all"]
+    np.testing.assert_allclose(response["sum"].displacement, 2 * x.displacement + response.angle, rtol=1e-14)
+    np.testing.assert_allclose(response["sum"].velocity, 2 * x.velocity + 4.0, rtol=1e-14)
+    np.testing.assert_allclose(response["sum"].acceleration, 2 * x.acceleration, rtol=1e-14)
+
+
+def test_massless_unknown_follows_statically(system_of):
+    """Mass - spring - massless joint - spring - ground: the joint divides the stretch as the springs do."""
+    K = np.array([[3.0, -3.0], [-3.0, 3.0 + 6.0]])
+    system = system_of([[1.0, 0.0], [0.0, 0.0]], np.zeros((2, 2)), K)
+    response = solve(Problem(system, ConstantSpeed(1.0), 1e-3, 500, State([1.0, 0.0], [0.0, 0.0])), newmark())
+    d = response["all"].displacement
+    np.testing.assert_allclose(d[:, 1], d[:, 0] / 3, atol=1e-9)
+    np.testing.assert_allclose(d[:, 0], np.cos(np.sqrt(2.0) * response.time), atol=1e-6)
+
+
+def test_rest_counts_installed_loads_only(system_of):
+    system = system_of([[1.0]], [[0.0]], [[4.0]])
+    steady = lambda m: np.ones_like(m.angle)  # noqa: E731
+    loads = (Load("preload", np.array([8.0]), steady, installed=True), Load("other", np.array([1.0]), steady))
+    system = System(system.mass, system.damping, system.stiffness, system.names, loads)
+    np.testing.assert_allclose(rest(system, ConstantSpeed(1.0)).displacement, [2.0])
+
+
+@pytest.mark.parametrize("wrong", ["al", "all.x1", ""])
+def test_unknown_probe_is_refused(toy, wrong):
+    with pytest.raises(InputError):
+        free(toy, 2)[wrong]
+
+
+@pytest.mark.parametrize(
+    ("step", "steps", "start"),
+    [(0.0, 1, None), (-1.0, 1, None), (np.nan, 1, None), (1.0, 0, None), (1.0, 1, State([0.0, 0.0], [0.0, 0.0]))],
+)
+def test_impossible_problems_are_refused(toy, step, steps, start):
+    with pytest.raises(InputError):
+        Problem(toy, ConstantSpeed(1.0), step, steps, start)
+
+
+def test_start_velocity_of_another_size_is_refused(toy):
+    with pytest.raises(InputError):
+        Problem(toy, ConstantSpeed(1.0), 1.0, 1, State([0.0], [0.0, 0.0]))
