@@ -25,6 +25,7 @@ class Cause(StrEnum):
     NOT_FINITE = "not-finite"
     NO_CONVERGENCE = "no-convergence"
     SINGULAR = "singular"
+    NOT_SAVED = "not-saved"
 
 
 @dataclass(frozen=True)

@@ -7,31 +7,37 @@ The file is not called ``run.py``: a submodule of that name would hide the funct
 from __future__ import annotations
 
 import json
+import math
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
+
 from flexcam.case import Case, build_model
-from flexcam.checks import InputError, refuse
+from flexcam.case.records import GivenStartRecord, ResultStartRecord
+from flexcam.checks import InputError, did_you_mean, refuse
 from flexcam.integrate import (
     Problem,
     Scheme,
+    State,
     equilibrium,
     outline,
     rest,
     solve,
 )
-from flexcam.io import Geometry, ResultFile, made_folder
+from flexcam.io import Geometry, ResultFile, made_folder, read_result
+from flexcam.linalg import FloatArray
 from flexcam.response import Response, SaveAt, Sink
-from flexcam.system import ConstantSpeed, System
+from flexcam.system import ConstantSpeed, Drive, System
 from flexcam.train import Model, ModelModes, build_rigid, build_structure, build_system, model_modes
 
 DEFAULT_STEPS_PER_REVOLUTION = 3600
 
-_REVOLUTION = 6.283185307179586
+_REVOLUTION = 2.0 * math.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +98,10 @@ def prepare(case: Case, *, rigid: bool = False) -> Prepared:
     except InputError as refusal:
         raise InputError(replace(f, where=case.place(tuple(f.where.split(".")))) for f in refusal.faults) from None
     save = SaveAt(field_every=case.record.output.field_every)
-    return Prepared(case, model, _problem(case, system), case.record.run.integrator.made(), save)
+    return Prepared(case, model, _problem(case, model, system), case.record.run.integrator.made(), save)
 
 
-def _problem(case: Case, system: System) -> Problem:
+def _problem(case: Case, model: Model, system: System) -> Problem:
     run, drive = case.record.run, ConstantSpeed(case.speed)
     per_revolution = run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
     step = run.step or _REVOLUTION / case.speed / per_revolution
@@ -103,8 +109,45 @@ def _problem(case: Case, system: System) -> Problem:
     if steps < 1:
         given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
         raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
-    start = equilibrium if run.start == "equilibrium" else rest
-    return Problem(system, drive, step, steps, start(system, drive))
+    return Problem(system, drive, step, steps, _start(case, model, system, drive))
+
+
+def _start(case: Case, model: Model, system: System, drive: Drive) -> State:
+    match case.record.run.start:
+        case "rest":
+            return rest(system, drive)
+        case "equilibrium":
+            return equilibrium(system, drive)
+        case ResultStartRecord(result=name):
+            return _last_state(case, model, system, name)
+        case GivenStartRecord(displacement=displacement, velocity=velocity):
+            return State(_given(case, system, displacement, "displacement"), _given(case, system, velocity, "velocity"))
+
+
+def _given(case: Case, system: System, values: Mapping[str, float], kind: str) -> FloatArray:
+    row = np.zeros(system.size)
+    for name, value in values.items():
+        if name not in system.names:
+            where = case.place(("run", "start", kind))
+            raise refuse(where, repr(name), "a free component such as 'cam.uy'", "", did_you_mean(name, system.names))
+        row[system.names.index(name)] = value
+    return row
+
+
+def _last_state(case: Case, model: Model, system: System, name: str) -> State:
+    """Return the last saved state of a result; the run goes on at its time, and so at its cam angle."""
+    where = case.place(("run", "start"))
+    result = read_result(case.path.parent / name)
+    if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(result.response.field_time):
+        raise refuse(where, name, "a result of the same mesh with at least one saved field")
+    if not system.size:
+        return State.rest(0)
+    free = build_structure(model).dofs.numbers >= 0
+    last = [
+        series[-1].reshape(-1, 6)[free]
+        for series in (result.response.fields.displacement, result.response.fields.velocity)
+    ]
+    return State(last[0], last[1], float(result.response.field_time[-1]))
 
 
 def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Response:

@@ -12,6 +12,7 @@ from flexcam.case import records as r
 from flexcam.case.read import Case
 from flexcam.checks import Fault, InputError, refuse
 from flexcam.fem import Member, Mesh
+from flexcam.fem.frames import default_orientation
 from flexcam.linalg import FloatArray
 
 In = TypeVar("In")
@@ -58,10 +59,12 @@ def build_model(case: Case) -> train.Model:
         members={name: _member(member, record) for name, member in record.members.items()},
         supports={point: tuple(held) for point, held in record.supports.items()},
         masses={name: one.made() for name, one in record.masses.items()},
-        springs={name: one.made() for name, one in record.springs.items()},
+        springs={**{name: one.made() for name, one in record.springs.items()}, **_bearings(record, mesh)},
         rockers=each("rockers", record.rockers, lambda one: _rocker(one, mesh)),
         cams={name: one.made() for name, one in record.cams.items()},
         contacts=each("contacts", record.contacts, lambda one: _contact(one, record, mesh)),
+        loads={name: one.made() for name, one in record.loads.items()},
+        gravity=record.run.gravity,
         damping=record.run.damping.made(),
         probes=tuple(record.output.probes),
     )
@@ -104,6 +107,17 @@ def _member(member: r.MemberRecord, case: r.CaseRecord) -> Member:
         case.materials[member.material].made(), case.sections[member.section].made(), member.orientation,
         member.shear, member.rotary_inertia, member.mass,
     )  # fmt: skip
+
+
+def _bearings(case: r.CaseRecord, mesh: Mesh) -> dict[str, train.Spring]:
+    """Return two springs per bearing, square to the shaft and to each other."""
+    springs: dict[str, train.Spring] = {}
+    for name, bearing in case.bearings.items():
+        axis = _tangent(mesh, mesh.node(bearing.at))
+        first = _across(default_orientation(axis), axis)
+        for which, along in (("first", first), ("second", np.cross(axis, first))):
+            springs[f"bearing {name}, {which} direction"] = train.Spring(bearing.at, _six(along), *bearing.made())
+    return springs
 
 
 def _rocker(record: r.RockerRecord, mesh: Mesh) -> train.Rocker:

@@ -19,6 +19,8 @@ Part = TypeVar("Part")
 Name = Annotated[str, Field(min_length=1, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_ -]*$")]
 Vector = tuple[q.SignedNumber, q.SignedNumber, q.SignedNumber]
 Point = tuple[q.Position, q.Position, q.Position]
+_Acceleration = Annotated[float, q.Unit("acceleration", signed=True)]
+Gravity = tuple[_Acceleration, _Acceleration, _Acceleration]
 
 
 class Record(BaseModel):
@@ -46,13 +48,17 @@ class PartRecord(Record, Generic[Part]):
 class MaterialRecord(PartRecord[Material]):
     """Isotropic material."""
 
-    E: Annotated[float, q.Unit("stress", above=True)] = Field(description="Young's modulus")
+    E: q.Stress = Field(description="Young's modulus")
     nu: q.SignedNumber = Field(description="Poisson's ratio", gt=-1.0, le=0.5)
     density: Annotated[float, q.Unit("density")] = Field(description="mass per volume")
+    ultimate_strength: q.Stress | None = Field(None, description="for the margin against fatigue")
+    endurance_limit: q.Stress | None = Field(
+        None, description="amplitude borne for ever, for the margin against fatigue"
+    )
 
     def made(self) -> Material:
         """Return the material."""
-        return Material(self.E, self.nu, self.density)
+        return Material(self.E, self.nu, self.density, self.ultimate_strength, self.endurance_limit)
 
 
 class _SectionRecord(PartRecord[Section]):
@@ -175,6 +181,52 @@ class SpringRecord(PartRecord[train.Spring]):
         return train.Spring(self.at, along, self.stiffness, self.damping, self.to, self.installed_force)
 
 
+class BearingRecord(PartRecord[tuple[float, float]]):
+    """Elastic bearing: the same stiffness and damping in every direction square to the shaft."""
+
+    at: Name
+    stiffness: q.Stiffness
+    damping: q.DampingValue = 0.0
+
+    def made(self) -> tuple[float, float]:
+        """Return stiffness and damping; the directions follow from the mesh."""
+        return self.stiffness, self.damping
+
+
+class LoadRecord(Record):
+    """Constant force at a point or spread over a member."""
+
+    at: Name | None = Field(None, description="point it acts at")
+    member: Name | None = Field(None, description="member it is spread over")
+    direction: q.DirectionValue
+    force: float | None = Field(None, description="N at a point, N m about an axis")
+    force_per_length: Annotated[float, q.Unit("stiffness", signed=True)] | None = Field(
+        None, description="N/m over a member"
+    )
+
+    @field_validator("force", mode="before")
+    @classmethod
+    def _in_its_unit(cls, value: object, info: ValidationInfo) -> float:
+        """Return SI; about an axis it is a moment."""
+        turns = not direction(info.data.get("direction", "uy"))[:3].any()
+        return q.Unit("moment" if turns else "force", signed=True).validate(value)
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        point, spread = (
+            self.at is not None and self.force is not None,
+            self.member is not None and self.force_per_length is not None,
+        )
+        if point == spread or (self.at is not None) == (self.member is not None):
+            raise q.refused("either at with force, or member with force_per_length", "a load acts in one way")
+        return self
+
+    def made(self) -> train.GivenLoad:
+        """Return the load."""
+        size = self.force if self.force is not None else self.force_per_length
+        return train.GivenLoad(size or 0.0, direction(self.direction), self.at, self.member)
+
+
 class RockerRecord(Record):
     """Rocker without bending: the point `to` moves by the ratio of the arms."""
 
@@ -264,6 +316,19 @@ class GeneralizedAlphaRecord(PartRecord[integrate.Scheme]):
 IntegratorRecord = Annotated[NewmarkRecord | HhtRecord | GeneralizedAlphaRecord, Field(discriminator="method")]
 
 
+class ResultStartRecord(Record):
+    """Start from the last state of an earlier run of the same model."""
+
+    result: str = Field(description="result file, relative to the case file")
+
+
+class GivenStartRecord(Record):
+    """Start from given displacements and velocities; what is not named is zero."""
+
+    displacement: dict[str, float] = Field(default={}, description='"point.component" to m or rad, such as "cam.uy"')
+    velocity: dict[str, float] = Field(default={}, description='"point.component" to m/s or rad/s')
+
+
 class RunRecord(Record):
     """How the mechanism is run."""
 
@@ -274,7 +339,12 @@ class RunRecord(Record):
         None, ge=1, le=100_000_000, strict=True, description="3600 where no step is given"
     )
     step: q.Time | None = Field(None, description="instead of steps_per_revolution")
-    start: Literal["rest", "equilibrium"] = Field("rest", description="at rest as installed, or in static equilibrium")
+    start: Literal["rest", "equilibrium"] | ResultStartRecord | GivenStartRecord = Field(
+        "rest",
+        description="at rest as installed, in static equilibrium, or from a given state",
+        union_mode="left_to_right",
+    )
+    gravity: Gravity = Field((0.0, 0.0, 0.0), description="acceleration, global axes")
     integrator: IntegratorRecord = Field(default_factory=NewmarkRecord)
     damping: DampingRecord = Field(default_factory=lambda: DampingRecord.model_validate({}))
 
@@ -300,6 +370,8 @@ class CaseRecord(Record):
     supports: dict[Name, list[q.Component]] = Field(default={}, description="components held at a point")
     masses: dict[Name, MassRecord] = {}
     springs: dict[Name, SpringRecord] = {}
+    bearings: dict[Name, BearingRecord] = {}
+    loads: dict[Name, LoadRecord] = {}
     rockers: dict[Name, RockerRecord] = {}
     cams: dict[Name, CamRecord] = {}
     contacts: dict[Name, ContactRecord] = {}

@@ -111,6 +111,7 @@ _PARTS = (
     ("members", "material", "materials", "a material"),
     ("members", "section", "sections", "a section"),
     ("contacts", "cam", "cams", "a cam"),
+    ("loads", "member", "members", "a member"),
 )
 """Table, key, the table it refers to, what stands there."""
 
@@ -118,6 +119,8 @@ _AT = (
     ("masses", "at", True),
     ("springs", "at", True),
     ("springs", "to", True),
+    ("bearings", "at", False),
+    ("loads", "at", True),
     ("rockers", "from", False),
     ("cams", "at", False),
     ("contacts", "follower", False),

@@ -19,6 +19,8 @@ class Material:
         Poisson's ratio, -1 < nu <= 0.5.
     density
         Mass per volume, kg/m^3; zero makes the member massless.
+    ultimate_strength, endurance_limit
+        Pa, for the margin against fatigue; None where they are not stated.
 
     Raises
     ------
@@ -34,10 +36,15 @@ class Material:
     E: float
     nu: float
     density: float
+    ultimate_strength: float | None = None
+    endurance_limit: float | None = None
 
     def __post_init__(self) -> None:
         positive("E", self.E, "Pa")
         positive("density", self.density, "kg/m^3", zero=True)
+        for name in ("ultimate_strength", "endurance_limit"):
+            if (strength := getattr(self, name)) is not None:
+                positive(name, strength, "Pa")
         if not -1.0 < self.nu <= 0.5:
             raise refuse("nu", self.nu, "above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive")
 

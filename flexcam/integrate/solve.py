@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -96,7 +97,7 @@ def solve(
     memory = Memory(outline(problem.system))
     takers = (memory, *sinks)
     started = time.perf_counter()
-    status, stats = Status(), Stats(unknowns=problem.system.size)
+    status, stats = Status(), Stats(unknowns=problem.system.size, factorizations=2)
     try:
         run = _Run(problem, scheme, save or SaveAt(), stop or _never)
         for block, iterations in run.blocks():
@@ -107,12 +108,22 @@ def solve(
     except KeyboardInterrupt:
         status = _STOPPED
     except SingularMatrixError as fault:
-        raise RunFailedError(_singular(fault, problem.system)) from None
-    seconds = time.perf_counter() - started
-    stats = replace(stats, steps=max(stats.steps - 1, 0), factorizations=2, seconds=seconds)
-    for sink in takers:
-        sink.close(status, stats)
+        status = _singular(fault, problem.system)
+    except OSError as fault:  # of a sink: the numbers computed so far are still in memory
+        status = Status(
+            Cause.NOT_SAVED, f"the result could not be written: {fault}", "free space or name another folder"
+        )
+    stats = replace(stats, steps=max(stats.steps - 1, 0), seconds=time.perf_counter() - started)
+    _close(takers, status, stats)
+    if status.cause is Cause.SINGULAR:
+        raise RunFailedError(status)
     return memory.response()
+
+
+def _close(takers: Sequence[Sink], status: Status, stats: Stats) -> None:
+    for sink in takers:
+        with suppress(*[OSError] if status.cause is Cause.NOT_SAVED else []):
+            sink.close(status, stats)
 
 
 def _singular(fault: SingularMatrixError, system: System) -> Status:

@@ -60,7 +60,8 @@ class ResultFile:
     Raises
     ------
     InputError
-        If the result exists and may not be replaced, or the file cannot be made.
+        If the result, or the partial one of a run that broke off, exists and may not be replaced, or the file cannot
+        be made.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class ResultFile:
         free_to_write("result", path, overwrite=overwrite)
         self.path = path
         self.partial = path.with_name(f"{path.stem}.partial.vtkhdf")
+        free_to_write("partial result", self.partial, overwrite=overwrite)
         self._geometry, self._outline = geometry, outline
         try:
             self._file: Any = h5py.File(self.partial, "w", locking=False)

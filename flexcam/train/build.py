@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from flexcam import modal
-from flexcam.fem import COMPONENTS, DofMap
+from flexcam.fem import COMPONENTS
 from flexcam.fem.damping import modal as modal_damping
 from flexcam.fem.damping import rayleigh
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.system import AngleFunction, CamMotion, Channel, Load, Probe, System
+from flexcam.train.loads import constant_loads
 from flexcam.train.model import Model
 from flexcam.train.published import Coupling, couple, follower_train, preload, steady
 from flexcam.train.structure import Structure, build_structure, find_node
@@ -45,7 +46,7 @@ def build_system(model: Model, speed: float) -> System:
         damping=structure.dampers + _damping(structure),
         stiffness=structure.stiffness,
         names=structure.dofs.names,
-        loads=tuple(load for c in couplings for load in c.loads),
+        loads=(*(load for c in couplings for load in c.loads), *constant_loads(structure)),
         local_forces=tuple(force for c in couplings for force in c.forces),
         probes=tuple(_probe(structure, point) for point in model.probes),
         channels=tuple(_numbered(couplings)),
@@ -149,19 +150,3 @@ def _combined(parts: list[tuple[float, AngleFunction]]) -> AngleFunction | None:
     if not moving:
         return None
     return lambda angle, order: sum((share * event(angle, order) for share, event in moving), np.zeros_like(angle))
-
-
-def dofs_of(model: Model) -> DofMap:
-    """Return the numbering of a model's unknowns.
-
-    Parameters
-    ----------
-    model
-        The model.
-
-    Returns
-    -------
-    DofMap
-        The numbering `build_system` uses.
-    """
-    return build_structure(model).dofs

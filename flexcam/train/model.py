@@ -45,6 +45,28 @@ class Spring:
 
 
 @dataclass(frozen=True, eq=False)
+class GivenLoad:
+    """A constant force or moment at a point, or a force spread over a member.
+
+    Parameters
+    ----------
+    size
+        N at a point (N m for a moment), N/m over a member.
+    direction
+        Shape (6,), global axes; translation only over a member.
+    at
+        A named node, or the point of a rocker; None for a force over a member.
+    member
+        Name of the member; None for a force at a point.
+    """
+
+    size: float
+    direction: FloatArray
+    at: str | None = None
+    member: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Rocker:
     """A rigid rocker without bending: the valve moves by the ratio of the arms.
 
@@ -133,8 +155,10 @@ class Model:
         Member name to its data.
     supports
         Point name to the components held.
-    masses, springs, rockers, cams, contacts
+    masses, springs, rockers, cams, contacts, loads
         Attached parts by name.
+    gravity
+        Acceleration, m/s^2, global axes.
     damping
         Of the whole structure.
     probes
@@ -153,6 +177,8 @@ class Model:
     rockers: Mapping[str, Rocker] = field(default_factory=dict[str, Rocker])
     cams: Mapping[str, Cam] = field(default_factory=dict[str, Cam])
     contacts: Mapping[str, PublishedLoad] = field(default_factory=dict[str, PublishedLoad])
+    loads: Mapping[str, GivenLoad] = field(default_factory=dict[str, GivenLoad])
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     damping: Damping = field(default_factory=Damping)
     probes: tuple[str, ...] = ()
 

@@ -173,3 +173,22 @@ def test_a_reader_that_goes_away(case, crashes):
     assert "Traceback" not in done.stderr
     assert "BrokenPipe" not in done.stderr
     assert not list(Path(crashes).glob("flexcam-crash-*"))
+
+
+FULL_DISK = """
+from flexcam import cli
+from flexcam.io import ResultFile
+
+def write(self, block):
+    raise OSError(28, "No space left on device")
+
+ResultFile.write = write
+cli.main(["run", "case.toml", "--json"])
+"""
+
+
+def test_a_full_disk_is_no_fault_of_flexcam(case, tmp_path):
+    done = subprocess.run([sys.executable, "-c", FULL_DISK], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 3
+    assert "No space left on device" in done.stderr
+    assert json.loads(done.stdout)["status"]

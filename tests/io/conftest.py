@@ -13,7 +13,7 @@ from flexcam import read_case
 from flexcam.integrate import solve
 from flexcam.io import read_result, write_pvd
 from flexcam.runner import prepare, result_file
-from flexcam.train.build import dofs_of
+from flexcam.train import build_structure
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -62,7 +62,7 @@ VECTORS = {
 @pytest.fixture(scope="session")
 def nodal(done):
     """Return each point vector as it stood in memory, shape (instants, nodes, 3); zero where a support holds."""
-    numbers = dofs_of(done.ready.model).numbers
+    numbers = build_structure(done.ready.model).dofs.numbers
 
     def vector(series, components):
         unknowns = getattr(done.response.fields, series)

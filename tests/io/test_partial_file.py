@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from flexcam import InputError, read_result
+from flexcam import ConstantSpeed, InputError, Problem, RunFailedError, newmark, read_result, solve
 from flexcam.response import Cause
 
 CALLS = 70
@@ -97,7 +97,7 @@ def test_within_a_block(cut_at, done, tmp_path):
     """Interrupted before any one piece: what is read back is cut to the shortest common length."""
     wrong, places = {}, 0
     for at in range(3 * CALLS):
-        response, sink = cut_at(tmp_path, at)
+        response, sink = cut_at(tmp_path / str(at), at)
         if response.status.ok:
             break
         places += 1
@@ -171,3 +171,20 @@ def test_after_a_kill_vtk_reads_every_step(killed):
     some = [str(path) for path in killed if counts(Path(path))[1] > 0]
     done = subprocess.run([sys.executable, "-c", READ, *some], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
+
+
+class Closed(Cut):
+    """A sink that counts how often it learns the end."""
+
+    ends = 0
+
+    def close(self, status, stats):
+        self.ends += 1
+
+
+def test_a_run_that_cannot_start_closes_its_sinks(system_of):
+    """What `Sink.close` promises: called once, also after a failure; else a file stays open and says nothing."""
+    sink = Closed(after=1)
+    with pytest.raises(RunFailedError):
+        solve(Problem(system_of([[0.0]], [[0.0]], [[0.0]]), ConstantSpeed(1.0), 0.1, 3), newmark(), sinks=[sink])
+    assert sink.ends == 1
