@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager
 
 import numpy as np
+import tomli_w
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TimeRemainingColumn
 from rich.table import Table
 
 from flexcam.case import Case
 from flexcam.fidelity import Claim, Comparison
-from flexcam.response import Response
+from flexcam.io import Result
+from flexcam.linalg import FloatArray
+from flexcam.response import Block, Response, Sink, Stats, Status
 from flexcam.runner import Prepared
-from flexcam.train import ModelModes
+from flexcam.train import MemberStrength, ModelModes
 
 COUPLINGS = {
     "published-load": (
@@ -21,6 +29,147 @@ COUPLINGS = {
     ),
 }
 """Which formulation a result comes from, in words."""
+
+
+def out() -> Console:
+    """Return the console of results; tables keep one width where nobody reads along.
+
+    Returns
+    -------
+    Console
+        On standard output.
+    """
+    return Console(file=sys.stdout, width=None if sys.stdout.isatty() else 160, highlight=False, soft_wrap=False)
+
+
+def print_json(content: object) -> None:
+    """Print one JSON object to standard output; numbers that are not finite are a fault of flexcam.
+
+    Parameters
+    ----------
+    content
+        What `json` can write.
+    """
+    sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+class _Bar:
+    """Sink that moves a progress bar."""
+
+    def __init__(self, progress: Progress, task: TaskID) -> None:
+        self._progress, self._task = progress, task
+
+    def write(self, block: Block) -> None:
+        self._progress.advance(self._task, len(block.time))
+
+    def close(self, status: Status, stats: Stats) -> None:
+        del status, stats
+
+
+@contextmanager
+def progress(steps: int) -> Generator[list[Sink]]:
+    """Show a progress bar on standard error while a run goes on, if somebody sees it.
+
+    Parameters
+    ----------
+    steps
+        Of the whole run.
+
+    Yields
+    ------
+    list
+        The bar as a sink; empty where standard error is no terminal.
+    """
+    if not sys.stderr.isatty():
+        yield []
+        return
+    columns = ("steps", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        yield [_Bar(shown, shown.add_task("steps", total=steps + 1))]
+
+
+def resolved(case: Case) -> str:
+    """Return the case with every default filled in, as TOML, SI.
+
+    Parameters
+    ----------
+    case
+        The case.
+
+    Returns
+    -------
+    str
+        TOML text.
+    """
+    return tomli_w.dumps(case.record.model_dump(mode="json", by_alias=True, exclude_none=True))
+
+
+def strength_table(members: Mapping[str, MemberStrength]) -> Table:
+    """Return the most stressed place of every member.
+
+    Parameters
+    ----------
+    members
+        From a `StrengthSink`.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    rows = [
+        (name, f"{one.von_mises / 1e6:.4g}", f"{one.mean / 1e6:.4g}", f"{one.alternating / 1e6:.4g}",
+         "not stated" if one.safety is None else f"{one.safety:.3g}", one.place)
+        for name, one in members.items()
+    ]  # fmt: skip
+    head = ("stress, MPa", "von Mises", "mean", "alternating", "fatigue safety", "at")
+    return table("Stresses at the saved instants", head, rows)
+
+
+def mac_table(likeness: FloatArray) -> Table:
+    """Return a table of the modal assurance criterion.
+
+    Parameters
+    ----------
+    likeness
+        Shape (modes here, modes there).
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    rows = [(str(i + 1), *(f"{value:.2f}" for value in row)) for i, row in enumerate(likeness)]
+    return table("Modal assurance criterion", ("here / there", *map(str, range(1, likeness.shape[1] + 1))), rows)
+
+
+def info_table(result: Result) -> Table:
+    """Return what a result file holds.
+
+    Parameters
+    ----------
+    result
+        The result.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    response = result.response
+    about = [(name, text) for name, text in result.about.items() if name not in ("case", "resolved", "overrides")]
+    rows = [
+        ("run", str(response.status)),
+        ("steps", f"{response.stats.steps} of {response.stats.unknowns} unknowns, {response.stats.seconds:.3g} s"),
+        ("saved", f"{len(response.time)} instants of the probes, {len(response.field_time)} of the fields"),
+        ("probes", ", ".join(name for name, _ in response.outline.probes) or "none"),
+        ("channels", ", ".join(f"{name} [{unit}]" for name, unit in response.outline.channels) or "none"),
+        ("fields", ", ".join([*result.field_names, *result.recovered])),
+        ("members", ", ".join(f"{name} ({len(line) - 1})" for name, line in result.mesh.lines.items())),
+        *about,
+        ("overrides", ", ".join(json.loads(result.about["overrides"])) or "none"),
+    ]
+    return facts("Result", rows)
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
@@ -45,6 +194,27 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> 
         made.add_column(column, justify="left" if i == 0 else "right")
     for row in rows:
         made.add_row(*row)
+    return made
+
+
+def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
+    """Return a table of names and what is to be said of them.
+
+    Parameters
+    ----------
+    title
+        Above it.
+    rows
+        Name and text.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, show_header=False)
+    for name, text in rows:
+        made.add_row(name, text)
     return made
 
 
@@ -77,7 +247,7 @@ def model_table(ready: Prepared, modes: ModelModes) -> Table:
         ("free motions", _free_motions(modes)),
         ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
     ]
-    return table(ready.case.record.title or ready.case.name, ("", ""), rows)
+    return facts(ready.case.record.title or ready.case.name, rows)
 
 
 def _free_motions(modes: ModelModes) -> str:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from flexcam.integrate import (
 )
 from flexcam.io import Geometry, ResultFile, made_folder, read_result
 from flexcam.linalg import FloatArray
+from flexcam.modal import mac
 from flexcam.response import Response, SaveAt, Sink
 from flexcam.system import ConstantSpeed, Drive, System
 from flexcam.train import Model, ModelModes, build_rigid, build_structure, build_system, model_modes
@@ -182,7 +184,9 @@ def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Respo
     return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks)
 
 
-def modes(case: Case, count: int | None = None) -> ModelModes:
+def modes(
+    case: Case, count: int | None = None, *, prestress: Literal["rest", "equilibrium"] | None = None
+) -> ModelModes:
     """Compute the natural modes of a case's structure.
 
     Parameters
@@ -191,6 +195,9 @@ def modes(case: Case, count: int | None = None) -> ModelModes:
         From `flexcam.read_case`.
     count
         How many; None for all that can be computed.
+    prestress
+        The static state whose axial forces are counted in: as installed, or in equilibrium under all loads; None for
+        the unloaded structure.
 
     Returns
     -------
@@ -202,13 +209,68 @@ def modes(case: Case, count: int | None = None) -> ModelModes:
     InputError
         If parts do not fit together.
     RunFailedError
-        If a free motion has no mass.
+        If a free motion has no mass, or the prestress is beyond buckling.
 
     Examples
     --------
     ``flexcam.modes(case).words(1)`` says what moves in the second mode.
     """
-    return model_modes(build_structure(build_model(case)), count)
+    if prestress is None:
+        return model_modes(build_structure(build_model(case)), count)
+    run = case.record.run.model_copy(update={"start": prestress})
+    ready = prepare(replace(case, record=case.record.model_copy(update={"run": run})))
+    state = ready.problem.start or State.rest(ready.problem.system.size)
+    return model_modes(build_structure(ready.model), count, loaded=state.displacement)
+
+
+def mode_likeness(case: Case, other: Case, count: int) -> FloatArray:
+    """Compare the modes of two cases by the modal assurance criterion.
+
+    Parameters
+    ----------
+    case, other
+        The cases; their translations are compared at the nodes that lie at the same places in both.
+    count
+        How many of the lowest modes of each.
+
+    Returns
+    -------
+    ndarray
+        Shape (modes of `case`, modes of `other`), 0 to 1.
+
+    Raises
+    ------
+    InputError
+        If no node of the one lies where a node of the other lies.
+    """
+    shapes: list[dict[tuple[float, ...], FloatArray]] = []
+    for one in (case, other):
+        structure = build_structure(build_model(one))
+        nodal = structure.dofs.nodal(model_modes(structure, count).modes.shapes.T)
+        places = np.round(structure.model.mesh.nodes, 9)
+        shapes.append({tuple(place): nodal[:, i, :3] for i, place in enumerate(places.tolist())})
+    common = [place for place in shapes[0] if place in shapes[1]]
+    if not common:
+        raise refuse("--mac", str(other.path), "a model with nodes at the same places", "shapes are compared there")
+    columns = [np.concatenate([one[place] for place in common], axis=1).T for one in shapes]
+    return mac(columns[0], columns[1])
+
+
+def geometry_of(model: Model) -> Geometry:
+    """Return what the results of a model are drawn on.
+
+    Parameters
+    ----------
+    model
+        The model.
+
+    Returns
+    -------
+    Geometry
+        For the result files.
+    """
+    structure = build_structure(model)
+    return Geometry(model.mesh, structure.dofs, structure.beams, {n: m.section for n, m in model.members.items()})
 
 
 def result_file(ready: Prepared, folder: str | Path, *, overwrite: bool = False) -> ResultFile:
@@ -233,12 +295,9 @@ def result_file(ready: Prepared, folder: str | Path, *, overwrite: bool = False)
     InputError
         If the result exists and may not be replaced, or the folder cannot be made.
     """
-    structure = build_structure(ready.model)
-    sections = {name: member.section for name, member in ready.model.members.items()}
-    geometry = Geometry(ready.model.mesh, structure.dofs, structure.beams, sections)
     path, about = made_folder(Path(folder)) / f"{ready.case.name}.vtkhdf", _about(ready.case)
     names = outline(ready.problem.system)
-    return ResultFile(path, geometry, names, save=ready.save, about=about, overwrite=overwrite)
+    return ResultFile(path, geometry_of(ready.model), names, save=ready.save, about=about, overwrite=overwrite)
 
 
 def _about(case: Case) -> dict[str, str]:

@@ -6,13 +6,14 @@ The point data are those of the result file; XML with base64 data, as VTK's XML 
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from flexcam.checks import refuse
+from flexcam.checks import did_you_mean, refuse
 from flexcam.fem import Mesh
 from flexcam.io.result import Result
 from flexcam.io.target import free_to_write, made_folder
@@ -22,7 +23,18 @@ from flexcam.linalg import FloatArray, IntArray
 _TYPES = {"float64": "Float64", "int64": "Int64"}
 
 
-def write_pvd(result: Result, path: Path, *, every: int = 1, overwrite: bool = False) -> list[Path]:
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One instant: a mesh, the mesh node of every point, and point data by name."""
+
+    mesh: Mesh
+    node: IntArray
+    data: Mapping[str, FloatArray | IntArray]
+
+
+def write_pvd(
+    result: Result, path: Path, *, every: int = 1, fields: Sequence[str] | None = None, overwrite: bool = False
+) -> list[Path]:
     """Write a result as a ParaView collection.
 
     Parameters
@@ -33,6 +45,8 @@ def write_pvd(result: Result, path: Path, *, every: int = 1, overwrite: bool = F
         The ``.pvd`` file; its instants go to a folder of the same name beside it.
     every
         Take every so many of the saved instants.
+    fields
+        Names of the changing point data to write; None for all.
     overwrite
         Whether existing files may be replaced.
 
@@ -44,24 +58,46 @@ def write_pvd(result: Result, path: Path, *, every: int = 1, overwrite: bool = F
     Raises
     ------
     InputError
-        If the collection exists and may not be replaced, or `every` is below 1.
+        If the collection exists and may not be replaced, `every` is below 1, or a field does not exist.
     """
     if every < 1:
         raise refuse("every", every, "a whole number from 1")
     free_to_write("export", path, overwrite=overwrite)
+    node = result.still["node"].astype(np.intp)
+    known = {**{name: result.field(name)[:, node] for name in VECTORS}, **result.recovered}
+    for name in fields or ():
+        if name not in known:
+            raise refuse("fields", repr(name), ", ".join(known), remedy=did_you_mean(name, known))
+    moving = {name: known[name] for name in fields or known}
+    instants = range(0, len(result.response.field_time), every)
+    frames = (Frame(result.mesh, node, {**{n: v[i] for n, v in moving.items()}, **result.still}) for i in instants)
+    return write_collection(path, result.response.field_time[::every], frames)
+
+
+def write_collection(path: Path, times: FloatArray, frames: Iterable[Frame]) -> list[Path]:
+    """Write frames as ``.vtp`` files into a folder, and the ``.pvd`` file that names them beside it.
+
+    Parameters
+    ----------
+    path
+        The ``.pvd`` file.
+    times
+        One per frame.
+    frames
+        In the order of the times.
+
+    Returns
+    -------
+    list
+        The files written, the collection first.
+    """
     folder = made_folder(path.with_suffix(""))
-    node = result.still["node"].astype(int)
-    fields = {**{name: result.field(name)[:, node] for name in VECTORS}, **result.recovered}
-    times = result.response.field_time
-    written: list[Path] = []
-    for i in range(0, len(times), every):
-        piece = folder / f"{path.stem}_{i:06d}.vtp"
-        data = {**{name: values[i] for name, values in fields.items()}, **result.still}
-        piece.write_text(_vtp(result.mesh, node, data), encoding="ascii")
-        written.append(piece)
+    written = [folder / f"{path.stem}_{i:06d}.vtp" for i in range(len(times))]
+    for piece, frame in zip(written, frames, strict=True):
+        write_vtp(piece, frame)
     entries = [
-        f'    <DataSet timestep="{float(times[i])!r}" part="0" file={quoteattr(f"{folder.name}/{piece.name}")}/>'
-        for i, piece in zip(range(0, len(times), every), written, strict=True)
+        f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(f"{folder.name}/{piece.name}")}/>'
+        for time, piece in zip(times.tolist(), written, strict=True)
     ]
     head = (
         '<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">\n  <Collection>\n'
@@ -70,18 +106,28 @@ def write_pvd(result: Result, path: Path, *, every: int = 1, overwrite: bool = F
     return [path, *written]
 
 
-def _vtp(mesh: Mesh, node: IntArray, data: Mapping[str, FloatArray]) -> str:
-    ends = np.cumsum([len(line) for line in mesh.lines.values()])
-    return "\n".join([
+def write_vtp(path: Path, frame: Frame) -> None:
+    """Write one instant as VTK PolyData XML, one polyline per member.
+
+    Parameters
+    ----------
+    path
+        The ``.vtp`` file.
+    frame
+        What is in it.
+    """
+    ends = np.cumsum([len(line) for line in frame.mesh.lines.values()])
+    count = len(frame.node)
+    path.write_text("\n".join([
         '<?xml version="1.0"?>',
         '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
-        f'<PolyData><Piece NumberOfPoints="{len(node)}" NumberOfLines="{len(ends)}">',
-        '<PointData Vectors="displacement">', *(_array(name, values) for name, values in data.items()), "</PointData>",
+        f'<PolyData><Piece NumberOfPoints="{count}" NumberOfLines="{len(ends)}">',
+        "<PointData>", *(_array(name, values) for name, values in frame.data.items()), "</PointData>",
         "<CellData>", _array("member", np.arange(len(ends))), "</CellData>",
-        "<Points>", _array("Points", mesh.nodes[node]), "</Points>",
-        "<Lines>", _array("connectivity", np.arange(len(node))), _array("offsets", ends), "</Lines>",
+        "<Points>", _array("Points", frame.mesh.nodes[frame.node]), "</Points>",
+        "<Lines>", _array("connectivity", np.arange(count)), _array("offsets", ends), "</Lines>",
         "</Piece></PolyData></VTKFile>", "",
-    ])  # fmt: skip
+    ]), encoding="ascii")  # fmt: skip
 
 
 def _array(name: str, values: FloatArray | IntArray) -> str:

@@ -13,9 +13,12 @@ import numpy as np
 from flexcam.checks import refuse
 from flexcam.fem import COMPONENTS, Mesh
 from flexcam.io.geometry import RECOVERED
-from flexcam.io.vtkhdf import FORMAT, SERIES, STILL, VECTORS
+from flexcam.io.vtkhdf import FORMAT, SERIES, VECTORS
 from flexcam.linalg import FloatArray
 from flexcam.response import Cause, Outline, Response, Series, Stats, Status
+
+STILL = ("radius", "node", "axis_x", "axis_y", "axis_z")
+"""Point data that do not change."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +49,11 @@ class Result:
     still: Mapping[str, FloatArray]
     recovered: Mapping[str, FloatArray]
     about: Mapping[str, str]
+
+    @property
+    def field_names(self) -> tuple[str, ...]:
+        """Names of the nodal vectors, for `field`."""
+        return tuple(VECTORS)
 
     def field(self, name: str) -> FloatArray:
         """Return a nodal vector over the saved instants.

@@ -1,9 +1,9 @@
 """Result files: one HDF5 file that is flexcam's archive and opens in ParaView.
 
-The group ``/VTKHDF`` follows Kitware's file format (PolyData, version 2.0, one polyline per member, the mesh stored
-once); VTK ignores the groups beside it, which hold histories, case, status and provenance. Blocks are appended in the
-order data, counts (``NSteps`` and the rows of the histories), ``Values``, each flushed: VTK's reader trusts ``Values``
-to have its data, and flexcam's reads no row that is not counted.
+The group ``/VTKHDF`` is VTK's (one polyline per member, see `vtk_group`); VTK ignores the groups beside it, which hold
+histories, case, status and provenance. Blocks are appended in the order data, counts (``NSteps`` and the rows of the
+histories), ``Values``, each flushed: VTK's reader trusts ``Values`` to have its data, and flexcam's reads no row that
+is not counted.
 """
 
 from __future__ import annotations
@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import h5py  # pyright: ignore[reportMissingTypeStubs]
-import numpy as np
 
 from flexcam.checks import refuse
 from flexcam.io.geometry import RECOVERED, Geometry
 from flexcam.io.growing import extend, fixed, growing, ordered, texts
 from flexcam.io.target import free_to_write
+from flexcam.io.vtk_group import VtkGroup, still_data
+from flexcam.linalg import FloatArray
 from flexcam.response import Block, Outline, SaveAt, Stats, Status
 
 FORMAT = 1
@@ -35,8 +36,6 @@ VECTORS = {
 """Point vectors: name to the series they come from, their first component and their unit."""
 
 SERIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
-STILL = ("radius", "node", "axis_x", "axis_y", "axis_z")
-"""Point data that do not change."""
 
 
 class ResultFile:
@@ -77,29 +76,13 @@ class ResultFile:
             self._file: Any = h5py.File(self.partial, "w", locking=False)
         except OSError as fault:
             raise refuse("result", str(self.partial), "a file that can be written", str(fault)) from None
-        self._vtk: Any = self._file.create_group("VTKHDF")
-        _write_geometry(self._vtk, geometry)
-        self._create_steps(save.fields_per_block)
+        moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED}
+        self._vtk = VtkGroup(self._file, geometry, moving, still_data(geometry), save.fields_per_block)
+        growing(self._file.create_group("fields"), "cam_angle", save.fields_per_block, "rad")
         self._create_history(save.fields_per_block * save.field_every)
+        _write_mesh(self._file, geometry)
         texts(self._file.create_group("about"), {"format": str(FORMAT), **about})
         self._file.flush()
-
-    def _create_steps(self, rows: int) -> None:
-        data = self._vtk["PointData"]
-        points = len(self._geometry.node)
-        for name, (unit, width) in {**{v: (u, 3) for v, (_, _, u) in VECTORS.items()}, **RECOVERED}.items():
-            growing(data, name, rows * points, unit, width=width if width > 1 else 0)
-        steps = self._vtk.create_group("Steps")
-        steps.attrs["NSteps"] = 0
-        for name in ("PartOffsets", "NumberOfParts", "PointOffsets"):
-            growing(steps, name, rows, "", kind="i8")
-        for name in ("CellOffsets", "ConnectivityIdOffsets"):  # one column for each of VTK's four kinds of cells
-            growing(steps, name, rows, "", width=4, kind="i8")
-        for name in (*VECTORS, *RECOVERED, *STILL):
-            growing(steps.require_group("PointDataOffsets"), name, rows, "", kind="i8")
-        growing(steps.require_group("CellDataOffsets"), "member", rows, "", kind="i8")
-        growing(steps, "Values", rows, "s")
-        growing(self._file.create_group("fields"), "cam_angle", rows, "rad")
 
     def _create_history(self, rows: int) -> None:
         history = self._file.create_group("history")
@@ -121,33 +104,24 @@ class ResultFile:
 
     def write(self, block: Block) -> None:
         """Append a block."""
-        steps, history = self._vtk["Steps"], self._file["history"]
-        before, count = int(steps.attrs["NSteps"]), len(block.field_time)
+        history = self._file["history"]
         self._append_history(history, block)
-        self._append_fields(block)
-        points = len(self._geometry.node)
-        for name in ("PartOffsets", "PointOffsets", "CellOffsets", "ConnectivityIdOffsets"):
-            extend(steps[name], np.zeros((count, *steps[name].shape[1:]), int))
-        extend(steps["NumberOfParts"], np.ones(count, int))
-        for name in (*VECTORS, *RECOVERED):
-            extend(steps["PointDataOffsets"][name], (before + np.arange(count)) * points)
-        for still in (*(steps["PointDataOffsets"][name] for name in STILL), steps["CellDataOffsets/member"]):
-            extend(still, np.zeros(count, int))
+        self._vtk.append(self._point_data(block), len(block.field_time))
+        extend(self._file["fields/cam_angle"], block.field_angle)
         self._file.flush()
-        steps.attrs["NSteps"] = before + count
+        self._vtk.count(len(block.field_time))
         history.attrs["steps"] = len(history["time"])
         self._file.flush()
-        extend(steps["Values"], block.field_time)
+        self._vtk.stamp(block.field_time)
         self._file.flush()
 
-    def _append_fields(self, block: Block) -> None:
-        data, geometry = self._vtk["PointData"], self._geometry
+    def _point_data(self, block: Block) -> dict[str, FloatArray]:
+        geometry = self._geometry
         nodal = {series: geometry.dofs.nodal(getattr(block.fields, series)) for series in SERIES}
-        for name, (series, first, _) in VECTORS.items():
-            extend(data[name], nodal[series][:, geometry.node, first : first + 3].reshape(-1, 3))
-        for name, values in geometry.recovered(nodal["displacement"]).items():
-            extend(data[name], values.reshape(-1, *values.shape[2:]))
-        extend(self._file["fields/cam_angle"], block.field_angle)
+        vectors = {
+            name: nodal[series][:, geometry.node, first : first + 3] for name, (series, first, _) in VECTORS.items()
+        }
+        return {**vectors, **geometry.recovered(nodal["displacement"])}
 
     def _append_history(self, history: Any, block: Block) -> None:  # noqa: ANN401 - h5py has no types
         extend(history["time"], block.time)
@@ -168,29 +142,6 @@ class ResultFile:
         self._file.close()
         if status.ok:
             self.partial.replace(self.path)
-
-
-def _write_geometry(vtk: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types
-    vtk.attrs["Version"] = (2, 0)
-    vtk.attrs.create("Type", b"PolyData", dtype="S8")
-    mesh, points, ends = geometry.mesh, len(geometry.node), geometry.ends
-    fixed(vtk, "NumberOfPoints", np.array([points]))
-    fixed(vtk, "Points", mesh.nodes[geometry.node], "m")
-    for topology in ("Vertices", "Lines", "Polygons", "Strips"):
-        lines = topology == "Lines"
-        group = vtk.create_group(topology)
-        fixed(group, "NumberOfCells", np.array([len(mesh.lines) if lines else 0]))
-        fixed(group, "NumberOfConnectivityIds", np.array([points if lines else 0]))
-        fixed(group, "Connectivity", np.arange(points if lines else 0))
-        fixed(group, "Offsets", ends if lines else np.zeros(1, int))
-    member = fixed(vtk.create_group("CellData"), "member", np.arange(len(mesh.lines)))
-    member.attrs["names"] = list(mesh.lines)
-    data, axes = vtk.create_group("PointData"), geometry.axes()
-    fixed(data, "radius", geometry.radius(), "m")
-    fixed(data, "node", geometry.node)
-    for i, name in enumerate(("axis_x", "axis_y", "axis_z")):
-        fixed(data, name, axes[:, i])
-    _write_mesh(vtk.parent, geometry)
 
 
 def _write_mesh(file: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types

@@ -5,6 +5,7 @@ Another eigensolver goes into `modes`, another measure of modes is a file beside
 """
 
 from flexcam.modal.effective import effective_masses
+from flexcam.modal.mac import mac
 from flexcam.modal.modes import Modes, modes
 
-__all__ = ["Modes", "effective_masses", "modes"]
+__all__ = ["Modes", "effective_masses", "mac", "modes"]

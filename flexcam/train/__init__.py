@@ -7,17 +7,20 @@ A new kind of part is a dataclass in `model` and its rows in `structure`; a new 
 from flexcam.train.build import build_rigid, build_system
 from flexcam.train.model import Cam, GivenLoad, MassAt, Model, PublishedLoad, Rocker, Spring
 from flexcam.train.modes import ModelModes, model_modes
+from flexcam.train.strength import MemberStrength, StrengthSink
 from flexcam.train.structure import Structure, build_structure
 
 __all__ = [
     "Cam",
     "GivenLoad",
     "MassAt",
+    "MemberStrength",
     "Model",
     "ModelModes",
     "PublishedLoad",
     "Rocker",
     "Spring",
+    "StrengthSink",
     "Structure",
     "build_rigid",
     "build_structure",

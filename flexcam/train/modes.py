@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexcam import modal
+from flexcam import fem, modal
 from flexcam.fem import COMPONENTS, beam
 from flexcam.linalg import FloatArray
 from flexcam.modal import Modes
@@ -43,7 +43,7 @@ class ModelModes:
         return free + ", ".join(named)
 
 
-def model_modes(structure: Structure, count: int | None = None) -> ModelModes:
+def model_modes(structure: Structure, count: int | None = None, *, loaded: FloatArray | None = None) -> ModelModes:
     """Return the lowest modes of a model.
 
     Parameters
@@ -52,6 +52,9 @@ def model_modes(structure: Structure, count: int | None = None) -> ModelModes:
         The passive part of the model.
     count
         How many; None for all that can be computed.
+    loaded
+        Displacement of a static state, shape (n,), whose axial forces stiffen (tension) or soften (compression) the
+        members; None for the unloaded structure.
 
     Returns
     -------
@@ -61,9 +64,13 @@ def model_modes(structure: Structure, count: int | None = None) -> ModelModes:
     Raises
     ------
     RunFailedError
-        If a free motion has no mass.
+        If a free motion has no mass, or the state is beyond buckling.
     """
-    found = modal.modes(structure.mass, structure.stiffness, count)
+    stiffness = structure.stiffness
+    if loaded is not None:
+        force = beam.axial_force(structure.beams, structure.dofs.nodal(loaded))
+        stiffness = stiffness + fem.geometric(structure.beams, force, structure.dofs)
+    found = modal.modes(structure.mass, stiffness, count)
     motions = np.array([structure.dofs.rigid_motion(structure.model.mesh, unit) for unit in np.eye(6)])
     effective = modal.effective_masses(found, structure.mass, motions)
     return ModelModes(found, effective, tuple(_shares(structure, shape) for shape in found.shapes.T))

@@ -1,0 +1,294 @@
+"""The commands: read, call, print. Nothing is computed here; each returns the status of its run, or None."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+
+from flexcam import __version__, console, fidelity
+from flexcam.case import Case, CaseRecord, read_case
+from flexcam.checks import refuse
+from flexcam.console import out, print_json
+from flexcam.integrate import solve
+from flexcam.io import made_folder, read_result, write_csv, write_mesh, write_modes, write_pvd
+from flexcam.response import Status
+from flexcam.runner import geometry_of, mode_likeness, prepare, result_file
+from flexcam.runner import modes as case_modes
+from flexcam.train import StrengthSink, build_structure
+
+
+@dataclass
+class Running:
+    """What the signal handler and a running solution know of each other."""
+
+    signals: list[int] = field(default_factory=list[int])
+    solving: bool = False
+
+    def stopped(self) -> bool:
+        """Tell whether a signal asked the run to end."""
+        return bool(self.signals)
+
+
+running = Running()
+
+CaseFile = Annotated[Path, Parameter(help="Case file (TOML).")]
+ResultPath = Annotated[Path, Parameter(help="Result file (.vtkhdf).")]
+Overrides = Annotated[
+    list[str] | None,
+    Parameter("--set", negative=(), help="Lay a value over the case's: run.speed=4000rpm. May be repeated."),
+]
+Json = Annotated[bool, Parameter("--json", negative=(), help="Print one JSON object.")]
+Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]
+Overwrite = Annotated[bool, Parameter("--overwrite", negative=(), help="Replace existing results.")]
+Prestress = Annotated[
+    Literal["rest", "equilibrium"] | None,
+    Parameter("--prestress", help="Count in the axial forces as installed (rest), or under all loads (equilibrium)."),
+]
+
+
+def _versions() -> str:
+    runs_on = ("numpy", "scipy", "h5py", "meshio", "pydantic", "cyclopts")
+    return f"flexcam {__version__}\npython {platform.python_version()}\n" + "\n".join(
+        f"{n} {version(n)}" for n in runs_on
+    )
+
+
+app = App(
+    name="flexcam",
+    version=_versions,
+    help_format="plaintext",
+    help="Flexible valve trains and cam mechanisms by finite elements.",
+    help_prologue="""\
+flexcam check cases/tayeb/model-3-shm.toml
+flexcam compare cases/tayeb/model-3-shm.toml --set run.speed=4000rpm
+flexcam run cases/tayeb/model-3-shm.toml -o results
+flexcam export results/model-3-shm.vtkhdf --format pvd
+""",
+    suppress_keyboard_interrupt=False,
+)
+app.register_install_completion_command()  # pyright: ignore[reportUnknownMemberType]
+
+
+def _load(path: Path, overrides: Sequence[str] | None) -> Case:
+    return read_case(path, overrides or ())
+
+
+@app.command(
+    help_prologue="""\
+flexcam check case.toml
+flexcam check case.toml --set run.speed=4000rpm --json
+"""
+)
+def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False) -> None:
+    """Check a case, say what its model contains, and print it with every default filled in."""
+    ready = prepare(_load(case, overrides))
+    found = case_modes(ready.case)
+    if as_json:
+        mesh, system = ready.model.mesh, ready.problem.system
+        print_json({
+            "status": "ok", "title": ready.case.record.title,
+            "elements": len(mesh.elements()), "dof": system.size, "nodes": len(mesh.nodes),
+            "members": {name: len(line) - 1 for name, line in mesh.lines.items()},
+            "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
+            "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
+            "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
+            "case": ready.case.record.model_dump(mode="json", by_alias=True),
+        })  # fmt: skip
+    else:
+        out().print(console.model_table(ready, found))
+        out().print("\n# the case as it is run, SI\n" + console.resolved(ready.case), markup=False)
+
+
+@app.command(
+    help_prologue="""\
+flexcam run case.toml
+flexcam run case.toml -o results --set run.revolutions=4 --overwrite
+"""
+)
+def run(
+    case: CaseFile, *, folder: Folder = Path("results"), overrides: Overrides = None, overwrite: Overwrite = False,
+    as_json: Json = False,
+) -> Status:  # fmt: skip
+    """Solve a case in time and write its result file."""
+    ready = prepare(_load(case, overrides))
+    sink = result_file(ready, folder, overwrite=overwrite)
+    strength = StrengthSink(build_structure(ready.model))
+    running.solving = True
+    with console.progress(ready.problem.steps) as bar:
+        sinks = [sink, strength, *bar]
+        response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, stop=running.stopped)
+    result = sink.path if response.status.ok else sink.partial
+    if as_json:
+        print_json({
+            "status": str(response.status.cause), "message": response.status.text, "remedy": response.status.remedy,
+            "result": str(result), "steps": response.stats.steps, "dof": response.stats.unknowns,
+            "seconds": response.stats.seconds,
+            "strength": {name: asdict(member) for name, member in strength.members().items()},
+        })  # fmt: skip
+    else:
+        out().print(console.run_table(ready.case, response))
+        out().print()
+        out().print(console.strength_table(strength.members()))
+        out().print(f"\n{response.stats.steps} steps of {response.stats.unknowns} unknowns; result: {result}")
+        out().print(f"Open it in ParaView 5.12 or newer; for older ones: flexcam export {result} --format pvd")
+    return response.status
+
+
+@app.command(
+    help_prologue="""\
+flexcam modes case.toml --count 20
+flexcam modes case.toml --prestress rest -o results
+flexcam modes case.toml --mac finer.toml
+"""
+)
+def modes(
+    case: CaseFile, *, count: int = 12, prestress: Prestress = None, mac: Path | None = None,
+    folder: Annotated[Path | None, Parameter(["-o", "--output"], help="Also write shapes for ParaView.")] = None,
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Compute natural frequencies and what moves in each mode.
+
+    Parameters
+    ----------
+    count
+        How many of the lowest modes.
+    mac
+        Another case, whose modes are compared with these (modal assurance criterion).
+    """
+    if count < 1:
+        raise refuse("--count", count, "a whole number from 1")
+    read = _load(case, overrides)
+    found = case_modes(read, count, prestress=prestress)
+    likeness = None if mac is None else mode_likeness(read, read_case(mac), count)
+    files: list[Path] = []
+    if folder is not None:
+        path = made_folder(folder) / f"{read.name}-modes.vtkhdf"
+        drawn = geometry_of(prepare(read).model)
+        files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
+    if as_json:
+        print_json({
+            "status": "ok", "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
+            "effective_masses": found.effective.tolist(), "lost": found.modes.lost,
+            "moves": [found.words(i) for i in range(len(found.shares))],
+            "mac": None if likeness is None else likeness.tolist(), "files": [str(path) for path in files],
+        })  # fmt: skip
+        return
+    out().print(console.mode_table(found))
+    if likeness is not None:
+        out().print()
+        out().print(console.mac_table(likeness))
+    if files:
+        out().print(f"\n{files[0]}: pick a mode in Warp By Vector and press play; {files[1]} holds the still shapes")
+
+
+@app.command(
+    help_prologue="""\
+flexcam compare case.toml
+flexcam compare case.toml --probe valve --set run.speed=4000rpm
+"""
+)
+def compare(case: CaseFile, *, probe: str | None = None, overrides: Overrides = None, as_json: Json = False) -> Status:
+    """Compare the flexible mechanism with the rigid one at a probe.
+
+    Parameters
+    ----------
+    probe
+        Point or component to compare at; the point of the first rocker, or the first probe, by default.
+    """
+    read = _load(case, overrides)
+    at = probe or _default_probe(read)
+    found = fidelity.deviation(read, at)
+    published = any(contact.model == "published-load" for contact in read.record.contacts.values())
+    mode_hz = fidelity.loaded_mode(read)[0] if published else None
+    claims = fidelity.claims(read, at, found) if read.record.paper else []
+    if as_json:
+        print_json({
+            "status": str(found.status.cause), "probe": at, "speed_rpm": found.speed_rpm,
+            "peak_deviation": found.peak_deviation, "rms_deviation": found.rms_deviation,
+            "peak_acceleration_ratio": found.peak_acceleration_ratio, "loaded_mode_hz": mode_hz,
+            "deviations": [{**asdict(one), "of_rigid": one.of_rigid} for one in found.deviations],
+            "claims": [asdict(claim) for claim in claims],
+        })  # fmt: skip
+        return found.status
+    out().print(console.comparison_table(found))
+    words = console.comparison_words(found, mode_hz)
+    words += [console.COUPLINGS[m] for m in dict.fromkeys(c.model for c in read.record.contacts.values())]
+    for sentence in words:
+        out().print("\n" + sentence)
+    if claims:
+        out().print()
+        out().print(console.claim_table(claims))
+    return found.status
+
+
+@app.command(
+    help_prologue="""\
+flexcam export results/case.vtkhdf --format pvd --every 5 --field displacement
+flexcam export results/case.vtkhdf --format csv --probe valve
+flexcam export case.toml --format msh -o meshes
+"""
+)
+def export(
+    source: Annotated[Path, Parameter(help="Result file, or a case file for --format msh.")], *,
+    form: Annotated[Literal["pvd", "csv", "msh"], Parameter("--format", help="pvd: ParaView; msh: Gmsh 2.2.")] = "pvd",
+    folder: Annotated[Path | None, Parameter(["-o", "--output"], help="Folder; that of the source by default.")] = None,
+    every: Annotated[int, Parameter("--every", help="pvd: take every so many of the saved instants.")] = 1,
+    fields: Annotated[list[str] | None, Parameter("--field", negative=(), help="pvd: only these point data.")] = None,
+    probes: Annotated[list[str] | None, Parameter("--probe", negative=(), help="csv: only these probes.")] = None,
+    overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Write a result as a ParaView collection or CSV table, or a case's mesh as a Gmsh file."""
+    target = made_folder(folder or source.parent) / f"{source.stem}.{form}"
+    if form == "msh":
+        write_mesh(prepare(read_case(source)).model.mesh, target, overwrite=overwrite)
+        files = [target]
+    elif form == "csv":
+        files = [write_csv(read_result(source).response, target, probes=probes, overwrite=overwrite)]
+    else:
+        files = write_pvd(read_result(source), target, every=every, fields=fields, overwrite=overwrite)
+    if as_json:
+        print_json({"status": "ok", "files": [str(path) for path in files]})
+    else:
+        out().print(f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0]))
+
+
+@app.command(help_prologue="flexcam info results/case.vtkhdf\n")
+def info(result: ResultPath, *, as_json: Json = False) -> None:
+    """Say what a result file holds: how its run ended, what computed it, what was saved."""
+    read = read_result(result)
+    response = read.response
+    if as_json:
+        print_json({
+            "status": "ok", "run": str(response.status.cause), "message": response.status.text,
+            "stats": asdict(response.stats),
+            "saved_steps": len(response.time), "saved_fields": len(response.field_time),
+            "probes": {name: list(components) for name, components in response.outline.probes},
+            "channels": dict(response.outline.channels), "fields": [*read.field_names, *read.recovered],
+            "about": {name: text for name, text in read.about.items() if name not in ("case", "resolved")},
+            "case": json.loads(read.about["resolved"]),
+        })  # fmt: skip
+    else:
+        out().print(console.info_table(read))
+
+
+@app.command(help_prologue="flexcam schema > case.schema.json\n")
+def schema() -> None:
+    """Print the JSON Schema of case files, which editors use for completion and checks."""
+    print_json(
+        {"$schema": "https://json-schema.org/draft/2020-12/schema", **CaseRecord.model_json_schema(by_alias=True)}
+    )
+
+
+def _default_probe(case: Case) -> str:
+    rockers = [rocker.to for rocker in case.record.rockers.values()]
+    known = [*(p for p in case.record.output.probes if p in rockers), *case.record.output.probes]
+    if not known:
+        raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
+    return known[0]

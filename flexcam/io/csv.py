@@ -1,0 +1,57 @@
+"""Histories as CSV text, for spreadsheets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from flexcam.io.target import free_to_write
+from flexcam.io.vtkhdf import SERIES
+from flexcam.linalg import FloatArray
+from flexcam.response import Response
+
+
+def write_csv(response: Response, path: Path, *, probes: Sequence[str] | None = None, overwrite: bool = False) -> Path:
+    """Write time, cam angle, probe histories and channels, a row per step.
+
+    Parameters
+    ----------
+    response
+        The response.
+    path
+        The file; its folder exists.
+    probes
+        Names of probes or of their components; None for all.
+    overwrite
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If the file exists and may not be replaced, or a probe does not exist.
+    """
+    free_to_write("export", path, overwrite=overwrite)
+    columns: dict[str, FloatArray] = {"time [s]": response.time, "cam angle [deg]": np.degrees(response.angle)}
+    for name in probes or [name for name, _ in response.outline.probes]:
+        history = response[name]
+        for series, unit in SERIES.items():
+            values = getattr(history, series).reshape(len(response.time), -1)
+            for component, column in zip(history.components, values.T, strict=True):
+                full = name if len(history.components) == 1 else f"{name}.{component}"
+                columns[f"{full} {series} [{_unit(component, unit)}]"] = column
+    units = dict(response.outline.channels)
+    columns.update({f"{name} [{units[name]}]": values for name, values in response.channels.items()})
+    header = ",".join(columns)
+    np.savetxt(path, np.column_stack(list(columns.values())), fmt="%.17g", delimiter=",", header=header, comments="")
+    return path
+
+
+def _unit(component: str, unit: str) -> str:
+    return unit.replace("m", "rad", 1) if component in ("rx", "ry", "rz") else unit

@@ -1,0 +1,86 @@
+"""Modes for ParaView: one animated data set with all of them, and one with their still shapes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py  # pyright: ignore[reportMissingTypeStubs]
+import numpy as np
+
+from flexcam.io.geometry import Geometry
+from flexcam.io.growing import texts
+from flexcam.io.pvd import Frame, write_collection, write_vtp
+from flexcam.io.target import free_to_write
+from flexcam.io.vtk_group import VtkGroup, still_data
+from flexcam.linalg import FloatArray
+
+PHASES = 24
+"""Instants of one swing."""
+
+_SWING = 0.05
+"""Largest translation of a drawn shape, as a part of the model's size: Warp By Vector then looks right at scale 1."""
+
+
+def write_modes(
+    path: Path, geometry: Geometry, frequencies: FloatArray, shapes: FloatArray, *, overwrite: bool = False
+) -> list[Path]:
+    """Write modes as ``NAME.vtkhdf`` (animated), ``NAME.pvd`` (the same for ParaView 5.11) and ``NAME.vtp`` (still).
+
+    Time is the phase of one swing, 0 to 1. Every mode is a point vector of its own, named ``mode_01_67.1Hz``: pick it
+    in Warp By Vector and press play. Shapes are drawn with a largest translation of 5 % of the model's size.
+
+    Parameters
+    ----------
+    path
+        The ``.vtkhdf`` file; its folder exists.
+    geometry
+        What the shapes are drawn on.
+    frequencies
+        Hz, shape (k,).
+    shapes
+        Shapes as columns, shape (n, k).
+    overwrite
+        Whether existing files may be replaced.
+
+    Returns
+    -------
+    list
+        The files written, the animated one first.
+
+    Raises
+    ------
+    InputError
+        If a file exists and may not be replaced.
+    """
+    still_path, collection = path.with_suffix(".vtp"), path.with_suffix(".pvd")
+    for target in (path, still_path, collection):
+        free_to_write("modes", target, overwrite=overwrite)
+    drawn = _drawn(geometry, frequencies, shapes)
+    phase = np.arange(PHASES) / PHASES
+    swing = np.cos(2.0 * np.pi * phase)
+    still = still_data(geometry)
+    with h5py.File(path, "w", locking=False) as opened:
+        file: Any = opened
+        group = VtkGroup(file, geometry, dict.fromkeys(drawn, ("m", 3)), still, PHASES)
+        group.append({name: swing[:, None, None] * shape for name, shape in drawn.items()}, PHASES)
+        group.count(PHASES)
+        group.stamp(phase)
+        texts(
+            file.create_group("about"), {"kind": "modes", "frequencies_hz": " ".join(f"{f:.9g}" for f in frequencies)}
+        )
+    constant = {name: values for name, (values, _) in still.items()}
+    write_vtp(still_path, Frame(geometry.mesh, geometry.node, {**constant, **drawn}))
+    frames = (Frame(geometry.mesh, geometry.node, {**constant, **{n: s * d for n, d in drawn.items()}}) for s in swing)
+    return [path, still_path, *write_collection(collection, phase, frames)]
+
+
+def _drawn(geometry: Geometry, frequencies: FloatArray, shapes: FloatArray) -> dict[str, FloatArray]:
+    size = float(np.linalg.norm(np.ptp(geometry.mesh.nodes, axis=0)))
+    drawn: dict[str, FloatArray] = {}
+    for i, (frequency, shape) in enumerate(zip(frequencies, shapes.T, strict=True), start=1):
+        moved = geometry.dofs.nodal(shape)[geometry.node, :3]
+        largest = float(np.linalg.norm(moved, axis=1).max())
+        scale = _SWING * size / largest if largest > 0.0 else 0.0  # a mode of pure twist moves no point
+        drawn[f"mode_{i:02d}_{frequency:.1f}Hz"] = scale * moved
+    return drawn

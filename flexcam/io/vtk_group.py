@@ -1,0 +1,126 @@
+"""The group ``/VTKHDF`` as Kitware's file format lays it out: PolyData, version 2.0, the mesh stored once.
+
+Point data that change have their offset per step; those that stay have offset zero at every step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from flexcam.io.geometry import Geometry
+from flexcam.io.growing import extend, fixed, growing
+from flexcam.linalg import FloatArray, IntArray
+
+Still = Mapping[str, tuple[FloatArray | IntArray, str]]
+"""Point data that do not change: name to values and unit."""
+
+
+def still_data(geometry: Geometry) -> Still:
+    """Return what is known of every point: radius, mesh node, local axes.
+
+    Parameters
+    ----------
+    geometry
+        The drawn geometry.
+
+    Returns
+    -------
+    Mapping
+        Name to values at the points and unit.
+    """
+    axes = {f"axis_{name}": (axis, "") for name, axis in zip("xyz", geometry.axes().swapaxes(0, 1), strict=True)}
+    return {"radius": (geometry.radius(), "m"), "node": (geometry.node, ""), **axes}
+
+
+class VtkGroup:
+    """The group of a file that grows step by step.
+
+    Parameters
+    ----------
+    file
+        An open h5py file.
+    geometry
+        What is drawn.
+    moving
+        Point data that change: name to unit and width.
+    still
+        Point data that do not.
+    rows
+        Steps appended together, for the chunks.
+    """
+
+    def __init__(
+        self,
+        file: Any,  # noqa: ANN401 - h5py has no types
+        geometry: Geometry,
+        moving: Mapping[str, tuple[str, int]],
+        still: Still,
+        rows: int,
+    ) -> None:
+        self._points, self._moving, self._still = len(geometry.node), tuple(moving), tuple(still)
+        self._group: Any = file.create_group("VTKHDF")
+        self._group.attrs["Version"] = (2, 0)
+        self._group.attrs.create("Type", b"PolyData", dtype="S8")
+        _write_lines(self._group, geometry)
+        data = self._group.create_group("PointData")
+        for name, (values, unit) in still.items():
+            fixed(data, name, values, unit)
+        for name, (unit, width) in moving.items():
+            growing(data, name, rows * self._points, unit, width=width if width > 1 else 0)
+        self._create_steps(rows)
+
+    def _create_steps(self, rows: int) -> None:
+        steps = self._group.create_group("Steps")
+        steps.attrs["NSteps"] = 0
+        for name in ("PartOffsets", "NumberOfParts", "PointOffsets"):
+            growing(steps, name, rows, "", kind="i8")
+        for name in ("CellOffsets", "ConnectivityIdOffsets"):  # one column for each of VTK's four kinds of cells
+            growing(steps, name, rows, "", width=4, kind="i8")
+        for name in (*self._moving, *self._still):
+            growing(steps.require_group("PointDataOffsets"), name, rows, "", kind="i8")
+        growing(steps.require_group("CellDataOffsets"), "member", rows, "", kind="i8")
+        growing(steps, "Values", rows, "s")
+
+    @property
+    def steps(self) -> int:
+        """Steps that are complete."""
+        return int(self._group["Steps"].attrs["NSteps"])
+
+    def append(self, values: Mapping[str, FloatArray], count: int) -> None:
+        """Append the point data of some steps, shape (count, points) or (count, points, width); not yet counted."""
+        steps, data = self._group["Steps"], self._group["PointData"]
+        for name, rows in values.items():
+            extend(data[name], rows.reshape(-1, *rows.shape[2:]))
+        for name in ("PartOffsets", "PointOffsets", "CellOffsets", "ConnectivityIdOffsets"):
+            extend(steps[name], np.zeros((count, *steps[name].shape[1:]), int))
+        extend(steps["NumberOfParts"], np.ones(count, int))
+        for name in self._moving:
+            extend(steps["PointDataOffsets"][name], (self.steps + np.arange(count)) * self._points)
+        for still in (*(steps["PointDataOffsets"][name] for name in self._still), steps["CellDataOffsets/member"]):
+            extend(still, np.zeros(count, int))
+
+    def count(self, more: int) -> None:
+        """Count appended steps; to be flushed before `stamp`, because VTK trusts the times to have their data."""
+        self._group["Steps"].attrs["NSteps"] = self.steps + more
+
+    def stamp(self, times: FloatArray) -> None:
+        """Write the times of counted steps, s."""
+        extend(self._group["Steps/Values"], times)
+
+
+def _write_lines(vtk: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types
+    mesh, points, ends = geometry.mesh, len(geometry.node), geometry.ends
+    fixed(vtk, "NumberOfPoints", np.array([points]))
+    fixed(vtk, "Points", mesh.nodes[geometry.node], "m")
+    for topology in ("Vertices", "Lines", "Polygons", "Strips"):
+        lines = topology == "Lines"
+        group = vtk.create_group(topology)
+        fixed(group, "NumberOfCells", np.array([len(mesh.lines) if lines else 0]))
+        fixed(group, "NumberOfConnectivityIds", np.array([points if lines else 0]))
+        fixed(group, "Connectivity", np.arange(points if lines else 0))
+        fixed(group, "Offsets", ends if lines else np.zeros(1, int))
+    member = fixed(vtk.create_group("CellData"), "member", np.arange(len(mesh.lines)))
+    member.attrs["names"] = list(mesh.lines)
