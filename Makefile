@@ -4,8 +4,11 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke verification clean
+.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke verification docs-pages clean
 .DEFAULT_GOAL := demo
+
+# The matrices are small: threads of the linear algebra would only hinder each other.
+export OPENBLAS_NUM_THREADS := 1
 
 # A copy, not a link to the source: the demo then proves what a plain `pip install .` gives.
 $(VENV)/.demo: pyproject.toml $(shell find flexcam -name '*.py')
@@ -28,7 +31,7 @@ demo: $(VENV)/.demo
 	$(BIN)/flexcam export $(RESULT) --format pvd --overwrite
 	@echo
 	@echo "The motion in ParaView: open $(RESULT) (5.12 and newer) or results/model-3-shm.pvd (any),"
-	@echo "apply Warp By Vector to 'displacement' (scale 20), then Tube, and press play."
+	@echo "apply Warp By Vector to 'displacement' (scale 1; the shaft's bending needs about 1000), then Tube, press play."
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(JOBS)
@@ -41,8 +44,8 @@ planted: $(VENV)/.dev
 	$(BIN)/python tests/planted/plant.py
 
 lint: $(VENV)/.dev
-	$(BIN)/ruff check flexcam tests meshes benchmarks
-	$(BIN)/ruff format --check flexcam tests meshes benchmarks
+	$(BIN)/ruff check flexcam tests meshes benchmarks docs examples
+	$(BIN)/ruff format --check flexcam tests meshes benchmarks docs examples
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
@@ -66,3 +69,7 @@ test-slow-rotation: $(VENV)/.dev
 verification: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(JOBS) -m "slow or not slow" tests/verification
 	$(BIN)/python docs/make_verification.py
+
+# Pages made from the code.
+docs-pages: $(VENV)/.dev
+	$(BIN)/python docs/make_case_format.py

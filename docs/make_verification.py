@@ -1,4 +1,4 @@
-"""Make ``docs/verification.md`` from the rows that the verification tests recorded: ``python docs/make_verification.py``."""
+"""Make ``docs/verification.md`` from the rows that the tests recorded: ``python docs/make_verification.py``."""
 
 from __future__ import annotations
 
@@ -26,15 +26,17 @@ def rounded(row: dict) -> str:
 
 
 def cells(row: dict) -> list[str]:
-    tolerance = f"{row['tolerance']:.2g}" + (f" {row['unit']}" if row["absolute"] else "")
-    return [row["case"], row["quantity"], row["unit"], f"{row['reference']:.6g}", f"{row['computed']:.6g}", rounded(row), tolerance]
+    unit = "" if row["unit"] == "1" else row["unit"]
+    tolerance = f"{row['tolerance']:.2g}" + (f" {unit}".rstrip() if row["absolute"] else "")
+    figures = [f"{row['reference']:.8g}", f"{row['computed']:.8g}"]
+    return [row["case"], row["quantity"], unit, *figures, rounded(row), tolerance]
 
 
 def tables(rows: list[dict]) -> list[str]:
     parts = [HEAD]
     for (source, file), group in itertools.groupby(rows, key=lambda r: (r["source"], r["test"].partition("::")[0])):
-        parts += [f"## {source}", "", f"`{file}`", "", "| case | quantity | unit | reference | computed | deviation | tolerance |"]
-        parts += ["|---|---|---|---|---|---|---|"]
+        head = "| case | quantity | unit | reference | computed | deviation | tolerance |"
+        parts += [f"## {source}", "", f"`{file}`", "", head, "|---|---|---|---|---|---|---|"]
         parts += ["| " + " | ".join(cell.replace("|", "\\|") for cell in cells(row)) + " |" for row in group]
         parts.append("")
     return parts
@@ -42,5 +44,8 @@ def tables(rows: list[dict]) -> list[str]:
 
 if __name__ == "__main__":
     recorded = json.loads(RECORDED.read_text(encoding="utf-8"))
+    if failed := [row["test"] for row in recorded if not row["passed"]]:
+        message = f"these tests failed; the page shows assertions that hold: {failed}"
+        raise SystemExit(message)
     recorded.sort(key=lambda r: (r["source"], r["test"].partition("::")[0]))
     PAGE.write_text("\n".join(tables(recorded)), encoding="utf-8")

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 
 from flexcam import __version__, console, fidelity
-from flexcam.case import Case, CaseRecord, read_case
+from flexcam.case import Case, CaseRecord, build_model, read_case
 from flexcam.checks import refuse
 from flexcam.console import out, print_json
 from flexcam.integrate import solve
@@ -136,6 +136,8 @@ def run(
         out().print(console.run_table(ready.case, response))
         out().print()
         out().print(console.strength_table(strength.members()))
+        for sentence in console.couplings(ready.case):
+            out().print("\n" + sentence)
         out().print(f"\n{response.stats.steps} steps of {response.stats.unknowns} unknowns; result: {result}")
         out().print(f"Open it in ParaView 5.12 or newer; for older ones: flexcam export {result} --format pvd")
     return response.status
@@ -170,7 +172,7 @@ def modes(
     files: list[Path] = []
     if folder is not None:
         path = made_folder(folder) / f"{read.name}-modes.vtkhdf"
-        drawn = geometry_of(prepare(read).model)
+        drawn = geometry_of(build_model(read))
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
     if as_json:
         print_json({
@@ -200,7 +202,7 @@ def compare(case: CaseFile, *, probe: str | None = None, overrides: Overrides = 
     Parameters
     ----------
     probe
-        Point or component to compare at; the point of the first rocker, or the first probe, by default.
+        Point or component to compare at; by default the probe that is a rocker's point, or the first one.
     """
     read = _load(case, overrides)
     at = probe or _default_probe(read)
@@ -219,8 +221,7 @@ def compare(case: CaseFile, *, probe: str | None = None, overrides: Overrides = 
         return found.status
     out().print(console.comparison_table(found))
     words = console.comparison_words(found, mode_hz)
-    words += [console.COUPLINGS[m] for m in dict.fromkeys(c.model for c in read.record.contacts.values())]
-    for sentence in words:
+    for sentence in words + console.couplings(read):
         out().print("\n" + sentence)
     if claims:
         out().print()
@@ -247,7 +248,7 @@ def export(
     """Write a result as a ParaView collection or CSV table, or a case's mesh as a Gmsh file."""
     target = made_folder(folder or source.parent) / f"{source.stem}.{form}"
     if form == "msh":
-        write_mesh(prepare(read_case(source)).model.mesh, target, overwrite=overwrite)
+        write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
         files = [target]
     elif form == "csv":
         files = [write_csv(read_result(source).response, target, probes=probes, overwrite=overwrite)]

@@ -172,6 +172,22 @@ def info_table(result: Result) -> Table:
     return facts("Result", rows)
 
 
+def couplings(case: Case) -> list[str]:
+    """Return which formulation of the contact a result comes from, in words.
+
+    Parameters
+    ----------
+    case
+        The case.
+
+    Returns
+    -------
+    list
+        A sentence per kind of contact.
+    """
+    return [COUPLINGS[m] for m in dict.fromkeys(contact.model for contact in case.record.contacts.values())]
+
+
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
     """Return a plain table, first column to the left, numbers to the right.
 
@@ -242,12 +258,26 @@ def model_table(ready: Prepared, modes: ModelModes) -> Table:
         ("degrees of freedom", str(problem.system.size)),
         ("masses", ", ".join(f"{name} {part.body.mass:g} kg" for name, part in model.masses.items()) or "none"),
         ("springs", ", ".join(f"{name} {s.stiffness:g} N/m" for name, s in model.springs.items()) or "none"),
+        ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
+        *(
+            (f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
+            for n, r in model.rockers.items()
+        ),
+        *((f"cam {n}", f"at {c.at}, lift {1e3 * c.event.lift:g} mm") for n, c in model.cams.items()),
+        *(
+            (f"contact {n}", f"{c.cam} lifts {c.follower} along {_vector(c.direction)}")
+            for n, c in model.contacts.items()
+        ),
         ("camshaft speed", f"{rpm(ready.case):g} rpm"),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
         ("free motions", _free_motions(modes)),
         ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
     ]
     return facts(ready.case.record.title or ready.case.name, rows)
+
+
+def _vector(direction: FloatArray) -> str:
+    return "(" + ", ".join(f"{x:.3g}" for x in direction[:3] + 0.0) + ")"
 
 
 def _free_motions(modes: ModelModes) -> str:
@@ -312,10 +342,11 @@ def run_table(case: Case, response: Response) -> Table:
         for component in components:
             full = name if len(components) == 1 else f"{name}.{component}"
             moved = response[full].displacement
-            if len(moved) and np.ptp(moved) > 0.0:
-                unit, scale = ("mm", 1e3) if not component.startswith("r") else ("mrad", 1e3)
-                rows.append((full, f"{scale * moved.min():.4f} {unit}", f"{scale * moved.max():.4f} {unit}"))
-    return table(f"{case.record.title or case.name}, {rpm(case):g} rpm", ("probe", "least", "largest"), rows)
+            unit = "mrad" if component.startswith("r") else "mm"
+            if len(moved) and round(1e3 * float(np.abs(moved).max()), 4) > 0.0:
+                rows.append((full, *(f"{round(1e3 * x, 4) + 0.0:.4f} {unit}" for x in (moved.min(), moved.max()))))
+    title = f"{case.record.title or case.name}, {rpm(case):g} rpm"
+    return table(title, ("probe", "least", "largest"), rows or [("no probe moves", "", "")])
 
 
 def comparison_table(comparison: Comparison) -> Table:

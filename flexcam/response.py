@@ -84,8 +84,6 @@ class Stats:
         Steps done.
     unknowns
         Degrees of freedom integrated.
-    factorizations
-        Matrices factorized.
     iterations
         Newton iterations of local forces, all steps together.
     seconds
@@ -94,7 +92,6 @@ class Stats:
 
     steps: int = 0
     unknowns: int = 0
-    factorizations: int = 0
     iterations: int = 0
     seconds: float = 0.0
 

@@ -35,7 +35,7 @@ from flexcam.linalg import FloatArray
 from flexcam.modal import mac
 from flexcam.response import Response, SaveAt, Sink
 from flexcam.system import ConstantSpeed, Drive, System
-from flexcam.train import Model, ModelModes, build_rigid, build_structure, build_system, model_modes
+from flexcam.train import Model, ModelModes, build_rigid, build_structure, build_system, element_loads, model_modes
 
 DEFAULT_STEPS_PER_REVOLUTION = 3600
 
@@ -128,7 +128,7 @@ def _start(case: Case, model: Model, system: System, drive: Drive) -> State:
 
 def _given(case: Case, system: System, values: Mapping[str, float], kind: str) -> FloatArray:
     row = np.zeros(system.size)
-    for name, value in values.items():
+    for name, value in values.items() if system.size else ():  # the rigid mechanism has no component to place
         if name not in system.names:
             where = case.place(("run", "start", kind))
             raise refuse(where, repr(name), "a free component such as 'cam.uy'", "", did_you_mean(name, system.names))
@@ -142,14 +142,15 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> State:
     result = read_result(case.path.parent / name)
     if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(result.response.field_time):
         raise refuse(where, name, "a result of the same mesh with at least one saved field")
-    if not system.size:
-        return State.rest(0)
+    time = float(result.response.field_time[-1])
+    if not system.size:  # the rigid mechanism: only the cam angle is taken over
+        return State(np.zeros(0), np.zeros(0), time)
     free = build_structure(model).dofs.numbers >= 0
     last = [
         series[-1].reshape(-1, 6)[free]
         for series in (result.response.fields.displacement, result.response.fields.velocity)
     ]
-    return State(last[0], last[1], float(result.response.field_time[-1]))
+    return State(last[0], last[1], time)
 
 
 def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Response:
@@ -270,7 +271,8 @@ def geometry_of(model: Model) -> Geometry:
         For the result files.
     """
     structure = build_structure(model)
-    return Geometry(model.mesh, structure.dofs, structure.beams, {n: m.section for n, m in model.members.items()})
+    sections = {name: member.section for name, member in model.members.items()}
+    return Geometry(model.mesh, structure.dofs, structure.beams, sections, element_loads(structure))
 
 
 def result_file(ready: Prepared, folder: str | Path, *, overwrite: bool = False) -> ResultFile:

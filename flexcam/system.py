@@ -241,6 +241,8 @@ class System:
         A name per unknown, such as ``"cam.uy"``.
     loads, local_forces, probes, channels
         As their classes say.
+    free
+        Motions that the stiffness leaves free, shape (n, k), where they are known; None to find them numerically.
 
     Examples
     --------
@@ -257,6 +259,7 @@ class System:
     local_forces: tuple[LocalForce, ...] = ()
     probes: tuple[Probe, ...] = ()
     channels: tuple[Channel, ...] = ()
+    free: FloatArray | None = None
 
     @property
     def size(self) -> int:

@@ -60,7 +60,7 @@ def build_model(case: Case) -> train.Model:
         supports={point: tuple(held) for point, held in record.supports.items()},
         masses={name: one.made() for name, one in record.masses.items()},
         springs={**{name: one.made() for name, one in record.springs.items()}, **_bearings(record, mesh)},
-        rockers=each("rockers", record.rockers, lambda one: _rocker(one, mesh)),
+        rockers=each("rockers", record.rockers, lambda one: _rocker(one, record, mesh)),
         cams={name: one.made() for name, one in record.cams.items()},
         contacts=each("contacts", record.contacts, lambda one: _contact(one, record, mesh)),
         loads={name: one.made() for name, one in record.loads.items()},
@@ -120,24 +120,44 @@ def _bearings(case: r.CaseRecord, mesh: Mesh) -> dict[str, train.Spring]:
     return springs
 
 
-def _rocker(record: r.RockerRecord, mesh: Mesh) -> train.Rocker:
+def _rocker(record: r.RockerRecord, case: r.CaseRecord, mesh: Mesh) -> train.Rocker:
+    start = mesh.node(record.start, "from")
     if record.direction is not None:
         along = fem.direction(record.direction)
     else:
-        along = _six(_tangent(mesh, mesh.node(record.start, "from")))
+        tangent = _tangent(mesh, start)
+        lifts = [_lift(one, case, mesh) for one in case.contacts.values() if _meets(one, start, mesh)]
+        against = any(float(lift[:3] @ tangent) < 0.0 for lift in lifts)
+        along = _six(-tangent if against else tangent)
     return train.Rocker(record.start, record.to, record.arms, record.inertia, along)
 
 
+def _meets(contact: r.ContactRecord, node: int, mesh: Mesh) -> bool:
+    return node in mesh.connected(mesh.node(contact.follower, "follower"))
+
+
 def _contact(record: r.ContactRecord, case: r.CaseRecord, mesh: Mesh) -> train.PublishedLoad:
-    cam, follower = mesh.node(case.cams[record.cam].at, "cam"), mesh.node(record.follower, "follower")
-    axis = _tangent(mesh, cam)
-    if record.direction is not None:
-        lift = fem.direction(record.direction)
-    else:
-        lift = _six(_across(mesh.nodes[follower] - mesh.nodes[cam], axis))
     return train.PublishedLoad(
-        record.cam, record.follower, lift, axis, record.preload_factor, record.cam_deflection, record.cam_torque
-    )
+        record.cam, record.follower, _lift(record, case, mesh), _axis(case.cams[record.cam], mesh),
+        record.preload_factor, record.cam_deflection, record.cam_torque,
+    )  # fmt: skip
+
+
+def _lift(record: r.ContactRecord, case: r.CaseRecord, mesh: Mesh) -> FloatArray:
+    """Return the direction of the lift: given, or from cam to follower square to the shaft."""
+    if record.direction is not None:
+        return fem.direction(record.direction)
+    cam, follower = mesh.node(case.cams[record.cam].at, "cam"), mesh.node(record.follower, "follower")
+    return _six(_across(mesh.nodes[follower] - mesh.nodes[cam], _tangent(mesh, cam)))
+
+
+def _axis(cam: r.CamRecord, mesh: Mesh) -> FloatArray:
+    """Return the axis of rotation: along the shaft, to the side given or to that of positive coordinates."""
+    along = _tangent(mesh, mesh.node(cam.at, "at"))
+    side = np.array(cam.axis) if cam.axis is not None else np.sign(along[np.argmax(np.abs(along))]) * along
+    if abs(float(side @ along)) < 0.5 * float(np.linalg.norm(side)):
+        raise refuse("axis", side.tolist(), "a vector along the shaft", "the cam turns with the shaft")
+    return along if float(side @ along) > 0.0 else -along
 
 
 def _tangent(mesh: Mesh, node: int) -> FloatArray:

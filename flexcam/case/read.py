@@ -132,8 +132,9 @@ def _lay_over(raw: dict[str, Any], override: str) -> list[Fault]:
         return [Fault(where, repr(override), "key=value, such as run.speed=4000rpm", "", "")]
     table: dict[str, Any] = raw
     for depth, step in enumerate(path[:-1]):
+        new = depth == 1 and path[0] != "run" and not did_you_mean(step, table)
         known = list(CaseRecord.model_fields) if depth == 0 else [*table, *_OPTIONAL_TABLES]
-        inner = table.setdefault(step, {}) if step in known else None
+        inner = table.setdefault(step, {}) if step in known or new else None
         if not isinstance(inner, dict):
             return [Fault(where, repr(step), f"a table: {', '.join(table)}", "", did_you_mean(step, table))]
         table = cast("dict[str, Any]", inner)

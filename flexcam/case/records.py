@@ -5,7 +5,7 @@ The field's description is what `flexcam schema` hands to editors. A key that no
 
 from __future__ import annotations
 
-from typing import Annotated, Generic, Literal, Self, TypeVar
+from typing import Annotated, Generic, Literal, Self, TypeVar, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
@@ -118,10 +118,14 @@ class CustomRecord(_SectionRecord):
     Iy: Annotated[float, q.Unit("second moment", above=True)]
     Iz: Annotated[float, q.Unit("second moment", above=True)]
     J: Annotated[float, q.Unit("second moment", above=True)]  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]
+    fibre_y: q.Length | None = Field(None, description="extreme fibre along local y, for stresses")
+    fibre_z: q.Length | None = Field(None, description="extreme fibre along local z, for stresses")
+    torsion_arm: q.Length | None = Field(None, description="c of the torsional shear stress T c/J")
 
     def bare(self) -> Section:
         """Return the section with the defaults of its shape."""
-        return Section(self.A, self.Iy, self.Iz, self.J)
+        fibres = (self.fibre_y or 0.0, self.fibre_z or 0.0, self.torsion_arm or 0.0)
+        return Section(self.A, self.Iy, self.Iz, self.J, 1.0, 1.0, *fibres)
 
 
 SectionRecord = Annotated[CircleRecord | TubeRecord | RectangleRecord | CustomRecord, Field(discriminator="shape")]
@@ -248,6 +252,9 @@ class CamRecord(PartRecord[train.Cam]):
     dwell: q.Angle = Field(0.0, description="upper dwell")
     fall: q.PositiveAngle = Field(alias="return")
     phase: q.SignedAngle = Field(0.0, description="cam angle at which the rise begins")
+    axis: Vector | None = Field(
+        None, description="sense of rotation; along the shaft to positive coordinates by default"
+    )
 
     def made(self) -> train.Cam:
         """Return the cam; an unknown law is reported where all names are."""
@@ -325,8 +332,21 @@ class ResultStartRecord(Record):
 class GivenStartRecord(Record):
     """Start from given displacements and velocities; what is not named is zero."""
 
-    displacement: dict[str, float] = Field(default={}, description='"point.component" to m or rad, such as "cam.uy"')
-    velocity: dict[str, float] = Field(default={}, description='"point.component" to m/s or rad/s')
+    displacement: dict[str, float] = Field(default={}, description='"point.component" to length or angle')
+    velocity: dict[str, float] = Field(default={}, description='"point.component" to velocity or angular speed')
+
+    @field_validator("displacement", "velocity", mode="before")
+    @classmethod
+    def _in_their_units(cls, value: object, info: ValidationInfo) -> object:
+        """Return SI by component; what is no table is left to pydantic."""
+        if not isinstance(value, dict):
+            return value
+        table = cast("dict[str, object]", value)
+        units = {"displacement": ("length", "angle"), "velocity": ("velocity", "speed")}[info.field_name or ""]
+        return {
+            name: q.Unit(units[name.rpartition(".")[2].startswith("r")], signed=True).validate(one)
+            for name, one in table.items()
+        }
 
 
 class RunRecord(Record):
@@ -349,10 +369,18 @@ class RunRecord(Record):
     damping: DampingRecord = Field(default_factory=lambda: DampingRecord.model_validate({}))
 
 
+def _without_doubles(names: list[str]) -> list[str]:
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise q.refused("every point once", f"{twice[0]!r} is listed {names.count(twice[0])} times", "remove it")
+    return names
+
+
 class OutputRecord(Record):
     """What is saved."""
 
     probes: list[Name] = Field(default=[], description="points kept at every step")
+    _listed_once = field_validator("probes")(_without_doubles)
     field_every: int = Field(20, ge=1, le=1_000_000_000, strict=True, description="steps between saved fields")
 
 

@@ -89,6 +89,13 @@ class References:
         if self.mesh is not None:
             counts = {name: len(index) for name, index in self.mesh.points.items()}
         rockers = [str(rocker["to"]) for _, rocker in self._each("rockers") if "to" in rocker]
+        for name, rocker in self._each("rockers"):
+            to = rocker.get("to")
+            if isinstance(to, str) and (to in counts or rockers.count(to) > 1):
+                why = "a rocker defines a point of its own"
+                yield Fault(
+                    self.places.place(("rockers", name, "to")), repr(to), "a new name", why, "choose another name"
+                )
         for kind, key, of_rockers in _AT:
             for name, table in self._each(kind):
                 allowed = {**counts, **(dict.fromkeys(rockers, 1) if of_rockers else {})}

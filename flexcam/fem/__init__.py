@@ -14,6 +14,7 @@ from flexcam.fem.lumped import PointMass, along, mass_at
 from flexcam.fem.material import Material
 from flexcam.fem.member import Member, beams
 from flexcam.fem.mesh import Mesh, refined
+from flexcam.fem.rigid import free_motions
 from flexcam.fem.section import Section
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "component",
     "direction",
     "dof_map",
+    "free_motions",
     "geometric",
     "mass",
     "mass_at",

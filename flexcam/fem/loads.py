@@ -1,19 +1,20 @@
-"""Consistent load vectors: forces spread over members, and the weight of everything."""
+"""Forces spread over members, as consistent loads of their elements."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from flexcam.fem.dofs import DofMap
+from flexcam.fem.elements import beam
 from flexcam.fem.elements.beam import Beams
 from flexcam.linalg import FloatArray
 
 
-def line_load(beams: Beams, elements: slice, per_length: FloatArray, dofs: DofMap) -> FloatArray:
-    """Return the load vector of a force spread evenly over some elements.
+def spread_force(beams: Beams, elements: slice, per_length: FloatArray) -> FloatArray:
+    """Return the element loads of a force spread evenly over some elements.
 
-    The nodal loads do the same work as the spread force on the element's own (cubic) shapes: q L/2 at both ends and
-    the fixed-end moments q L^2/12. Source: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), sec. 7.2.
+    They do the same work as the spread force on the element's own (cubic) shapes: q L/2 at both ends and the
+    fixed-end moments q L^2/12. Source: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), sec. 7.2.
 
     Parameters
     ----------
@@ -23,33 +24,69 @@ def line_load(beams: Beams, elements: slice, per_length: FloatArray, dofs: DofMa
         Which of them carry the force.
     per_length
         Force per length, N/m, shape (3,), global axes.
-    dofs
-        The numbering.
 
     Returns
     -------
     ndarray
-        Shape (n,), N and N m.
+        Shape (e, 12), N and N m, local axes; zero for the other elements.
 
     Examples
     --------
-    >>> from flexcam.fem import Material, Member, Mesh, Section, beams, dof_map
+    >>> from flexcam.fem import Material, Member, Mesh, Section, beams
     >>> mesh = Mesh([[0, 0, 0], [2, 0, 0]], {"bar": [0, 1]}, {})
     >>> bar = beams(mesh, {"bar": Member(Material(E=1.0, nu=0.0, density=1.0), Section.circle(1.0))})
-    >>> line_load(bar, slice(0, 1), np.array([0.0, 3.0, 0.0]), dof_map(mesh, []))[[1, 5, 7, 11]]
+    >>> spread_force(bar, slice(0, 1), np.array([0.0, 3.0, 0.0]))[0, [1, 5, 7, 11]]
     array([ 3.,  1.,  3., -1.])
     """
     L = beams.length[elements]
     x, y, z = (beams.triads[elements] @ per_length).T
     zero = 0.0 * L
     half, moment = L / 2.0, L**2 / 12.0
+    loads = np.zeros((len(beams), 12))
     first = [x * half, y * half, z * half, zero, -z * moment, y * moment]
     second = [x * half, y * half, z * half, zero, z * moment, -y * moment]
-    local = np.stack([*first, *second], axis=-1).reshape(-1, 4, 3)
-    turned = np.einsum("eji,ekj->eki", beams.triads[elements], local).reshape(-1, 12)
-    return _gathered(turned, dofs.numbers[beams.nodes[elements]].reshape(-1, 12), dofs.size)
+    loads[elements] = np.stack([*first, *second], axis=-1)
+    return loads
 
 
-def _gathered(values: FloatArray, numbers: np.ndarray[tuple[int, int], np.dtype[np.intp]], size: int) -> FloatArray:
+def element_weight(beams: Beams, gravity: FloatArray) -> FloatArray:
+    """Return the element loads of their own weight, the mass matrix times the acceleration.
+
+    Parameters
+    ----------
+    beams
+        The elements.
+    gravity
+        Acceleration, m/s^2, shape (3,), global axes.
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 12), N and N m, local axes.
+    """
+    pulled = beams.triads @ gravity
+    still = np.zeros_like(pulled)
+    return np.einsum("eij,ej->ei", beam.mass(beams), np.hstack([pulled, still, pulled, still]))
+
+
+def gathered(beams: Beams, loads: FloatArray, dofs: DofMap) -> FloatArray:
+    """Return the load vector of element loads.
+
+    Parameters
+    ----------
+    beams
+        The elements.
+    loads
+        Shape (e, 12), local axes.
+    dofs
+        The numbering; what falls on a held component is carried by the support.
+
+    Returns
+    -------
+    ndarray
+        Shape (n,), N and N m.
+    """
+    turned = np.einsum("eji,ekj->eki", beams.triads, loads.reshape(-1, 4, 3)).ravel()
+    numbers = dofs.numbers[beams.nodes].ravel()
     free = numbers >= 0
-    return np.bincount(numbers[free], weights=values[free], minlength=size).astype(float, copy=False)
+    return np.bincount(numbers[free], weights=turned[free], minlength=dofs.size).astype(float, copy=False)

@@ -14,7 +14,10 @@ from flexcam.linalg import FloatArray, IntArray
 
 
 def _frozen_index(values: ArrayLike) -> IntArray:
-    index = np.array(values, dtype=np.intp)
+    given = np.array(values)
+    index = given.astype(np.intp)
+    if given.size and not (given == index).all():
+        raise refuse("node numbers", given.tolist(), "whole numbers")
     index.setflags(write=False)
     return index
 
@@ -101,14 +104,19 @@ class Mesh:
         ends = np.cumsum([0, *(len(line) - 1 for line in self.lines.values())]).tolist()
         return {name: slice(a, b) for name, a, b in zip(self.lines, ends[:-1], ends[1:], strict=True)}
 
+    def parts(self) -> list[IntArray]:
+        """Return the node numbers of every connected part, ascending; members meet at shared nodes."""
+        parts: list[set[int]] = []
+        for line in self.lines.values():
+            part = set(line.tolist())
+            touching = [other for other in parts if not part.isdisjoint(other)]
+            parts = [other for other in parts if other not in touching]
+            parts.append(part.union(*touching))
+        return [np.array(sorted(part), dtype=np.intp) for part in parts]
+
     def connected(self, node: int) -> IntArray:
         """Return the nodes that members connect to a node, itself included, shape (k,), ascending."""
-        reached = {node}
-        chains = [set(line.tolist()) for line in self.lines.values()]
-        while touching := [chain for chain in chains if chain & reached]:
-            reached.update(*touching)
-            chains = [chain for chain in chains if chain not in touching]
-        return np.array(sorted(reached), dtype=np.intp)
+        return next((part for part in self.parts() if node in part), np.array([node], dtype=np.intp))
 
 
 def refined(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
@@ -145,6 +153,10 @@ def refined(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
     return Mesh(np.concatenate(nodes), lines, mesh.points)
 
 
+_SHOWN = 20
+"""Faults of one kind that are reported: a mesh with thousands has one cause."""
+
+
 def _range_faults(mesh: Mesh) -> list[Fault]:
     faults: list[Fault] = []
     total = len(mesh.nodes)
@@ -165,8 +177,7 @@ def _length_faults(mesh: Mesh) -> list[Fault]:
     return [
         Fault(f"element {e}", f"nodes {a} and {b} at the same place", "two nodes apart", "an element has a length",
               "merge the nodes or move one")
-        for e, (a, b) in enumerate(mesh.elements().tolist())
-        if length[e] == 0.0
+        for e, (a, b) in [(e, mesh.elements()[e].tolist()) for e in np.flatnonzero(length == 0.0)[:_SHOWN].tolist()]
     ]  # fmt: skip
 
 
@@ -176,7 +187,7 @@ def _duplicate_faults(mesh: Mesh) -> list[Fault]:
     sorted_nodes = mesh.nodes[order]
     same = np.flatnonzero((sorted_nodes[1:] == sorted_nodes[:-1]).all(axis=1))
     why = "members meet only at a shared node"
-    pairs = [(int(order[i]), int(order[i + 1])) for i in same.tolist()]
+    pairs = [(int(order[i]), int(order[i + 1])) for i in same[:_SHOWN].tolist()]
     return [
         Fault(
             f"nodes {mesh.node_name(a)!r} and {mesh.node_name(b)!r}",

@@ -1,8 +1,7 @@
 """Section forces and stresses of beam elements from nodal displacements.
 
 Section forces are those on the positive face of a cut (outward normal along local +x), in local axes: N, Vy, Vz, T,
-My, Mz; N is positive in tension. They follow from the elastic end forces; inertia spread over an element is in its
-nodes, as in the equations of motion.
+My, Mz; N is positive in tension.
 """
 
 from __future__ import annotations
@@ -22,8 +21,13 @@ FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
 """Order of the section forces."""
 
 
-def section_forces(beams: Beams, nodal: FloatArray) -> FloatArray:
+def section_forces(
+    beams: Beams, nodal: FloatArray, *, acceleration: FloatArray | None = None, spread: FloatArray | None = None
+) -> FloatArray:
     """Return the section forces at both ends of every element.
+
+    They are the end forces ``k u + m a - f`` of the element as a free body, so that they balance with what is applied
+    at the nodes, exactly as the equations of motion do.
 
     Parameters
     ----------
@@ -31,6 +35,10 @@ def section_forces(beams: Beams, nodal: FloatArray) -> FloatArray:
         The elements.
     nodal
         Displacements in global axes, shape (..., nodes, 6), m and rad.
+    acceleration
+        Accelerations, as `nodal`; None for a static state.
+    spread
+        Loads spread over the elements, shape (e, 12), local axes, N and N m; None for none.
 
     Returns
     -------
@@ -50,11 +58,17 @@ def section_forces(beams: Beams, nodal: FloatArray) -> FloatArray:
     >>> float(section_forces(bar, nodal)[0, 1, 0].round(6))
     10000.0
     """
+    on_nodes = np.einsum("eij,...ej->...ei", beam.stiffness(beams), _local(beams, nodal))
+    if acceleration is not None:
+        on_nodes += np.einsum("eij,...ej->...ei", beam.mass(beams), _local(beams, acceleration))
+    if spread is not None:
+        on_nodes -= spread
+    return on_nodes.reshape(*on_nodes.shape[:-1], 2, 6) * np.array([-1.0, 1.0])[:, None]
+
+
+def _local(beams: Beams, nodal: FloatArray) -> FloatArray:
     ends = nodal[..., beams.nodes, :].reshape(*nodal.shape[:-2], len(beams), 4, 3)
-    local = np.einsum("eij,...ekj->...eki", beams.triads, ends).reshape(*nodal.shape[:-2], len(beams), 12)
-    on_nodes = np.einsum("eij,...ej->...ei", beam.stiffness(beams), local)
-    faces = on_nodes.reshape(*local.shape[:-1], 2, 6)
-    return faces * np.array([-1.0, 1.0])[:, None]
+    return np.einsum("eij,...ekj->...eki", beams.triads, ends).reshape(*nodal.shape[:-2], len(beams), 12)
 
 
 @dataclass(frozen=True, eq=False)

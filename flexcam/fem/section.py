@@ -41,11 +41,13 @@ class Section:
     kappa_y, kappa_z
         Shear factors for forces along local y and z; used by members that ask for shear deformation.
     fibre_y, fibre_z
-        Distance of the extreme fibre from the axis along local y and z, m; zero if unknown.
+        Distance of the extreme fibre from the axis along local y and z, m; where zero, that of the rectangle with the
+        same area and second moments.
     torsion_arm
-        Length c with which the largest torsional shear stress is T c/J, m; zero if unknown.
+        Length c with which the largest torsional shear stress is T c/J, m; where zero, twice the smaller fibre
+        distance, which is on the safe side for compact sections.
     radius
-        Radius it is drawn with, m.
+        Radius it is drawn with, m; where zero, that of the circle of the same area.
     round
         Whether the extreme fibres lie on a circle (else at the corners of a rectangle).
 
@@ -75,6 +77,14 @@ class Section:
     def __post_init__(self) -> None:
         for name, unit in (("A", "m^2"), ("Iy", "m^4"), ("Iz", "m^4"), ("J", "m^4"), ("kappa_y", ""), ("kappa_z", "")):
             positive(name, getattr(self, name), unit)
+        for name in ("fibre_y", "fibre_z", "torsion_arm", "radius"):
+            positive(name, getattr(self, name), "m", zero=True)
+        fibre_y = self.fibre_y or math.sqrt(3.0 * self.Iz / self.A)
+        fibre_z = self.fibre_z or math.sqrt(3.0 * self.Iy / self.A)
+        object.__setattr__(self, "fibre_y", fibre_y)
+        object.__setattr__(self, "fibre_z", fibre_z)
+        object.__setattr__(self, "torsion_arm", self.torsion_arm or 2.0 * min(fibre_y, fibre_z))
+        object.__setattr__(self, "radius", self.radius or math.sqrt(self.A / math.pi))
 
     @classmethod
     def circle(cls, diameter: float) -> Self:

@@ -106,10 +106,14 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     --------
     ``compare(flexcam.run(case), flexcam.run(case, rigid=True), "valve", 3000.0).peak_deviation``
     """
+    count = len(flexible.time)
+    if not np.array_equal(flexible.time, rigid.time[:count]):
+        raise refuse(
+            "responses", "responses at different instants", "the same instants", "they are compared one by one"
+        )
     moved, still = flexible[probe], rigid[probe]
     if moved.displacement.ndim != 1:
         raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in moved.components))
-    count = len(flexible.time)
     lift = float(np.ptp(still.displacement))
     if lift == 0.0:
         raise refuse("probe", repr(probe), "a point that the cam moves", "the rigid system does not move it")

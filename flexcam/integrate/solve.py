@@ -97,7 +97,7 @@ def solve(
     memory = Memory(outline(problem.system))
     takers = (memory, *sinks)
     started = time.perf_counter()
-    status, stats = Status(), Stats(unknowns=problem.system.size, factorizations=2)
+    status, stats = Status(), Stats(unknowns=problem.system.size)
     try:
         run = _Run(problem, scheme, save or SaveAt(), stop or _never)
         for block, iterations in run.blocks():
@@ -128,7 +128,8 @@ def _close(takers: Sequence[Sink], status: Status, stats: Stats) -> None:
 
 def _singular(fault: SingularMatrixError, system: System) -> Status:
     where = ", ".join(system.names[i] for i in fault.unknowns[:6]) or "an unknown"
-    return Status(Cause.SINGULAR, f"nothing holds {where}: neither mass nor stiffness", "support it or give it a mass")
+    text = f"nothing determines the motion of {where}: no mass, and no stiffness to place it"
+    return Status(Cause.SINGULAR, text, "support it, or give it a mass or a spring")
 
 
 class _Run:

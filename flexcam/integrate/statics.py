@@ -8,7 +8,7 @@ import numpy as np
 
 from flexcam.integrate.local import Compliance, LocalForces, NoConvergenceError, settle
 from flexcam.integrate.problem import State
-from flexcam.linalg import FloatArray, Triplets, diagonal_scale, factorize, null_space
+from flexcam.linalg import FloatArray, Triplets, diagonal_scale, factorize, null_space, pins
 from flexcam.response import Cause, RunFailedError, Status
 from flexcam.system import Drive, Load, System
 
@@ -16,7 +16,9 @@ _UNLOADED = 1e-9
 """Share of the load along a free motion that counts as none: loads are sums of given numbers with 15 digits."""
 
 
-def static_displacement(stiffness: Triplets, load: FloatArray, names: Sequence[str]) -> FloatArray:
+def static_displacement(
+    stiffness: Triplets, load: FloatArray, names: Sequence[str], free: FloatArray | None = None
+) -> FloatArray:
     """Return the displacement under a static load.
 
     A stiffness that leaves rigid motions or mechanisms free is no fault as long as the load does no work on them
@@ -31,6 +33,9 @@ def static_displacement(stiffness: Triplets, load: FloatArray, names: Sequence[s
         Shape (n,), N and N m.
     names
         A name per unknown, for the message.
+    free
+        Motions the stiffness leaves free, shape (n, k), where they are known exactly (`flexcam.fem.free_motions`);
+        None to find them numerically, which takes the softest motions of a very fine mesh for free ones.
 
     Returns
     -------
@@ -48,34 +53,25 @@ def static_displacement(stiffness: Triplets, load: FloatArray, names: Sequence[s
     >>> static_displacement(pair, np.array([-1.0, 1.0]), ("a", "b"))
     array([-0.5,  0.5])
     """
-    free = null_space(stiffness)
+    free = null_space(stiffness) if free is None else free
     if not free.shape[1]:
         return factorize(stiffness).solve(load)
+    # Weighed with the diagonal of the stiffness, translations and rotations compare whatever their units.
     scale = diagonal_scale(stiffness)
-    _refuse_mechanism(free, load, scale, names)
+    motions = np.linalg.qr(free / scale[:, None])[0]
+    _refuse_mechanism(motions, scale * load, names)
     # As the load does no work on the free motions, holding one unknown of each changes nothing but their share.
-    kept = np.setdiff1d(np.arange(stiffness.size), _pins(free / scale[:, None]))
+    kept = np.setdiff1d(np.arange(stiffness.size), pins(motions))
     x = np.zeros(stiffness.size)
-    x[kept] = factorize(stiffness.part(kept)).solve(load[kept])
-    return x - free @ (free.T @ (x / scale**2))
+    x[kept] = factorize(stiffness.part(kept)).solve(load[kept]) / scale[kept]
+    return scale * (x - motions @ (motions.T @ x))
 
 
-def _pins(motions: FloatArray) -> list[int]:
-    """Return one unknown per motion that together hold them all: Gaussian elimination with row pivots."""
-    pins: list[int] = []
-    rest = motions.copy()
-    for _ in range(motions.shape[1]):
-        pins.append(int(np.argmax(np.linalg.norm(rest, axis=1))))
-        held = rest[pins[-1]] / np.linalg.norm(rest[pins[-1]])
-        rest -= np.outer(rest @ held, held)
-    return pins
-
-
-def _refuse_mechanism(free: FloatArray, load: FloatArray, scale: FloatArray, names: Sequence[str]) -> None:
-    push = free.T @ load
-    if np.abs(push).max() <= _UNLOADED * np.linalg.norm(scale * load):
+def _refuse_mechanism(motions: FloatArray, load: FloatArray, names: Sequence[str]) -> None:
+    push = motions.T @ load
+    if np.abs(push).max() <= _UNLOADED * np.linalg.norm(load):
         return
-    motion = np.abs(free @ push) / scale
+    motion = np.abs(motions @ push)
     order: list[int] = np.argsort(-motion).tolist()
     moving = [names[i] for i in order if motion[i] > 0.1 * motion.max()]
     shown = ", ".join(moving[:8]) + (f" and {len(moving) - 8} more" if len(moving) > 8 else "")
@@ -137,12 +133,12 @@ def _balanced(system: System, drive: Drive, time: float, acts: Callable[[Load], 
     motion = drive.at(np.array([time]))
     counted = np.array([acts(load) for load in system.loads], dtype=float)
     load = (counted * system.load_histories(motion)[0]) @ system.load_vectors()
-    d = static_displacement(system.stiffness, load, system.names)
+    d = static_displacement(system.stiffness, load, system.names, system.free)
     forces = LocalForces(system)
     if forces.count:
         schedule = forces.schedule(motion)
         sense, act = schedule.sense[0] @ forces.sense.vectors, schedule.act[0] @ forces.act.vectors
-        by_force = np.column_stack([static_displacement(system.stiffness, a, system.names) for a in act])
+        by_force = np.column_stack([static_displacement(system.stiffness, a, system.names, system.free) for a in act])
         still = np.zeros(forces.count)
         within = Compliance(sense @ d + schedule.offset[0], still, sense @ by_force, 0.0 * (sense @ by_force))
         rates = [0.0 * z for z in forces.start_states]

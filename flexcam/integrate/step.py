@@ -12,7 +12,7 @@ import numpy as np
 
 from flexcam.integrate.local import Compliance, LocalForces, Schedule, settle
 from flexcam.integrate.scheme import Scheme
-from flexcam.linalg import FloatArray, factorize, operator
+from flexcam.linalg import DENSE_LIMIT, FloatArray, Triplets, factorize, null_space, operator, pins
 from flexcam.system import System
 
 
@@ -195,16 +195,46 @@ def first_moment(
         If the massless unknowns have no stiffness among them.
     """
     states = list(forces.start_states)
-    massless = np.flatnonzero(system.mass.diagonal() <= 0.0)
-    massive = np.flatnonzero(system.mass.diagonal() > 0.0)
-    if massless.size:
+    light = _massless(system)
+    if light.shape[1]:
         local, _ = instant_forces(forces, d, v, schedule, states)
         out_of_balance = load + (local @ schedule.act[0]) @ forces.act.vectors - system.stiffness.times(d)
-        d = d.copy()
-        d[massless] += factorize(system.stiffness.part(massless)).solve(out_of_balance[massless])
+        K = Triplets.from_dense(light.T @ system.stiffness.times_all(light))
+        d = d + light @ factorize(K).solve(light.T @ out_of_balance)
     local, rates = instant_forces(forces, d, v, schedule, states)
     applied = load + (local @ schedule.act[0]) @ forces.act.vectors
     right = applied - system.damping.times(v) - system.stiffness.times(d)
-    a = np.zeros(system.size)
-    a[massive] = factorize(system.mass.part(massive)).solve(right[massive])
+    a = static_acceleration(system.mass, light, right)
     return Moment(d, v, a, applied, local, states, rates)
+
+
+def static_acceleration(mass: Triplets, light: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the acceleration ``M a = f`` with no part along the motions without mass.
+
+    Parameters
+    ----------
+    mass
+        n x n.
+    light
+        Motions without mass, shape (n, k).
+    right
+        f, shape (n,).
+
+    Returns
+    -------
+    ndarray
+        Shape (n,).
+    """
+    if not light.shape[1]:
+        return factorize(mass).solve(right)
+    kept = np.setdiff1d(np.arange(mass.size), pins(light))
+    a = np.zeros(mass.size)
+    a[kept] = factorize(mass.part(kept)).solve(right[kept])
+    return a
+
+
+def _massless(system: System) -> FloatArray:
+    """Return the motions without mass as columns; above the dense limit only single unknowns are looked for."""
+    if system.size <= 2 * DENSE_LIMIT:
+        return null_space(system.mass)
+    return np.eye(system.size)[:, system.mass.diagonal() <= 0.0]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -37,6 +38,8 @@ class Geometry:
         Numbering and elements, to spread and recover fields.
     sections
         Member name to its section.
+    spread
+        Loads spread over the elements, shape (e, 12), local axes, N and N m.
 
     Examples
     --------
@@ -47,13 +50,14 @@ class Geometry:
     dofs: DofMap
     beams: Beams
     sections: Mapping[str, Section]
+    spread: FloatArray
 
-    @property
+    @cached_property
     def node(self) -> IntArray:
         """Mesh node of every point, shape (points,): the members' chains one after the other."""
         return np.concatenate(list(self.mesh.lines.values()))
 
-    @property
+    @cached_property
     def ends(self) -> IntArray:
         """First point of every member and, last, the number of points, shape (members + 1,)."""
         return np.cumsum([0, *(len(line) for line in self.mesh.lines.values())])
@@ -64,31 +68,36 @@ class Geometry:
         return np.repeat([self.sections[name].radius for name in self.mesh.lines], lengths)
 
     def axes(self) -> FloatArray:
-        """Return the local axes at every point, that of the element before a joint, shape (points, 3, 3)."""
+        """Return the local axes at every point, those of the element that begins there, shape (points, 3, 3)."""
         return np.concatenate([
             self.beams.triads[part][np.minimum(np.arange(len(line)), len(line) - 2)]
             for line, part in zip(self.mesh.lines.values(), self.mesh.element_ranges().values(), strict=True)
         ])  # fmt: skip
 
+    @cached_property
     def fibres(self) -> Fibres:
         """Return the fibres of all elements."""
         counts = [len(line) - 1 for line in self.mesh.lines.values()]
         return fibres([s for name, n in zip(self.mesh.lines, counts, strict=True) for s in [self.sections[name]] * n])
 
-    def recovered(self, nodal: FloatArray) -> dict[str, FloatArray]:
+    def recovered(self, nodal: FloatArray, acceleration: FloatArray) -> dict[str, FloatArray]:
         """Return section forces and stresses at the points.
 
         Parameters
         ----------
         nodal
             Displacements, shape (times, nodes, 6), global axes.
+        acceleration
+            Accelerations, shape as `nodal`.
 
         Returns
         -------
         dict
-            Keys of `RECOVERED`, shape (times, points, 3) or (times, points); the mean of the two elements at a point.
+            Keys of `RECOVERED`, shape (times, points, 3) or (times, points). Where a force acts at a node the two
+            elements there differ: the larger value stands, component by component.
         """
-        forces, fibre = section_forces(self.beams, nodal), self.fibres()
+        forces = section_forces(self.beams, nodal, acceleration=acceleration, spread=self.spread)
+        fibre = self.fibres
         return {
             "section_force": self._at_points(forces[..., :3]),
             "section_moment": self._at_points(forces[..., 3:]),
@@ -99,13 +108,12 @@ class Geometry:
         }
 
     def _at_points(self, values: FloatArray) -> FloatArray:
-        """Return the mean over the element ends that meet at a point, from values of shape (times, e, 2, ...)."""
+        """Return the larger of the element ends that meet at a point, from values of shape (times, e, 2, ...)."""
         out = np.zeros((len(values), len(self.node), *values.shape[3:]))
-        share = np.zeros(len(self.node))
         for first, part in zip(self.ends[:-1].tolist(), self.mesh.element_ranges().values(), strict=True):
             count = part.stop - part.start
             for end in (0, 1):
                 points = slice(first + end, first + end + count)
-                out[:, points] += values[:, part, end]
-                share[points] += 1.0
-        return out / share.reshape(1, -1, *(1,) * (values.ndim - 3))
+                there = values[:, part, end]
+                out[:, points] = np.where(np.abs(there) > np.abs(out[:, points]), there, out[:, points])
+        return out

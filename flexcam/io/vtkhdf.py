@@ -121,7 +121,7 @@ class ResultFile:
         vectors = {
             name: nodal[series][:, geometry.node, first : first + 3] for name, (series, first, _) in VECTORS.items()
         }
-        return {**vectors, **geometry.recovered(nodal["displacement"])}
+        return {**vectors, **geometry.recovered(nodal["displacement"], nodal["acceleration"])}
 
     def _append_history(self, history: Any, block: Block) -> None:  # noqa: ANN401 - h5py has no types
         extend(history["time"], block.time)

@@ -5,7 +5,7 @@ Another matrix form or solver goes here, behind `factorize`.
 """
 
 from flexcam.linalg.factor import DENSE_LIMIT, Factor, SingularMatrixError, diagonal_scale, factorize, operator
-from flexcam.linalg.nullspace import null_space
+from flexcam.linalg.nullspace import null_space, pins
 from flexcam.linalg.triplets import FloatArray, IntArray, Triplets
 
 __all__ = [
@@ -19,4 +19,5 @@ __all__ = [
     "factorize",
     "null_space",
     "operator",
+    "pins",
 ]

@@ -17,6 +17,9 @@ _AT_MOST = 24
 def null_space(matrix: Triplets) -> FloatArray:
     """Return a basis of the motions that a symmetric matrix does not resist.
 
+    For a structure of beams `flexcam.fem.free_motions` knows them exactly; here they are the eigenvectors whose
+    eigenvalues are rounding, which on a mesh of thousands of elements the softest true motions are as well.
+
     The matrix is scaled to a unit diagonal first, so the answer does not depend on units. Above a few
     hundred unknowns the smallest eigenvalues come from shift-invert Lanczos; the shift exists only inside
     that search and is not added to the stiffness.
@@ -60,3 +63,32 @@ def _lanczos_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
     shift = -1e-10
     values, vectors = eigsh(scaled, k=min(_AT_MOST, matrix.size - 2), sigma=shift, v0=start)
     return vectors[:, np.abs(values) < _ROUNDING]
+
+
+def pins(motions: FloatArray) -> list[int]:
+    """Return one unknown per motion such that holding these unknowns holds all motions.
+
+    Gaussian elimination with row pivots.
+
+    Parameters
+    ----------
+    motions
+        Independent motions as columns, shape (n, k).
+
+    Returns
+    -------
+    list
+        k positions.
+
+    Examples
+    --------
+    >>> pins(np.array([[0.1], [0.9], [0.2]]))
+    [1]
+    """
+    held: list[int] = []
+    rest = motions.copy()
+    for _ in range(motions.shape[1]):
+        held.append(int(np.argmax(np.linalg.norm(rest, axis=1))))
+        along = rest[held[-1]] / np.linalg.norm(rest[held[-1]])
+        rest -= np.outer(rest @ along, along)
+    return held

@@ -15,6 +15,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
+_FEW = 300
+"""Unknowns up to which a dense product needs no scipy and is as fast."""
+
+
 @dataclass(frozen=True, eq=False)
 class Triplets:
     """Square matrix as (row, column, value) triplets; entries at the same place add up.
@@ -72,6 +76,12 @@ class Triplets:
     def times(self, vector: FloatArray) -> FloatArray:
         """Return the product with a vector, shape (size,)."""
         return _summed(self.rows, self.values * vector[self.cols], self.size)
+
+    def times_all(self, columns: FloatArray) -> FloatArray:
+        """Return the product with every column of an array, shape (size, k)."""
+        if self.size <= _FEW:
+            return self.dense() @ columns
+        return self.csr() @ columns
 
     def diagonal(self) -> FloatArray:
         """Return the diagonal, shape (size,)."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.linalg import DENSE_LIMIT, FloatArray, Triplets, diagonal_scale, null_space
+from flexcam.modal.lanczos import BUCKLED, lanczos
 from flexcam.response import Cause, RunFailedError, Status
 
 _LOST = 1e-6
@@ -50,7 +51,7 @@ class Modes:
         return self.omegas / (2.0 * np.pi)
 
 
-def modes(mass: Triplets, stiffness: Triplets, count: int | None = None) -> Modes:
+def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free: FloatArray | None = None) -> Modes:
     """Return the lowest natural modes.
 
     Parameters
@@ -62,6 +63,9 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None) -> Mode
     count
         How many modes, the ones without stiffness included; None for all that can be computed (up to a few
         hundred unknowns) or twenty (above).
+    free
+        Motions the stiffness leaves free, shape (n, k), where they are known exactly (`flexcam.fem.free_motions`);
+        None to find them numerically.
 
     Returns
     -------
@@ -71,7 +75,8 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None) -> Mode
     Raises
     ------
     RunFailedError
-        If a free motion has no mass, or the stiffness is not positive (a load beyond buckling).
+        If a free motion has no mass, the stiffness is not positive (a load beyond buckling), or the search for the
+        modes of a large model does not converge.
 
     Examples
     --------
@@ -79,11 +84,11 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None) -> Mode
     >>> pair.omegas
     array([2., 3.])
     """
-    rigid = _mass_orthonormal(null_space(stiffness), mass)
-    solver = _dense if mass.size <= 2 * DENSE_LIMIT else _lanczos
+    rigid = _mass_orthonormal(null_space(stiffness) if free is None else free, mass)
+    solver = _dense if mass.size <= 2 * DENSE_LIMIT else lanczos
     squares, shapes, lost = solver(mass, stiffness, rigid, count)
     omegas = np.concatenate([np.zeros(rigid.shape[1]), np.sqrt(squares)])
-    shapes = np.concatenate([rigid, shapes], axis=1)
+    shapes = np.concatenate([rigid, _orthonormalized(shapes, rigid, mass)], axis=1)
     wanted = len(omegas) if count is None else min(count, len(omegas))
     return Modes(omegas[:wanted], _signed(shapes[:, :wanted]), min(rigid.shape[1], wanted), lost)
 
@@ -91,12 +96,22 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None) -> Mode
 def _mass_orthonormal(motions: FloatArray, mass: Triplets) -> FloatArray:
     if not motions.shape[1]:
         return motions
-    gram = motions.T @ _times(mass, motions)
-    values, vectors = np.linalg.eigh(gram)
+    values, vectors = np.linalg.eigh(motions.T @ mass.times_all(motions))
     if values[0] <= 1e-13 * values[-1]:
         text = "a motion of the model has neither stiffness nor mass"
         raise RunFailedError(Status(Cause.SINGULAR, text, "support it or give it a mass"))
     return motions @ (vectors / np.sqrt(values))
+
+
+def _orthonormalized(shapes: FloatArray, rigid: FloatArray, mass: Triplets) -> FloatArray:
+    """Return nearly mass-orthonormal shapes made so: first to the free motions, then among themselves.
+
+    Two steps of Newton's iteration for the nearest orthonormal set square the error twice and favour no shape.
+    """
+    shapes = shapes - rigid @ (rigid.T @ mass.times_all(shapes))
+    for _ in range(2):
+        shapes = shapes @ (1.5 * np.eye(shapes.shape[1]) - 0.5 * shapes.T @ mass.times_all(shapes))
+    return shapes
 
 
 def _dense(
@@ -105,11 +120,12 @@ def _dense(
     """Take each mode from the side that keeps its digits: low ones from ``K^-1 M``, high ones from ``M^-1 K``."""
     M, K = mass.dense(), stiffness.dense()
     squares, shapes, errors = _by_stiffness(M, K, diagonal_scale(stiffness), rigid)
-    if (errors > _LOST).any() and (mass.diagonal() > 0.0).all():
-        other = [values[..., rigid.shape[1] :] for values in _by_mass(M, K, diagonal_scale(mass))]
-        better = other[2] < errors
+    if (errors > _LOST).any() and (high := _by_mass(M, K, diagonal_scale(mass))) is not None:
+        high = tuple(values[..., rigid.shape[1] :] for values in high)
+        switch = _switch(squares, errors, high[2])
         squares, shapes, errors = (
-            np.where(better, b, a) for a, b in zip((squares, shapes, errors), other, strict=True)
+            np.concatenate([a[..., :switch], b[..., switch:]], axis=-1)
+            for a, b in zip((squares, shapes, errors), high, strict=True)
         )
     wanted = len(squares) if count is None else max(count - rigid.shape[1], 0)
     good = int(np.argmax(np.append(errors > _LOST, True)))
@@ -118,14 +134,25 @@ def _dense(
     return squares[:shown], shapes[:, :shown], max(min(massive, wanted) - good, 0)
 
 
+def _switch(squares: FloatArray, low: FloatArray, high: FloatArray) -> int:
+    """Return the first mode to take from the other side, without parting a group of equal frequencies."""
+    switch = int(np.argmax(np.append(high < low, True)))
+    while 0 < switch < len(squares) and squares[switch] <= (1.0 + 1e-6) * squares[switch - 1]:
+        switch -= 1
+    return switch
+
+
 def _by_stiffness(
     M: FloatArray, K: FloatArray, scale: FloatArray, rigid: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return omega^2, shapes and relative errors from ``L^-1 M L^-T``, K = L L^T, without the rigid motions."""
+    """Return omega^2, shapes and relative errors from ``L^-1 M L^-T``, K = L L^T, without the rigid motions.
+
+    A stiffness on the rigid motions alone, felt through M, makes K regular; as every other mode is M-orthogonal to
+    them it changes none. They are then projected out, which leaves zeros (infinite frequency) at the end.
+    """
     M, K = scale[:, None] * M * scale, scale[:, None] * K * scale
     free = rigid / scale[:, None]
     held = M @ free
-    # Stiffness on the rigid motions alone, felt through M: every other mode is M-orthogonal to them and unchanged.
     L = _cholesky(K + held @ held.T / max(1.0, float(np.abs(held).max(initial=0.0)) ** 2))
     inverse = np.linalg.solve(L, np.linalg.solve(L, M).T)
     known = np.linalg.qr(L.T @ free)[0]
@@ -134,47 +161,35 @@ def _by_stiffness(
     values, vectors = np.linalg.eigh(0.5 * (inverse + inverse.T))
     kept = slice(None, None, -1) if not rigid.shape[1] else slice(None, rigid.shape[1] - 1, -1)
     values, vectors = values[kept], vectors[:, kept]
-    positive = np.maximum(values, np.finfo(float).tiny)
-    errors = len(M) * np.finfo(float).eps * positive.max(initial=0.0) / positive
+    positive, errors = _with_errors(values)
     return 1.0 / positive, scale[:, None] * np.linalg.solve(L.T, vectors) / np.sqrt(positive), errors
 
 
-def _by_mass(M: FloatArray, K: FloatArray, scale: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return omega^2, shapes and relative errors from ``L^-1 K L^-T``, M = L L^T, the rigid motions first."""
+def _by_mass(M: FloatArray, K: FloatArray, scale: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Return omega^2, shapes and relative errors from ``L^-1 K L^-T``, M = L L^T; None for a singular mass."""
     M, K = scale[:, None] * M * scale, scale[:, None] * K * scale
-    L = np.linalg.cholesky(M)
+    try:
+        L = np.linalg.cholesky(M)
+    except np.linalg.LinAlgError:
+        return None
     forward = np.linalg.solve(L, np.linalg.solve(L, K).T)
     values, vectors = np.linalg.eigh(0.5 * (forward + forward.T))
-    positive = np.maximum(values, np.finfo(float).tiny)
-    errors = len(M) * np.finfo(float).eps * positive.max(initial=0.0) / positive
+    positive, errors = _with_errors(values)
     return positive, scale[:, None] * np.linalg.solve(L.T, vectors), errors
+
+
+def _with_errors(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return eigenvalues kept above rounding, and the relative error each has: that of the largest, in its own size."""
+    eps, largest = np.finfo(float).eps, float(values.max(initial=0.0))
+    positive = np.maximum(values, max(eps**2 * largest, np.finfo(float).tiny))
+    return positive, len(values) * eps * largest / positive
 
 
 def _cholesky(K: FloatArray) -> FloatArray:
     try:
         return np.linalg.cholesky(K).astype(float, copy=False)
     except np.linalg.LinAlgError:
-        text = "the stiffness is not positive: an axial load is beyond buckling"
-        raise RunFailedError(Status(Cause.SINGULAR, text, "lower the compressive force")) from None
-
-
-def _lanczos(
-    mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | None
-) -> tuple[FloatArray, FloatArray, int]:
-    """Shift-invert Lanczos with a small negative shift: ``(K + s M)^-1 M`` exists for singular K as well."""
-    from scipy.sparse.linalg import eigsh
-
-    wanted = 20 if count is None else count
-    M, K = mass.csr(), stiffness.csr()
-    shift = -1e-6 * float(np.median(stiffness.diagonal() / np.maximum(mass.diagonal(), np.finfo(float).tiny)))
-    start = np.random.default_rng(0).standard_normal(mass.size)
-    values, vectors = eigsh(K, k=min(wanted, mass.size - 2), M=M, sigma=shift, v0=start)
-    order = np.argsort(values)[rigid.shape[1] :]
-    return np.maximum(values[order], 0.0), vectors[:, order], 0
-
-
-def _times(mass: Triplets, columns: FloatArray) -> FloatArray:
-    return np.column_stack([mass.times(c) for c in columns.T])
+        raise RunFailedError(BUCKLED) from None
 
 
 def _signed(shapes: FloatArray) -> FloatArray:

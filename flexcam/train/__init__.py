@@ -5,6 +5,7 @@ A new kind of part is a dataclass in `model` and its rows in `structure`; a new 
 """
 
 from flexcam.train.build import build_rigid, build_system
+from flexcam.train.loads import element_loads
 from flexcam.train.model import Cam, GivenLoad, MassAt, Model, PublishedLoad, Rocker, Spring
 from flexcam.train.modes import ModelModes, model_modes
 from flexcam.train.strength import MemberStrength, StrengthSink
@@ -25,5 +26,6 @@ __all__ = [
     "build_rigid",
     "build_structure",
     "build_system",
+    "element_loads",
     "model_modes",
 ]

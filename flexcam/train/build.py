@@ -8,15 +8,19 @@ from dataclasses import replace
 import numpy as np
 
 from flexcam import modal
+from flexcam.checks import refuse
 from flexcam.fem import COMPONENTS
 from flexcam.fem.damping import modal as modal_damping
 from flexcam.fem.damping import rayleigh
-from flexcam.linalg import FloatArray, Triplets
+from flexcam.linalg import DENSE_LIMIT, FloatArray, Triplets
 from flexcam.system import AngleFunction, CamMotion, Channel, Load, Probe, System
 from flexcam.train.loads import constant_loads
 from flexcam.train.model import Model
 from flexcam.train.published import Coupling, couple, follower_train, preload, steady
 from flexcam.train.structure import Structure, build_structure, find_node
+
+_MODAL_LIMIT = 2 * DENSE_LIMIT
+"""Unknowns up to which all modes are computed."""
 
 
 def build_system(model: Model, speed: float) -> System:
@@ -50,6 +54,7 @@ def build_system(model: Model, speed: float) -> System:
         local_forces=tuple(force for c in couplings for force in c.forces),
         probes=tuple(_probe(structure, point) for point in model.probes),
         channels=tuple(_numbered(couplings)),
+        free=structure.free,
     )
 
 
@@ -58,7 +63,11 @@ def _damping(structure: Structure) -> Triplets:
     matrix = rayleigh(structure.mass, structure.stiffness, given.alpha, given.beta)
     if given.modal == 0.0:
         return matrix
-    modes = modal.modes(structure.mass, structure.stiffness)
+    if structure.dofs.size > _MODAL_LIMIT:
+        why = "every mode of the model takes part, and the matrix is full"
+        given, remedy = f"modal damping of {structure.dofs.size} unknowns", "use damping = { alpha = ..., beta = ... }"
+        raise refuse("run.damping.modal", given, f"up to {_MODAL_LIMIT} unknowns", why, remedy)
+    modes = modal.modes(structure.mass, structure.stiffness, free=structure.free)
     return matrix + modal_damping(structure.mass, modes.shapes, modes.omegas, given.modal)
 
 

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexcam import fem
-from flexcam.fem import direction
-from flexcam.fem.loads import line_load
+from flexcam.fem.loads import element_weight, gathered, spread_force
 from flexcam.linalg import FloatArray
 from flexcam.system import Load
-from flexcam.train.model import GivenLoad
 from flexcam.train.published import steady
 from flexcam.train.structure import Structure, find_node
 
@@ -28,49 +25,52 @@ def constant_loads(structure: Structure) -> list[Load]:
         One load each, with a constant history.
     """
     model = structure.model
-    loads = [
-        Load(f"loads.{name}", _vector(structure, name, load), steady(load.size)) for name, load in model.loads.items()
-    ]
+    loads: list[Load] = []
+    for name, load in model.loads.items():
+        if load.member is None:
+            vector = load.size * structure.row(load.at or "", load.direction, f"loads.{name}.at")
+        else:
+            vector = gathered(structure.beams, _spread(structure, name), structure.dofs)
+        loads.append(Load(f"loads.{name}", vector, steady(1.0)))
     if any(model.gravity):
-        loads.append(Load("gravity", weight(structure, np.array(model.gravity)), steady(1.0), installed=True))
+        loads.append(Load("gravity", _weight(structure), steady(1.0), installed=True))
     return loads
 
 
-def _vector(structure: Structure, name: str, load: GivenLoad) -> FloatArray:
-    if load.member is not None:
-        elements = structure.model.mesh.element_ranges()[load.member]
-        return line_load(structure.beams, elements, load.direction[:3], structure.dofs)
-    return structure.row(load.at or "", load.direction, f"loads.{name}.at")
-
-
-def weight(structure: Structure, gravity: FloatArray) -> FloatArray:
-    """Return the weight of members and bodies at nodes as a load vector.
-
-    It is the mass matrix times a rigid motion, with the rows and columns of held components still in it: half an
-    element's weight at a support is carried there. A mass at a rocker's point is left out, as a lumped rocker does not
-    say in which direction its valve moves.
+def element_loads(structure: Structure) -> FloatArray:
+    """Return everything spread over the elements: given forces and weight.
 
     Parameters
     ----------
     structure
         The structure.
-    gravity
-        Acceleration, m/s^2, shape (3,), global axes.
 
     Returns
     -------
     ndarray
-        Shape (n,), N and N m.
+        Shape (e, 12), N and N m, local axes; section forces are what is left of the end forces without them.
     """
-    mesh = structure.model.mesh
-    everything = fem.dof_map(mesh, [])
-    mass = fem.mass(structure.beams, everything)
-    for name, part in structure.model.masses.items():
-        if structure.model.rocker_at(part.at) is None:
-            mass = mass + fem.mass_at(find_node(structure.model, part.at, f"masses.{name}.at"), part.body, everything)
-    size = float(np.linalg.norm(gravity))
-    pulled = mass.times(size * everything.rigid_motion(mesh, direction(gravity)))
-    free, number = structure.dofs.numbers >= 0, everything.numbers
-    out = np.zeros(structure.dofs.size)
-    out[structure.dofs.numbers[free]] = pulled[number[free]]
-    return out
+    total = np.zeros((len(structure.beams), 12))
+    for name, load in structure.model.loads.items():
+        total += _spread(structure, name) if load.member is not None else 0.0
+    return total + element_weight(structure.beams, np.array(structure.model.gravity))
+
+
+def _spread(structure: Structure, name: str) -> FloatArray:
+    load = structure.model.loads[name]
+    elements = structure.model.mesh.element_ranges()[load.member or ""]
+    return spread_force(structure.beams, elements, load.size * load.direction[:3])
+
+
+def _weight(structure: Structure) -> FloatArray:
+    """Return the weight of members and of bodies at nodes.
+
+    A mass at a rocker's point is left out, as a lumped rocker does not say in which direction its valve moves.
+    """
+    model, gravity = structure.model, np.array(structure.model.gravity)
+    load = gathered(structure.beams, element_weight(structure.beams, gravity), structure.dofs)
+    for name, part in model.masses.items():
+        if model.rocker_at(part.at) is None:
+            pull = part.body.matrix() @ np.concatenate([gravity, np.zeros(3)])
+            load = load + structure.dofs.vector(find_node(model, part.at, f"masses.{name}.at"), pull)
+    return load

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexcam import fem, modal
 from flexcam.fem import COMPONENTS, beam
-from flexcam.linalg import FloatArray
+from flexcam.linalg import FloatArray, Triplets
 from flexcam.modal import Modes
 from flexcam.train.structure import Structure
 
@@ -66,14 +66,24 @@ def model_modes(structure: Structure, count: int | None = None, *, loaded: Float
     RunFailedError
         If a free motion has no mass, or the state is beyond buckling.
     """
-    stiffness = structure.stiffness
+    stiffness, free = structure.stiffness, structure.free
     if loaded is not None:
         force = beam.axial_force(structure.beams, structure.dofs.nodal(loaded))
-        stiffness = stiffness + fem.geometric(structure.beams, force, structure.dofs)
-    found = modal.modes(structure.mass, stiffness, count)
+        geometric = fem.geometric(structure.beams, force, structure.dofs)
+        stiffness, free = stiffness + geometric, _unstressed(free, geometric, stiffness)
+    found = modal.modes(structure.mass, stiffness, count, free=free)
     motions = np.array([structure.dofs.rigid_motion(structure.model.mesh, unit) for unit in np.eye(6)])
     effective = modal.effective_masses(found, structure.mass, motions)
     return ModelModes(found, effective, tuple(_shares(structure, shape) for shape in found.shapes.T))
+
+
+def _unstressed(free: FloatArray, geometric: Triplets, stiffness: Triplets) -> FloatArray:
+    """Return the free motions that an axial force does not resist either: it resists what turns its member."""
+    if not free.shape[1]:
+        return free
+    values, vectors = np.linalg.eigh(free.T @ geometric.times_all(free))
+    size = float((free**2 * stiffness.diagonal()[:, None]).sum(axis=0).max())
+    return free @ vectors[:, np.abs(values) <= 1e-12 * size]
 
 
 def _shares(structure: Structure, shape: FloatArray) -> dict[str, float]:

@@ -21,7 +21,7 @@ from flexcam.checks import refuse
 from flexcam.integrate import static_displacement
 from flexcam.linalg import FloatArray
 from flexcam.response import RunFailedError
-from flexcam.system import AngleVector, CamMotion, Channel, Load, LocalForce, Reaction
+from flexcam.system import AngleVector, CamMotion, Channel, Load, LocalForce, Reaction, constant
 from flexcam.train.model import Cam, PublishedLoad
 from flexcam.train.structure import Structure, find_node, spring_row
 
@@ -64,8 +64,9 @@ def follower_train(structure: Structure, contact: PublishedLoad, where: str) -> 
         Its motion, mass and stiffness at the follower.
     """
     node = find_node(structure.model, contact.follower, where)
-    reached = structure.model.mesh.connected(node)
-    motion = sum((structure.dofs.vector(n, contact.direction) for n in reached.tolist()), np.zeros(structure.dofs.size))
+    numbers = structure.dofs.numbers[structure.model.mesh.connected(node)]
+    motion = np.zeros(structure.dofs.size)
+    motion[numbers[numbers >= 0]] = np.broadcast_to(contact.direction, numbers.shape)[numbers >= 0]
     mass, stiffness = structure.mass, structure.stiffness
     return FollowerTrain(motion, float(motion @ mass.times(motion)), float(motion @ stiffness.times(motion)))
 
@@ -97,7 +98,7 @@ def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -
         given, why = f"{contact.follower!r}, held along the lift", "a follower that cannot move feels no cam"
         raise refuse(where, given, "a point that is free along the lift", why, "remove that component from [supports]")
     try:
-        give = float(push @ static_displacement(structure.stiffness, push, structure.dofs.names))
+        give = float(push @ static_displacement(structure.stiffness, push, structure.dofs.names, structure.free))
     except RunFailedError as failure:
         given, why = "a follower that nothing holds against the lift", str(failure.status.text)
         raise refuse(where, given, "a spring on the follower's train", why, "add it under [springs]") from None
@@ -135,15 +136,21 @@ def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, 
         The springs' installed force at the follower where one states it, else the factor times the largest force
         the rigid train's inertia needs to stay in contact.
     """
-    stated = [
-        -float(train.motion @ spring_row(structure, name, spring)) * spring.installed_force
-        for name, spring in structure.model.springs.items()
-        if spring.installed_force is not None
-    ]
+    stated = _stated_forces(structure, train)
     if stated:
-        return abs(sum(stated))
+        force = sum(float(train.motion @ row) * size for size, row in stated)
+        if force <= 0.0:
+            given, why = f"springs that pull the follower with {-force:g} N", "contact needs a push against the lift"
+            raise refuse("springs", given, "installed forces that close the contact", why, "turn a spring's direction")
+        return force
     deceleration = float(np.max(-cam.event(_ANGLES, 2))) * speed**2
     return contact.preload_factor * train.mass * deceleration
+
+
+def _stated_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float, FloatArray]]:
+    """Return installed force and row of the springs on a follower's train that state one."""
+    rows = [(s.installed_force, spring_row(structure, n, s)) for n, s in structure.model.springs.items()]
+    return [(size, row) for size, row in rows if size is not None and float(train.motion @ row) != 0.0]
 
 
 def steady(value: float) -> Callable[[CamMotion], FloatArray]:
@@ -216,11 +223,15 @@ def couple(structure: Structure, name: str, contact: PublishedLoad, speed: float
 def _spring_share(structure: Structure, train: FollowerTrain) -> FloatArray:
     """Return the vector of the springs' installed forces that balances a unit force at the follower.
 
-    Several springs share it as their stiffness does.
+    Springs share it as their stated forces do, or as their stiffnesses where none is stated.
     """
-    rows = [(spring.stiffness, spring_row(structure, n, spring)) for n, spring in structure.model.springs.items()]
-    share = sum((k * float(train.motion @ row) * row for k, row in rows), np.zeros(structure.dofs.size))
-    return share / train.stiffness if train.stiffness > 0.0 else share
+    shares = _stated_forces(structure, train)
+    if not shares:
+        rows = [(s.stiffness, spring_row(structure, n, s)) for n, s in structure.model.springs.items()]
+        shares = [(k * float(train.motion @ row), row) for k, row in rows]
+    total = sum(size * float(train.motion @ row) for size, row in shares)
+    share = sum((size * row for size, row in shares), np.zeros(structure.dofs.size))
+    return share / total if total > 0.0 else share
 
 
 @dataclass(frozen=True)
@@ -238,9 +249,4 @@ class _Linear:
         return Reaction(K[0] * gap, K, np.zeros((1, 1)), np.zeros(0))
 
 
-def _one(angle: FloatArray, order: int) -> FloatArray:
-    return np.full_like(angle, 1.0 if order == 0 else 0.0)
-
-
-def _zero(angle: FloatArray, order: int) -> FloatArray:
-    return np.zeros_like(angle)
+_one, _zero = constant(1.0), constant(0.0)

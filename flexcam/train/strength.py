@@ -10,6 +10,7 @@ import numpy as np
 from flexcam.fem.recovery import fibres, section_forces
 from flexcam.linalg import FloatArray
 from flexcam.response import Block, Stats, Status
+from flexcam.train.loads import element_loads
 from flexcam.train.model import Model
 from flexcam.train.structure import Structure
 
@@ -54,6 +55,7 @@ class StrengthSink:
         self._structure = structure
         mesh, members = structure.model.mesh, structure.model.members
         self._fibres = fibres([members[name].section for name, line in mesh.lines.items() for _ in line[1:]])
+        self._spread = element_loads(structure)
         self._normal: tuple[FloatArray, FloatArray] | None = None
         self._shear: tuple[FloatArray, FloatArray] | None = None
         self._von_mises = np.zeros((len(structure.beams), 2))
@@ -62,7 +64,13 @@ class StrengthSink:
         """Take the stresses of a block."""
         if not len(block.field_time):
             return
-        forces = section_forces(self._structure.beams, self._structure.dofs.nodal(block.fields.displacement))
+        nodal, fields = self._structure.dofs.nodal, block.fields
+        forces = section_forces(
+            self._structure.beams,
+            nodal(fields.displacement),
+            acceleration=nodal(fields.acceleration),
+            spread=self._spread,
+        )
         self._normal = _widened(self._normal, self._fibres.normal(forces))
         self._shear = _widened(self._shear, self._fibres.shear(forces))
         self._von_mises = np.maximum(self._von_mises, self._fibres.von_mises(forces).max(axis=0))

@@ -12,6 +12,9 @@ from flexcam.fem import Beams, DofMap, along, mass_at
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.train.model import MassAt, Model, Spring
 
+_ACROSS = 1e-6
+"""Cosine below which a direction has nothing to do with another."""
+
 
 @dataclass(frozen=True, eq=False)
 class Structure:
@@ -25,6 +28,8 @@ class Structure:
         Elements and unknowns.
     mass, stiffness, dampers
         n x n, SI; `dampers` holds the discrete dampers only.
+    free
+        Motions that cost no strain energy, shape (n, k).
 
     Examples
     --------
@@ -37,6 +42,7 @@ class Structure:
     mass: Triplets
     stiffness: Triplets
     dampers: Triplets
+    free: FloatArray
 
     def row(self, point: str, direction: FloatArray, where: str = "point") -> FloatArray:
         """Return the row that picks the motion of a named point, shape (n,).
@@ -44,7 +50,7 @@ class Structure:
         Parameters
         ----------
         point
-            A named node, or the point of a rocker (then the direction has no say).
+            A named node, or the point of a rocker (which moves along the rocker's direction whatever is given).
         direction
             Shape (6,), global axes.
         where
@@ -62,6 +68,11 @@ class Structure:
         """
         rocker = self.model.rocker_at(point)
         if rocker is not None:
+            if direction.any() and abs(float(direction @ rocker.direction)) < _ACROSS:
+                allowed = f"a direction along {[round(float(x), 6) for x in rocker.direction[:3]]}"
+                raise refuse(
+                    where, "a direction across the motion of a rocker's point", allowed, "it moves only along it"
+                )
             return rocker.ratio * self.row(rocker.start, rocker.direction)
         return self.dofs.vector(find_node(self.model, point, where), direction)
 
@@ -114,18 +125,19 @@ def build_structure(model: Model) -> Structure:
     """
     beams = fem.beams(model.mesh, model.members)
     dofs = fem.dof_map(model.mesh, model.supports.items())
-    bare = Structure(
-        model, beams, dofs, Triplets.zeros(dofs.size), Triplets.zeros(dofs.size), Triplets.zeros(dofs.size)
-    )
-    mass, stiffness, dampers = fem.mass(beams, dofs), fem.stiffness(beams, dofs), bare.dampers
+    nothing = Triplets.zeros(dofs.size)
+    bare = Structure(model, beams, dofs, nothing, nothing, nothing, np.zeros((dofs.size, 0)))
+    mass, stiffness, dampers = fem.mass(beams, dofs), fem.stiffness(beams, dofs), nothing
     for name, part in model.masses.items():
         mass = mass + _mass(bare, name, part)
     for rocker in model.rockers.values():
         mass = mass + along(bare.row(rocker.start, rocker.direction), rocker.inertia / rocker.arms[0] ** 2)
+    stretched: list[FloatArray] = []
     for name, spring in model.springs.items():
         row = spring_row(bare, name, spring)
         stiffness, dampers = stiffness + along(row, spring.stiffness), dampers + along(row, spring.damping)
-    return Structure(model, beams, dofs, mass, stiffness, dampers)
+        stretched += [row] if spring.stiffness > 0.0 else []
+    return Structure(model, beams, dofs, mass, stiffness, dampers, fem.free_motions(model.mesh, dofs, stretched))
 
 
 def spring_row(structure: Structure, name: str, spring: Spring) -> FloatArray:
@@ -153,5 +165,10 @@ def spring_row(structure: Structure, name: str, spring: Spring) -> FloatArray:
 
 def _mass(structure: Structure, name: str, part: MassAt) -> Triplets:
     if structure.model.rocker_at(part.at) is not None:
+        if any(part.body.inertia) or any(part.body.offset):
+            why = "a lumped rocker moves its point along one line"
+            raise refuse(
+                f"masses.{name}", "inertia or offset at a rocker's point", "a mass alone", why, "leave them out"
+            )
         return along(structure.row(part.at, np.zeros(6)), part.body.mass)
     return mass_at(find_node(structure.model, part.at, f"masses.{name}.at"), part.body, structure.dofs)

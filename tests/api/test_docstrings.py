@@ -36,7 +36,7 @@ METHODS = [
     if not name.startswith("_")
     and inspect.isfunction(item := inspect.unwrap(getattr(raw, "__func__", getattr(raw, "fget", raw))))
 ]
-COMMANDS = "flexcam.cli"
+COMMANDS = ("flexcam.cli", "flexcam.commands")
 """Commands document their parameters where cyclopts shows them: at the annotations."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 import tomllib
 from pathlib import Path
 
@@ -125,3 +126,8 @@ def test_dwell_and_phase_default_to_zero(as_if_in_cases):
 def test_a_step_in_seconds_may_stand_instead(as_if_in_cases):
     case = read_case(as_if_in_cases(AGREED.replace("steps_per_revolution = 3600", 'step = "20 us"')))
     assert run(case).stats.steps == 2000
+
+
+def test_the_page_of_the_case_format_is_made_from_the_records():
+    made = runpy.run_path(str(ROOT / "docs/make_case_format.py"))["page"]()
+    assert (ROOT / "docs/case-format.md").read_text(encoding="utf-8") == made, "run make docs-pages"

@@ -45,7 +45,18 @@ def plant(fault: dict[str, str], tree: Path) -> None:
     path.write_text(text.replace(fault["old"], fault["new"]), encoding="utf-8")
 
 
+def control() -> None:
+    """Every selection of tests must be green before a fault is planted, or its failing would prove nothing."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy_tree(Path(folder))
+        everything = sorted({test for fault in FAULTS for test in fault["tests"]})
+        if suite_fails(Path(folder), everything):
+            message = "the suite fails without any fault planted"
+            raise SystemExit(message)
+
+
 def main() -> int:
+    control()
     survived = []
     for fault in FAULTS:
         with tempfile.TemporaryDirectory() as folder:

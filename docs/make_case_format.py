@@ -1,0 +1,89 @@
+"""Make ``docs/case-format.md`` from the case records: ``python docs/make_case_format.py``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from flexcam.case import CaseRecord
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs/case-format.md"
+
+HEAD = """# The case file
+
+TOML. Made from the records that check it by `make docs-pages`; `flexcam schema` prints the same as JSON Schema, which editors
+use for completion (for example `#:schema case.schema.json` on the first line). Numbers are SI, or texts with a unit:
+`"6 mm"`, `"40 kN/m"`, `"3000 rpm"`, `"180 deg"`. A number without a unit is SI: an angle in rad, a speed in rad/s. Every key can
+be laid over from the command line: `--set run.speed=4000rpm`.
+
+Directions are a component with an optional sign (`"uy"`, `"-rx"`) or three numbers in global axes. Points are named nodes: of
+the mesh's point groups, or of `[nodes]`; a rocker defines one more. The published cases lie in `cases/tayeb`; a whole case
+without a mesh file:
+
+```toml
+"""
+
+
+def kind(schema: dict, definitions: dict) -> str:
+    """Return the type of a key in a few words."""
+    if "$ref" in schema:
+        return f"table [{title(schema['$ref'])}]"
+    if "anyOf" in schema or "oneOf" in schema:
+        parts = [kind(s, definitions) for s in schema.get("anyOf") or schema["oneOf"] if s.get("type") != "null"]
+        return "quantity" if parts == ["number", "text"] else " or ".join(dict.fromkeys(parts))
+    if "const" in schema:
+        return f"`{schema['const']}`"
+    if "enum" in schema:
+        return ", ".join(f"`{value}`" for value in schema["enum"])
+    inner = next(iter(schema.get("patternProperties", {}).values()), schema.get("additionalProperties"))
+    if schema.get("type") == "object" and isinstance(inner, dict):
+        return f"by name: {kind(inner, definitions)}"
+    if schema.get("type") == "array":
+        inside = schema.get("prefixItems") or [schema.get("items", {})]
+        return (
+            f"{len(inside)} x {kind(inside[0], definitions)}"
+            if len(inside) > 1
+            else f"list of {kind(inside[0], definitions)}"
+        )
+    names = {"string": "text", "integer": "whole number", "number": "number", "boolean": "true or false"}
+    return names.get(schema.get("type", ""), "value")
+
+
+def title(reference: str) -> str:
+    return reference.rpartition("/")[2].removesuffix("Record")
+
+
+def about(schema: dict) -> str:
+    texts = [schema.get("description", "")]
+    examples = schema.get("examples") or [e for s in schema.get("anyOf", []) for e in s.get("examples", [])]
+    return "; ".join(t for t in [*texts, f"such as `{json.dumps(examples[0])}`" if examples else ""] if t)
+
+
+def rows(schema: dict, definitions: dict) -> list[str]:
+    required = schema.get("required", [])
+    lines = ["| key | type | default | |", "|---|---|---|---|"]
+    for name, key in schema["properties"].items():
+        default = (
+            "required"
+            if name in required
+            else f"`{json.dumps(key['default'])}`"
+            if key.get("default") is not None
+            else ""
+        )
+        lines.append(f"| `{name}` | {kind(key, definitions)} | {default} | {about(key)} |".replace("\n", " "))
+    return lines
+
+
+def page() -> str:
+    schema = CaseRecord.model_json_schema(by_alias=True)
+    definitions = schema["$defs"]
+    example = (ROOT / "cases/checks/cantilever.toml").read_text(encoding="utf-8")
+    parts = [HEAD + example + "```\n", "## Case", "", *rows(schema, definitions), ""]
+    for name, record in definitions.items():
+        parts += [f"## {title(name)}", "", record.get("description", "").strip(), "", *rows(record, definitions), ""]
+    return "\n".join(parts)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

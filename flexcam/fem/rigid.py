@@ -1,0 +1,78 @@
+"""Motions of a structure without strain: exact, from its connections, supports and springs.
+
+A beam joined rigidly to others has no strain only when its whole part moves as a rigid body. So the stiffness of any
+structure leaves free just those of six motions per connected part that no support and no spring resists. They are found
+from that small set, not from eigenvalues of the stiffness: on a fine mesh its lowest true eigenvalue falls like n^-4
+into rounding, and would be taken for a mechanism.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexcam.fem.dofs import DofMap
+from flexcam.fem.mesh import Mesh
+from flexcam.linalg import FloatArray
+
+_HELD = 1e-10
+"""Singular values of the constraints below this are rounding: their rows are of size 1."""
+
+
+def free_motions(mesh: Mesh, dofs: DofMap, springs: Sequence[FloatArray]) -> FloatArray:
+    """Return a basis of the motions that cost no strain energy.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    dofs
+        The numbering, for the supports.
+    springs
+        Row of the stretch of every spring with a stiffness, shape (n,) each.
+
+    Returns
+    -------
+    ndarray
+        Shape (n, k), in the free components; k = 0 for a supported structure.
+
+    Examples
+    --------
+    A shaft in two bearings can still slide and turn:
+
+    >>> from flexcam.fem import dof_map
+    >>> mesh = Mesh([[0, 0, 0], [1, 0, 0]], {"shaft": [0, 1]}, {"ends": [0, 1]})
+    >>> free_motions(mesh, dof_map(mesh, [("ends", ("uy", "uz"))]), []).shape
+    (8, 2)
+    """
+    rigid = _rigid_motions(mesh)
+    held = rigid[_used(mesh)[:, None] & (dofs.numbers < 0)]
+    free = np.zeros((dofs.size, rigid.shape[-1]))
+    free[dofs.numbers[dofs.numbers >= 0]] = rigid[dofs.numbers >= 0]
+    rows = np.concatenate([held, *(row[None, :] @ free for row in springs)])
+    size = np.abs(rows).max(axis=1, initial=0.0)
+    rows = rows[size > 0.0] / size[size > 0.0, None]
+    # The small normal matrix has the same null space; its eigenvalues are squares of the singular values.
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    return free @ vectors[:, values <= _HELD * max(1.0, float(values.max(initial=0.0)))]
+
+
+def _used(mesh: Mesh) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    used = np.zeros(len(mesh.nodes), dtype=bool)
+    used[mesh.elements().ravel()] = True
+    return used
+
+
+def _rigid_motions(mesh: Mesh) -> FloatArray:
+    """Return six motions per part, shape (nodes, 6, 6 parts); rotations about the part's middle, scaled by its size."""
+    parts = mesh.parts()
+    motions = np.zeros((len(mesh.nodes), 6, 6 * len(parts)))
+    for p, nodes in enumerate(parts):
+        arm = mesh.nodes[nodes] - mesh.nodes[nodes].mean(axis=0)
+        size = max(float(np.linalg.norm(arm, axis=1).max()), np.finfo(float).tiny)
+        for i, unit in enumerate(np.eye(3)):
+            motions[nodes, i, 6 * p + i] = 1.0
+            motions[nodes, :3, 6 * p + 3 + i] = np.cross(unit, arm) / size
+            motions[nodes, 3 + i, 6 * p + 3 + i] = 1.0 / size
+    return motions

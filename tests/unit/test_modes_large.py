@@ -1,0 +1,152 @@
+"""Modes of models above the limit of full matrices: as many digits as below it, the same refusals.
+
+References: closed forms of beams. Rounding in K shifts omega^2 by up to about eps times the ratio of the largest to the
+lowest eigenvalue, which grows as n^4 with the number of elements: it sets the tolerances.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from flexcam.fem import COMPONENTS, Member, PointMass, Section, beams, dof_map, free_motions, geometric
+from flexcam.fem import mass as mass_of
+from flexcam.fem import mass_at, stiffness
+from flexcam.fem.generate import chain
+from flexcam.linalg import Triplets
+from flexcam.modal import modes
+from flexcam.response import RunFailedError
+
+ROUND = Section.circle(0.01)
+LENGTH = 2.0
+HINGED = [("start", ("ux", "uy", "uz", "rx")), ("end", ("uy", "uz"))]
+FIXED = [("start", COMPONENTS)]
+
+
+class Shaft:
+    def __init__(self, steel, parts, supports, section=ROUND):
+        self.mesh = chain((0, 0, 0), (LENGTH, 0, 0), parts)
+        self.beams = beams(self.mesh, {"shaft": Member(steel, section, rotary_inertia=False)})
+        self.dofs = dof_map(self.mesh, supports)
+        self.K, self.M = stiffness(self.beams, self.dofs), mass_of(self.beams, self.dofs)
+        self.free = free_motions(self.mesh, self.dofs, [])
+
+    def axial(self, force):
+        return self.K + geometric(self.beams, np.full(len(self.beams), force), self.dofs)
+
+    def tip(self, mass, inertia=(0.0, 0.0, 0.0)):
+        return mass_at(self.mesh.node("end"), PointMass(mass, inertia), self.dofs)
+
+
+@pytest.fixture(params=["dense", "lanczos"])
+def path(request, monkeypatch):
+    """Send a model of either size down one of the two paths."""
+    limit = 10**6 if request.param == "dense" else 0
+    monkeypatch.setattr(sys.modules["flexcam.modal.modes"], "DENSE_LIMIT", limit)
+    return request.param
+
+
+def theory(steel, count):
+    """omega_n = n^2 pi^2/L^2 sqrt(EI/rho A)."""
+    n = np.arange(1, count + 1)
+    return (n * math.pi / LENGTH) ** 2 * math.sqrt(steel.E * ROUND.Iz / (steel.density * ROUND.A))
+
+
+@pytest.mark.parametrize("parts", [60, 120], ids=["360 unknowns", "720 unknowns"])
+def test_hinged_shaft(steel, path, parts):
+    """Eight modes in pairs; eps n^4 is 4e-8 at most, the elements' own error (n pi/parts)^4/1440 is 1e-9."""
+    shaft = Shaft(steel, parts, HINGED)
+    omegas = modes(shaft.M, shaft.K, 8, free=shaft.free).omegas
+    assert np.allclose(omegas, np.repeat(theory(steel, 4), 2), rtol=1e-6, atol=0.0)
+
+
+@pytest.mark.parametrize("parts", [60, 120], ids=["360 unknowns", "720 unknowns"])
+def test_pairs_stay_equal(steel, path, parts):
+    """Bending of a round shaft in two planes: one frequency up to the rounding of K, eps n^4 = 4e-8."""
+    shaft = Shaft(steel, parts, HINGED)
+    pairs = modes(shaft.M, shaft.K, 8, free=shaft.free).omegas.reshape(4, 2)
+    assert np.ptp(pairs, axis=1).max() <= 1e-7 * pairs.min()
+
+
+@pytest.mark.parametrize("parts", [40, 120])
+def test_free_shaft(steel, path, parts):
+    """Six zeros, and shapes orthonormal to 1e-10; first bending pair (4.730040745)^2 sqrt(EI/rho A)/L^2."""
+    shaft = Shaft(steel, parts, [])
+    found = modes(shaft.M, shaft.K, 12, free=shaft.free)
+    assert found.rigid == 6
+    assert found.omegas[:6].tolist() == [0.0] * 6
+    gram = found.shapes.T @ shaft.M.times_all(found.shapes)
+    assert np.abs(gram - np.eye(len(gram))).max() <= 1e-10
+    first = 4.730040744862704**2 / LENGTH**2 * math.sqrt(steel.E * ROUND.Iz / (steel.density * ROUND.A))
+    assert found.omegas[6:8] == pytest.approx([first, first], rel=1e-6)
+
+
+@pytest.mark.parametrize("count", [2, 6, None])
+def test_extreme_mass_ratio(steel, path, count):
+    """A tip mass 1e12 times the shaft's: sqrt(3EI/L^3/m), rounding of K eps n^4 = 4e-8."""
+    shaft = Shaft(steel, 120, FIXED)
+    heavy = 1e12 * steel.density * ROUND.A * LENGTH
+    found = modes(shaft.M + shaft.tip(heavy), shaft.K, count, free=shaft.free)
+    first = math.sqrt(3.0 * steel.E * ROUND.Iz / LENGTH**3 / heavy)
+    assert found.omegas[:2] == pytest.approx([first, first], rel=1e-6)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("parts", [40, 120])
+def test_massless_members(steel, path, parts, count):
+    """Only a tip mass: bending twice, sqrt(3EI/L^3/m), then axial, sqrt(EA/L/m)."""
+    shaft = Shaft(steel, parts, FIXED)
+    found = modes(shaft.tip(2.0), shaft.K, count, free=shaft.free)
+    bending, axial = math.sqrt(3.0 * steel.E * ROUND.Iz / LENGTH**3 / 2.0), math.sqrt(steel.E * ROUND.A / LENGTH / 2.0)
+    assert found.omegas == pytest.approx([bending, bending, axial][:count], rel=1e-6)  # eps n^4 = 4e-8
+
+
+@pytest.mark.parametrize("parts", [40, 120])
+def test_massless_members_have_no_modes_of_their_own(steel, path, parts):
+    """Three masses, three modes, however many are asked for: none is made up from unknowns without mass."""
+    shaft = Shaft(steel, parts, FIXED)
+    found = modes(shaft.tip(2.0), shaft.K, 10, free=shaft.free)
+    assert len(found.omegas) == 3
+
+
+def critical(steel):
+    return math.pi**2 * steel.E * ROUND.Iz / LENGTH**2
+
+
+@pytest.mark.parametrize("parts", [40, 120])
+def test_beyond_buckling_is_refused(steel, path, parts):
+    shaft = Shaft(steel, parts, HINGED)
+    with pytest.raises(RunFailedError, match="buckling"):
+        modes(shaft.M, shaft.axial(-1.01 * critical(steel)), 6, free=shaft.free)
+
+
+@pytest.mark.parametrize("parts", [40, 120])
+@pytest.mark.parametrize("share", [0.5, 0.99])
+def test_below_buckling(steel, path, parts, share):
+    """omega sqrt(1 - P/P_cr); the elements' error (pi/40)^4/720 = 5e-8 of P_cr is 5e-6 of 1 - 0.99, rounding as much."""
+    shaft = Shaft(steel, parts, HINGED)
+    found = modes(shaft.M, shaft.axial(-share * critical(steel)), 2, free=shaft.free).omegas
+    assert found == pytest.approx([theory(steel, 1)[0] * math.sqrt(1.0 - share)] * 2, rel=2e-5)
+
+
+def test_a_thousand_elements(steel):
+    """Plane bending, ten modes. Rounding of K: eps (n/k)^4 with n = 1000, 2e-4 for the lowest mode and 2e-8 for the tenth.
+
+    Half of it is in omega; the elements' own error (10 pi/1000)^4/1440 is 1e-9.
+    """
+    flat = ("uz", "rx", "ry")
+    shaft = Shaft(steel, 1000, [("start", ("ux", "uy", *flat)), ("inner", flat), ("end", ("uy", *flat))])
+    assert shaft.dofs.size > 600
+    found, exact = modes(shaft.M, shaft.K, 10, free=shaft.free).omegas, theory(steel, 10)
+    allowed = 1e-4 / np.arange(1, 11) ** 4 + 1e-8
+    assert (np.abs(found / exact - 1.0) <= allowed).all(), found / exact - 1.0
+
+
+def test_two_masses_without_beams(path):
+    """k = 4 and 9 N/m, 1 kg each, among unknowns without mass: 2 and 3 rad/s."""
+    K = Triplets.from_dense(np.diag([4.0, 9.0, 1.0, 1.0, 5.0]))
+    M = Triplets.from_dense(np.diag([1.0, 1.0, 0.0, 0.0, 0.0]))
+    assert modes(M, K, 2).omegas == pytest.approx([2.0, 3.0], rel=1e-12)  # a few operations
