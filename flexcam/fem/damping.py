@@ -39,7 +39,7 @@ class Damping:
         positive("damping.modal", self.modal, "", zero=True)
 
 
-def rayleigh(mass: Triplets, stiffness: Triplets, alpha: float, beta: float) -> Triplets:
+def rayleigh_damping(mass: Triplets, stiffness: Triplets, alpha: float, beta: float) -> Triplets:
     """Return ``alpha M + beta K``.
 
     Parameters
@@ -58,7 +58,7 @@ def rayleigh(mass: Triplets, stiffness: Triplets, alpha: float, beta: float) -> 
     return sum(parts, start=Triplets.zeros(mass.size))
 
 
-def modal(mass: Triplets, shapes: FloatArray, omegas: FloatArray, ratio: float) -> Triplets:
+def modal_damping(mass: Triplets, shapes: FloatArray, omegas: FloatArray, ratio: float) -> Triplets:
     """Return the matrix that damps given modes by one ratio.
 
     C = M Phi diag(2 zeta omega) Phi^T M with Phi^T M Phi = I; it is full, as modal damping is.

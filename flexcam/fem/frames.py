@@ -17,8 +17,9 @@ _NEAR_VERTICAL = 0.02
 def default_orientation(axis: FloatArray) -> FloatArray:
     """Return the orientation vector used where none is given.
 
-    It is global y, so that a shaft along x has its local axes parallel to the global ones; for a member
-    within about one degree of global y it is global -x, the same triad turned by 90 degrees about z.
+    It is global y, so that a shaft along x has its local axes parallel to the global ones; for an element
+    within about one degree of global y it is global -x, the same triad turned by 90 degrees about z. A curved member
+    that passes through global y, with a section that is not round, needs an orientation of its own.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from typing import Any
 import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
-from flexcam.checks import refuse
+from flexcam.checks import InputError, refuse
 from flexcam.fem import COMPONENTS, Mesh
 from flexcam.io.geometry import RECOVERED
 from flexcam.io.vtkhdf import FORMAT, SERIES, VECTORS
@@ -100,7 +100,9 @@ def read_result(path: str | Path) -> Result:
     try:
         with h5py.File(source, "r", locking=False) as file:
             return _result(file, source)
-    except (OSError, KeyError) as fault:
+    except InputError:
+        raise
+    except (OSError, KeyError, ValueError) as fault:
         why = "there is no such file" if not source.exists() else str(fault)
         raise refuse("result", str(source), "a result file of flexcam (.vtkhdf)", why) from None
 

@@ -10,8 +10,7 @@ import numpy as np
 from flexcam import modal
 from flexcam.checks import refuse
 from flexcam.fem import COMPONENTS
-from flexcam.fem.damping import modal as modal_damping
-from flexcam.fem.damping import rayleigh
+from flexcam.fem.damping import modal_damping, rayleigh_damping
 from flexcam.linalg import DENSE_LIMIT, FloatArray, Triplets
 from flexcam.system import AngleFunction, CamMotion, Channel, Load, Probe, System
 from flexcam.train.loads import constant_loads
@@ -60,7 +59,7 @@ def build_system(model: Model, speed: float) -> System:
 
 def _damping(structure: Structure) -> Triplets:
     given = structure.model.damping
-    matrix = rayleigh(structure.mass, structure.stiffness, given.alpha, given.beta)
+    matrix = rayleigh_damping(structure.mass, structure.stiffness, given.alpha, given.beta)
     if given.modal == 0.0:
         return matrix
     if structure.dofs.size > _MODAL_LIMIT:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from flexcam.fem import Damping, Member, Mesh, PointMass
 from flexcam.linalg import FloatArray
@@ -181,6 +182,10 @@ class Model:
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     damping: Damping = field(default_factory=Damping)
     probes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("members", "supports", "masses", "springs", "rockers", "cams", "contacts", "loads"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def rocker_at(self, point: str) -> Rocker | None:
         """Return the rocker that defines a point, or None."""

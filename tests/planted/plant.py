@@ -11,7 +11,7 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-COPIED = ("flexcam", "tests", "docs", "meshes", "cases", "README.md", "pyproject.toml")
+COPIED = ("flexcam", "tests", "docs", "meshes", "cases", "examples", "README.md", "pyproject.toml")
 FAULTS = tomllib.loads((ROOT / "tests/planted/faults.toml").read_text(encoding="utf-8"))["fault"]
 
 
@@ -24,8 +24,8 @@ def copy_tree(target: Path) -> None:
             shutil.copy(source, target / name)
 
 
-def suite_fails(tree: Path, tests: list[str]) -> bool:
-    """Run the tests on the tree; True if at least one fails (a suite that cannot even run proves nothing)."""
+def failures(tree: Path, tests: list[str]) -> str:
+    """Run the tests on the tree; return what pytest says if one fails (a suite that cannot even run proves nothing)."""
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
     environment = {**os.environ, "PYTHONPATH": str(tree), "FLEXCAM_VERIFICATION_JSON": str(tree / "verification.json")}
     done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, check=False)
@@ -33,7 +33,7 @@ def suite_fails(tree: Path, tests: list[str]) -> bool:
         sys.stderr.write(done.stdout + done.stderr)
         message = f"pytest ended with {done.returncode} instead of running the tests"
         raise SystemExit(message)
-    return done.returncode == 1
+    return done.stdout if done.returncode == 1 else ""
 
 
 def plant(fault: dict[str, str], tree: Path) -> None:
@@ -50,8 +50,8 @@ def control() -> None:
     with tempfile.TemporaryDirectory() as folder:
         copy_tree(Path(folder))
         everything = sorted({test for fault in FAULTS for test in fault["tests"]})
-        if suite_fails(Path(folder), everything):
-            message = "the suite fails without any fault planted"
+        if said := failures(Path(folder), everything):
+            message = f"{said}\nthe suite fails without any fault planted"
             raise SystemExit(message)
 
 
@@ -63,7 +63,7 @@ def main() -> int:
             tree = Path(folder)
             copy_tree(tree)
             plant(fault, tree)
-            caught = suite_fails(tree, fault["tests"])
+            caught = bool(failures(tree, fault["tests"]))
         sys.stdout.write(f"{'caught' if caught else 'SURVIVED'}: {fault['name']}\n")
         sys.stdout.flush()
         survived += [] if caught else [fault["name"]]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexcam.fem import Material, Member, Section
-from flexcam.fem.damping import rayleigh
+from flexcam.fem.damping import rayleigh_damping
 from flexcam.integrate import Problem, newmark, solve, static_displacement
 from flexcam.modal import modes
 from flexcam.system import ConstantSpeed, Load, Probe, System
@@ -42,7 +42,7 @@ def response(beam, push):
     row = beam.dofs.vector(ELEMENTS // 2, np.array([0, 1.0, 0, 0, 0, 0]))
     system = System(
         beam.mass,
-        rayleigh(beam.mass, beam.stiffness, ALPHA, BETA),
+        rayleigh_damping(beam.mass, beam.stiffness, ALPHA, BETA),
         beam.stiffness,
         beam.dofs.names,
         (Load("q", push, lambda motion: np.ones_like(motion.angle)),),

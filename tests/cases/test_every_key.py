@@ -1,0 +1,67 @@
+"""Every key of the case format stands in a case that runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from flexcam import read_case, run
+from flexcam.case import CaseRecord
+
+ROOT = Path(__file__).parents[2]
+EVERY = ROOT / "tests/data/every-key.toml"
+MESHED = ROOT / "cases/tayeb/model-1-shm.toml"
+
+WAYS = {
+    "as it stands": (EVERY, []),
+    "hht": (EVERY, ['run.integrator={ method = "hht", alpha = -0.1 }']),
+    "generalized-alpha": (EVERY, ['run.integrator={ method = "generalized-alpha", rho_inf = 0.8 }']),
+    "given state": (EVERY, ['run.start={ displacement = { "cam.uy" = "1 um" }, velocity = { "cam.rx" = "1 rad/s" } }']),
+    "other members": (EVERY, ["members.pushrod.section=flat", "members.camshaft.section=own"]),
+    "mesh file": (MESHED, ["run.revolutions=0.1"]),
+}
+
+
+def keys_in(value: object) -> set[tuple[str, str]]:
+    """Return (record, key) of everything that was given."""
+    if isinstance(value, BaseModel):
+        here = {(type(value).__name__, key) for key in value.model_fields_set}
+        return here.union(*(keys_in(getattr(value, key)) for key in value.model_fields_set))
+    inside = value.values() if isinstance(value, dict) else value if isinstance(value, (list, tuple)) else ()
+    return set().union(*(keys_in(one) for one in inside))
+
+
+def all_keys() -> set[tuple[str, str]]:
+    """Return (record, key) of the whole format."""
+    found: set[tuple[str, str]] = set()
+    waiting = [kind for kind in BaseModel.__subclasses__() if kind.__module__ == CaseRecord.__module__]
+    while waiting:
+        kind = waiting.pop()
+        waiting += kind.__subclasses__()
+        if not kind.__name__.startswith(("_", "Part")) and kind.__name__ != "Record":
+            found |= {(kind.__name__, key) for key in kind.model_fields}
+    return found
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_runs(way):
+    path, overrides = WAYS[way]
+    assert run(read_case(path, overrides)).status.ok
+
+
+def test_restart_from_a_result_and_a_step_in_seconds(tmp_path):
+    from flexcam.integrate import solve
+    from flexcam.runner import prepare, result_file
+
+    ready = prepare(read_case(EVERY))
+    sink = result_file(ready, tmp_path)
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
+    text = EVERY.read_text(encoding="utf-8").replace("steps_per_revolution = 720", 'step = "20 us"')
+    text = text.replace('speed = "1000 rpm"', 'crank_speed = "2000 rpm"')
+    (tmp_path / "next.toml").write_text(text, encoding="utf-8")
+    case = read_case(tmp_path / "next.toml", ['run.start={ result = "every-key.vtkhdf" }'])
+    assert run(case).status.ok
+    given = keys_in(case.record).union(*(keys_in(read_case(p, o).record) for p, o in WAYS.values()))
+    assert all_keys() - given == set()
