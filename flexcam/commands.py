@@ -21,7 +21,7 @@ from flexcam.io import made_folder, read_result, write_csv, write_mesh, write_mo
 from flexcam.response import Status
 from flexcam.runner import geometry_of, mode_likeness, prepare, result_file
 from flexcam.runner import modes as case_modes
-from flexcam.train import StrengthSink, build_structure
+from flexcam.train import StrengthSink, build_structure, member_masses
 
 
 @dataclass
@@ -96,6 +96,10 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
             "status": "ok", "title": ready.case.record.title,
             "elements": len(mesh.elements()), "dof": system.size, "nodes": len(mesh.nodes),
             "members": {name: len(line) - 1 for name, line in mesh.lines.items()},
+            "masses": {name: part.body.mass for name, part in ready.model.masses.items()},
+            "springs": {name: spring.stiffness for name, spring in ready.model.springs.items()},
+            "supports": {point: list(held) for point, held in ready.model.supports.items()},
+            "member_masses": member_masses(ready.model),
             "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
             "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
             "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
@@ -162,13 +166,16 @@ def modes(
     count
         How many of the lowest modes.
     mac
-        Another case, whose modes are compared with these (modal assurance criterion).
+        Another case, as it stands in its file, whose modes are compared with these (modal assurance criterion).
     """
     if count < 1:
         raise refuse("--count", count, "a whole number from 1")
     read = _load(case, overrides)
     found = case_modes(read, count, prestress=prestress)
-    likeness = None if mac is None else mode_likeness(read, read_case(mac), count)
+    likeness = None
+    if mac is not None:
+        other = read_case(mac)
+        likeness = mode_likeness(read, found, other, case_modes(other, count, prestress=prestress))
     files: list[Path] = []
     if folder is not None:
         path = made_folder(folder) / f"{read.name}-modes.vtkhdf"

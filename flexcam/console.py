@@ -21,7 +21,7 @@ from flexcam.io import Result
 from flexcam.linalg import FloatArray
 from flexcam.response import Block, Response, Sink, Stats, Status
 from flexcam.runner import Prepared
-from flexcam.train import MemberStrength, ModelModes
+from flexcam.train import MemberStrength, ModelModes, member_masses
 
 COUPLINGS = {
     "published-load": (
@@ -255,7 +255,7 @@ def model_table(ready: Prepared, modes: ModelModes) -> Table:
     lowest = [f"{f:.4g}" for f in modes.modes.frequencies[modes.modes.rigid :][:5]]
     per_revolution = 2.0 * math.pi / (ready.case.speed * problem.step)
     rows = [
-        ("members", ", ".join(f"{name} ({len(line) - 1})" for name, line in model.mesh.lines.items())),
+        ("members", ", ".join(f"{name} {mass:.4g} kg" for name, mass in member_masses(model).items())),
         ("elements", str(len(model.mesh.elements()))),
         ("degrees of freedom", str(problem.system.size)),
         ("masses", ", ".join(f"{name} {part.body.mass:g} kg" for name, part in model.masses.items()) or "none"),
@@ -270,12 +270,22 @@ def model_table(ready: Prepared, modes: ModelModes) -> Table:
             (f"contact {n}", f"{c.cam} lifts {c.follower} along {_vector(c.direction)}")
             for n, c in model.contacts.items()
         ),
+        *_weight(ready),
         ("camshaft speed", f"{rpm(ready.case):g} rpm"),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
         ("free motions", _free_motions(modes)),
         ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
     ]
     return facts(ready.case.record.title or ready.case.name, rows)
+
+
+def _weight(ready: Prepared) -> list[tuple[str, str]]:
+    model = ready.model
+    if not any(model.gravity):
+        return []
+    left_out = [name for name, part in model.masses.items() if model.rocker_at(part.at) is not None]
+    told = f"; not counted, at a rocker's point: {', '.join(left_out)}" if left_out else ""
+    return [("gravity", f"{_vector(np.array(model.gravity))} m/s^2{told}")]
 
 
 def _vector(direction: FloatArray) -> str:

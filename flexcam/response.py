@@ -26,6 +26,7 @@ class Cause(StrEnum):
     NO_CONVERGENCE = "no-convergence"
     SINGULAR = "singular"
     NOT_SAVED = "not-saved"
+    ROUNDING = "rounding"
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,15 @@ class Status:
 
     def __str__(self) -> str:
         return f"{self.cause}: {self.text}" + (f"; {self.remedy}" if self.remedy else "")
+
+
+TOO_FINE = Status(
+    Cause.ROUNDING,
+    "rounding in the stiffness takes too much of the answer: a member is cut into too many elements, or stiffnesses "
+    "lie too far apart for double precision",
+    "use fewer elements (up to some 2000 per span keep four digits)",
+)
+"""How a computation ends whose result would be rounding."""
 
 
 class RunFailedError(FlexcamError, RuntimeError):

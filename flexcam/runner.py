@@ -111,19 +111,31 @@ def _problem(case: Case, model: Model, system: System) -> Problem:
     if steps < 1:
         given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
         raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
-    return Problem(system, drive, step, steps, _start(case, model, system, drive))
+    state, angle = _start(case, model, system, drive)
+    if angle is not None:  # a restart goes on at the result's cam angle, also at another speed
+        offset = angle - case.speed * state.time
+        drive = ConstantSpeed(case.speed, offset if abs(offset) > _SAME_ANGLE else 0.0)
+    return Problem(system, drive, step, steps, state)
 
 
-def _start(case: Case, model: Model, system: System, drive: Drive) -> State:
+_SAME_ANGLE = 1e-9
+"""Difference of cam angle, rad, that is the rounding of speed times time."""
+
+
+def _start(case: Case, model: Model, system: System, drive: Drive) -> tuple[State, float | None]:
+    """Return the start and, for a restart, the cam angle it belongs to."""
     match case.record.run.start:
         case "rest":
-            return rest(system, drive)
+            return rest(system, drive), None
         case "equilibrium":
-            return equilibrium(system, drive)
+            return equilibrium(system, drive), None
         case ResultStartRecord(result=name):
             return _last_state(case, model, system, name)
         case GivenStartRecord(displacement=displacement, velocity=velocity):
-            return State(_given(case, system, displacement, "displacement"), _given(case, system, velocity, "velocity"))
+            moved, moving = (
+                _given(case, system, *one) for one in ((displacement, "displacement"), (velocity, "velocity"))
+            )
+            return State(moved, moving), None
 
 
 def _given(case: Case, system: System, values: Mapping[str, float], kind: str) -> FloatArray:
@@ -136,21 +148,21 @@ def _given(case: Case, system: System, values: Mapping[str, float], kind: str) -
     return row
 
 
-def _last_state(case: Case, model: Model, system: System, name: str) -> State:
-    """Return the last saved state of a result; the run goes on at its time, and so at its cam angle."""
+def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[State, float]:
+    """Return the last saved state of a result and its cam angle."""
     where = case.place(("run", "start"))
     result = read_result(case.path.parent / name)
-    if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(result.response.field_time):
+    response = result.response
+    if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(response.field_time):
         raise refuse(where, name, "a result of the same mesh with at least one saved field")
-    time = float(result.response.field_time[-1])
-    if not system.size:  # the rigid mechanism: only the cam angle is taken over
-        return State(np.zeros(0), np.zeros(0), time)
+    time, angle = float(response.field_time[-1]), float(response.field_angle[-1])
+    if not system.size:  # the rigid mechanism has no state but its angle
+        return State(np.zeros(0), np.zeros(0), time), angle
     free = build_structure(model).dofs.numbers >= 0
-    last = [
-        series[-1].reshape(-1, 6)[free]
-        for series in (result.response.fields.displacement, result.response.fields.velocity)
-    ]
-    return State(last[0], last[1], time)
+    nodal = [series[-1].reshape(-1, 6) for series in (response.fields.displacement, response.fields.velocity)]
+    if any(values[~free].any() for values in nodal):
+        raise refuse(where, name, "a result of the same supports", "it moves where this model is held")
+    return State(nodal[0][free], nodal[1][free], time), angle
 
 
 def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Response:
@@ -224,15 +236,15 @@ def modes(
     return model_modes(build_structure(ready.model), count, loaded=state.displacement)
 
 
-def mode_likeness(case: Case, other: Case, count: int) -> FloatArray:
+def mode_likeness(case: Case, found: ModelModes, other: Case, others: ModelModes) -> FloatArray:
     """Compare the modes of two cases by the modal assurance criterion.
 
     Parameters
     ----------
-    case, other
-        The cases; their translations are compared at the nodes that lie at the same places in both.
-    count
-        How many of the lowest modes of each.
+    case, found
+        A case and its modes.
+    other, others
+        Another case and its modes; translations are compared at the nodes that lie at the same places in both.
 
     Returns
     -------
@@ -245,11 +257,11 @@ def mode_likeness(case: Case, other: Case, count: int) -> FloatArray:
         If no node of the one lies where a node of the other lies.
     """
     shapes: list[dict[tuple[float, ...], FloatArray]] = []
-    for one in (case, other):
+    for one, its in ((case, found), (other, others)):
         structure = build_structure(build_model(one))
-        nodal = structure.dofs.nodal(model_modes(structure, count).modes.shapes.T)
-        places = np.round(structure.model.mesh.nodes, 9)
-        shapes.append({tuple(place): nodal[:, i, :3] for i, place in enumerate(places.tolist())})
+        nodal = structure.dofs.nodal(its.modes.shapes.T)
+        places = np.round(structure.model.mesh.nodes, 9).tolist()
+        shapes.append({tuple(place): nodal[:, i, :3] for i, place in enumerate(places)})
     common = [place for place in shapes[0] if place in shapes[1]]
     if not common:
         raise refuse("--mac", str(other.path), "a model with nodes at the same places", "shapes are compared there")
@@ -312,7 +324,7 @@ def _about(case: Case) -> dict[str, str]:
         "resolved": case.record.model_dump_json(by_alias=True),
         "flexcam": version("flexcam"),
         "python": platform.python_version(),
-        "numpy": version("numpy"),
+        **{package: version(package) for package in ("numpy", "scipy", "h5py", "meshio")},
         "platform": platform.platform(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }

@@ -118,9 +118,14 @@ class CustomRecord(_SectionRecord):
     Iy: Annotated[float, q.Unit("second moment", above=True)]
     Iz: Annotated[float, q.Unit("second moment", above=True)]
     J: Annotated[float, q.Unit("second moment", above=True)]  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]
-    fibre_y: q.Length | None = Field(None, description="extreme fibre along local y, for stresses")
-    fibre_z: q.Length | None = Field(None, description="extreme fibre along local z, for stresses")
-    torsion_arm: q.Length | None = Field(None, description="c of the torsional shear stress T c/J")
+    fibre_y: q.Length | None = Field(
+        None,
+        description="extreme fibre along local y; twice the radius of gyration by default, too small for open profiles",
+    )
+    fibre_z: q.Length | None = Field(None, description="extreme fibre along local z; as fibre_y")
+    torsion_arm: q.Length | None = Field(
+        None, description="c of the torsional shear stress T c/J; twice the smaller fibre distance by default"
+    )
 
     def bare(self) -> Section:
         """Return the section with the defaults of its shape."""
@@ -364,7 +369,9 @@ class RunRecord(Record):
         description="at rest as installed, in static equilibrium, or from a given state",
         union_mode="left_to_right",
     )
-    gravity: Gravity = Field((0.0, 0.0, 0.0), description="acceleration, global axes")
+    gravity: Gravity = Field(
+        (0.0, 0.0, 0.0), description="acceleration, global axes; masses at a rocker's point are left out"
+    )
     integrator: IntegratorRecord = Field(default_factory=NewmarkRecord)
     damping: DampingRecord = Field(default_factory=lambda: DampingRecord.model_validate({}))
 

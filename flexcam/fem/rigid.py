@@ -53,9 +53,10 @@ def free_motions(mesh: Mesh, dofs: DofMap, springs: Sequence[FloatArray]) -> Flo
     rows = np.concatenate([held, *(row[None, :] @ free for row in springs)])
     size = np.abs(rows).max(axis=1, initial=0.0)
     rows = rows[size > 0.0] / size[size > 0.0, None]
-    # The small normal matrix has the same null space; its eigenvalues are squares of the singular values.
-    values, vectors = np.linalg.eigh(rows.T @ rows)
-    return free @ vectors[:, values <= _HELD * max(1.0, float(values.max(initial=0.0)))]
+    small = np.linalg.qr(rows, mode="r")  # the same null space in few rows
+    _, values, vectors = np.linalg.svd(small)
+    rank = int(np.count_nonzero(values > _HELD * max(1.0, float(values.max(initial=0.0)))))
+    return free @ vectors[rank:].T
 
 
 def _used(mesh: Mesh) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

@@ -41,8 +41,8 @@ class Section:
     kappa_y, kappa_z
         Shear factors for forces along local y and z; used by members that ask for shear deformation.
     fibre_y, fibre_z
-        Distance of the extreme fibre from the axis along local y and z, m; where zero, that of the rectangle with the
-        same area and second moments.
+        Distance of the extreme fibre from the axis along local y and z, m; where zero, twice the radius of gyration,
+        which is that of a solid circle and on the safe side for solid sections, not for open profiles.
     torsion_arm
         Length c with which the largest torsional shear stress is T c/J, m; where zero, twice the smaller fibre
         distance, which is on the safe side for compact sections.
@@ -79,8 +79,8 @@ class Section:
             positive(name, getattr(self, name), unit)
         for name in ("fibre_y", "fibre_z", "torsion_arm", "radius"):
             positive(name, getattr(self, name), "m", zero=True)
-        fibre_y = self.fibre_y or math.sqrt(3.0 * self.Iz / self.A)
-        fibre_z = self.fibre_z or math.sqrt(3.0 * self.Iy / self.A)
+        fibre_y = self.fibre_y or 2.0 * math.sqrt(self.Iz / self.A)
+        fibre_z = self.fibre_z or 2.0 * math.sqrt(self.Iy / self.A)
         object.__setattr__(self, "fibre_y", fibre_y)
         object.__setattr__(self, "fibre_z", fibre_z)
         object.__setattr__(self, "torsion_arm", self.torsion_arm or 2.0 * min(fibre_y, fibre_z))

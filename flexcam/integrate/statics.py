@@ -8,8 +8,17 @@ import numpy as np
 
 from flexcam.integrate.local import Compliance, LocalForces, NoConvergenceError, settle
 from flexcam.integrate.problem import State
-from flexcam.linalg import FloatArray, Triplets, diagonal_scale, factorize, null_space, pins
-from flexcam.response import Cause, RunFailedError, Status
+from flexcam.linalg import (
+    TOO_MUCH,
+    FloatArray,
+    Triplets,
+    diagonal_scale,
+    energy_rounding,
+    factorize,
+    null_space,
+    pins,
+)
+from flexcam.response import TOO_FINE, Cause, RunFailedError, Status
 from flexcam.system import Drive, Load, System
 
 _UNLOADED = 1e-9
@@ -45,7 +54,8 @@ def static_displacement(
     Raises
     ------
     RunFailedError
-        If the load drives a motion that nothing resists; the message names the components that move.
+        If the load drives a motion that nothing resists (the message names the components that move), or rounding in
+        the stiffness spoils the answer.
 
     Examples
     --------
@@ -55,7 +65,7 @@ def static_displacement(
     """
     free = null_space(stiffness) if free is None else free
     if not free.shape[1]:
-        return factorize(stiffness).solve(load)
+        return _trusted(stiffness, load, factorize(stiffness).solve(load))
     # Weighed with the diagonal of the stiffness, translations and rotations compare whatever their units.
     scale = diagonal_scale(stiffness)
     motions = np.linalg.qr(free / scale[:, None])[0]
@@ -63,8 +73,18 @@ def static_displacement(
     # As the load does no work on the free motions, holding one unknown of each changes nothing but their share.
     kept = np.setdiff1d(np.arange(stiffness.size), pins(motions))
     x = np.zeros(stiffness.size)
-    x[kept] = factorize(stiffness.part(kept)).solve(load[kept]) / scale[kept]
-    return scale * (x - motions @ (motions.T @ x))
+    x[kept] = factorize(stiffness.part(kept)).solve(load[kept])
+    # Plain least squares of the components: no axis of space is favoured.
+    drift = np.linalg.qr(free)[0]
+    return _trusted(stiffness, load, x) - drift @ (drift.T @ x)
+
+
+def _trusted(stiffness: Triplets, load: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the answer if rounding in the stiffness has left it standing."""
+    lost = float(energy_rounding(stiffness, x[:, None])[0])
+    if lost > TOO_MUCH * abs(float(x @ load)):
+        raise RunFailedError(TOO_FINE)
+    return x
 
 
 def _refuse_mechanism(motions: FloatArray, load: FloatArray, names: Sequence[str]) -> None:

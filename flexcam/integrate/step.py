@@ -234,7 +234,22 @@ def static_acceleration(mass: Triplets, light: FloatArray, right: FloatArray) ->
 
 
 def _massless(system: System) -> FloatArray:
-    """Return the motions without mass as columns; above the dense limit only single unknowns are looked for."""
+    """Return the motions without mass as columns.
+
+    Above the dense limit they are sought within the unknowns that mass couples: a massive member is one such group,
+    and regular; a body on an arm at a node is a small one.
+    """
     if system.size <= 2 * DENSE_LIMIT:
         return null_space(system.mass)
-    return np.eye(system.size)[:, system.mass.diagonal() <= 0.0]
+    from scipy.sparse.csgraph import connected_components
+
+    light = [np.eye(system.size)[:, system.mass.diagonal() <= 0.0]]
+    labels = connected_components(system.mass.csr(), directed=False)[1]
+    sizes = np.bincount(labels)
+    for label in np.flatnonzero((sizes > 1) & (sizes <= DENSE_LIMIT)).tolist():
+        group = np.flatnonzero(labels == label)
+        within = null_space(system.mass.part(group))
+        spread = np.zeros((system.size, within.shape[1]))
+        spread[group] = within
+        light.append(spread)
+    return np.hstack(light)

@@ -6,16 +6,19 @@ Another matrix form or solver goes here, behind `factorize`.
 
 from flexcam.linalg.factor import DENSE_LIMIT, Factor, SingularMatrixError, diagonal_scale, factorize, operator
 from flexcam.linalg.nullspace import null_space, pins
+from flexcam.linalg.rounding import TOO_MUCH, energy_rounding
 from flexcam.linalg.triplets import FloatArray, IntArray, Triplets
 
 __all__ = [
     "DENSE_LIMIT",
+    "TOO_MUCH",
     "Factor",
     "FloatArray",
     "IntArray",
     "SingularMatrixError",
     "Triplets",
     "diagonal_scale",
+    "energy_rounding",
     "factorize",
     "null_space",
     "operator",

@@ -12,12 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexcam.linalg import DENSE_LIMIT, FloatArray, Triplets, diagonal_scale, null_space
-from flexcam.modal.lanczos import BUCKLED, lanczos
-from flexcam.response import Cause, RunFailedError, Status
-
-_LOST = 1e-6
-"""Relative error of an eigenvalue above which a mode is left out rather than shown wrong."""
+from flexcam.linalg import (
+    DENSE_LIMIT,
+    TOO_MUCH,
+    FloatArray,
+    Triplets,
+    diagonal_scale,
+    energy_rounding,
+    null_space,
+)
+from flexcam.modal.lanczos import BUCKLED, LOST, lanczos
+from flexcam.response import TOO_FINE, Cause, RunFailedError, Status
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +80,8 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
     Raises
     ------
     RunFailedError
-        If a free motion has no mass, the stiffness is not positive (a load beyond buckling), or the search for the
-        modes of a large model does not converge.
+        If a free motion has no mass, the stiffness is not positive (a load beyond buckling), rounding in it spoils a
+        mode, or the search for the modes of a large model does not converge.
 
     Examples
     --------
@@ -87,8 +92,11 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
     rigid = _mass_orthonormal(null_space(stiffness) if free is None else free, mass)
     solver = _dense if mass.size <= 2 * DENSE_LIMIT else lanczos
     squares, shapes, lost = solver(mass, stiffness, rigid, count)
+    shapes = _orthonormalized(shapes, rigid, mass)
+    if (energy_rounding(stiffness, shapes) > TOO_MUCH * squares).any():
+        raise RunFailedError(TOO_FINE)
     omegas = np.concatenate([np.zeros(rigid.shape[1]), np.sqrt(squares)])
-    shapes = np.concatenate([rigid, _orthonormalized(shapes, rigid, mass)], axis=1)
+    shapes = np.concatenate([rigid, shapes], axis=1)
     wanted = len(omegas) if count is None else min(count, len(omegas))
     return Modes(omegas[:wanted], _signed(shapes[:, :wanted]), min(rigid.shape[1], wanted), lost)
 
@@ -120,7 +128,7 @@ def _dense(
     """Take each mode from the side that keeps its digits: low ones from ``K^-1 M``, high ones from ``M^-1 K``."""
     M, K = mass.dense(), stiffness.dense()
     squares, shapes, errors = _by_stiffness(M, K, diagonal_scale(stiffness), rigid)
-    if (errors > _LOST).any() and (high := _by_mass(M, K, diagonal_scale(mass))) is not None:
+    if (errors > LOST).any() and (high := _by_mass(M, K, diagonal_scale(mass))) is not None:
         high = tuple(values[..., rigid.shape[1] :] for values in high)
         switch = _switch(squares, errors, high[2])
         squares, shapes, errors = (
@@ -128,7 +136,7 @@ def _dense(
             for a, b in zip((squares, shapes, errors), high, strict=True)
         )
     wanted = len(squares) if count is None else max(count - rigid.shape[1], 0)
-    good = int(np.argmax(np.append(errors > _LOST, True)))
+    good = int(np.argmax(np.append(errors > LOST, True)))
     shown = min(good, wanted)
     massive = np.count_nonzero(mass.diagonal() > 0.0) - rigid.shape[1]
     return squares[:shown], shapes[:, :shown], max(min(massive, wanted) - good, 0)

@@ -9,7 +9,7 @@ from flexcam.train.loads import element_loads
 from flexcam.train.model import Cam, GivenLoad, MassAt, Model, PublishedLoad, Rocker, Spring
 from flexcam.train.modes import ModelModes, model_modes
 from flexcam.train.strength import MemberStrength, StrengthSink
-from flexcam.train.structure import Structure, build_structure
+from flexcam.train.structure import Structure, build_structure, member_masses
 
 __all__ = [
     "Cam",
@@ -27,5 +27,6 @@ __all__ = [
     "build_structure",
     "build_system",
     "element_loads",
+    "member_masses",
     "model_modes",
 ]

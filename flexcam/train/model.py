@@ -28,7 +28,7 @@ class Spring:
     at
         A named node, or the point a rocker defines.
     direction
-        Weights of the six components, shape (6,), global axes; without meaning at a rocker's point.
+        Weights of the six components, shape (6,), global axes; at a rocker's point its share along the rocker's.
     stiffness, damping
         N/m and N s/m, or N m/rad and N m s/rad for a rotation.
     to

@@ -50,9 +50,10 @@ class Structure:
         Parameters
         ----------
         point
-            A named node, or the point of a rocker (which moves along the rocker's direction whatever is given).
+            A named node, or the point of a rocker.
         direction
-            Shape (6,), global axes.
+            Shape (6,), global axes. A rocker's point moves along the rocker's direction only: the given one counts with
+            its share of that; zeros stand for the rocker's own.
         where
             The place, for the message.
 
@@ -68,12 +69,13 @@ class Structure:
         """
         rocker = self.model.rocker_at(point)
         if rocker is not None:
-            if direction.any() and abs(float(direction @ rocker.direction)) < _ACROSS:
+            along = float(direction @ rocker.direction) if direction.any() else 1.0
+            if abs(along) < _ACROSS:
                 allowed = f"a direction along {[round(float(x), 6) for x in rocker.direction[:3]]}"
                 raise refuse(
                     where, "a direction across the motion of a rocker's point", allowed, "it moves only along it"
                 )
-            return rocker.ratio * self.row(rocker.start, rocker.direction)
+            return along * rocker.ratio * self.row(rocker.start, rocker.direction)
         return self.dofs.vector(find_node(self.model, point, where), direction)
 
 
@@ -172,3 +174,20 @@ def _mass(structure: Structure, name: str, part: MassAt) -> Triplets:
             )
         return along(structure.row(part.at, np.zeros(6)), part.body.mass)
     return mass_at(find_node(structure.model, part.at, f"masses.{name}.at"), part.body, structure.dofs)
+
+
+def member_masses(model: Model) -> dict[str, float]:
+    """Return the mass of every member.
+
+    Parameters
+    ----------
+    model
+        The model.
+
+    Returns
+    -------
+    dict
+        Member name to rho A L, kg.
+    """
+    beams = fem.beams(model.mesh, model.members)
+    return {n: float((beams.rho_A * beams.length)[part].sum()) for n, part in model.mesh.element_ranges().items()}

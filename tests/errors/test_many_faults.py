@@ -40,6 +40,57 @@ MANY = {
     "exclusive keys beside units": (
         [("[run]", '[run]\ncrank_speed = "6000 rpm"'), ('lift = "6 mm"', 'lift = "6 kg"')], ["run", "cams.intake.lift"],
     ),
+    "units everywhere": (
+        [('"207 GPa"', '"207 kg"'), ('"25 mm"', '"25 s"'), ('"0.10 kg"', '"0.10 N"'), ('"3000 rpm"', '"3000 Hz"'), ('"6 mm"', '"6 deg"')],
+        ["materials.steel.E", "sections.shaft.diameter", "masses.follower.mass", "run.speed", "cams.intake.lift"],
+    ),
+    "signs": (
+        [('"25 mm"', '"-25 mm"'), ('"0.15 kg"', '"-0.15 kg"'), ('"40 kN/m"', '"-40 kN/m"'), ('lift = "6 mm"', 'lift = "-6 mm"')],
+        ["sections.shaft.diameter", "masses.lobe.mass", "springs.valve.stiffness", "cams.intake.lift"],
+    ),
+    "zeros": (
+        [('diameter = "25 mm"', "diameter = 0"), ('"3000 rpm"', "0"), ('rise = "180 deg"', "rise = 0"), ("revolutions = 1", "revolutions = 0")],
+        ["sections.shaft.diameter", "run.speed", "cams.intake.rise", "run.revolutions"],
+    ),
+    "not finite": (
+        [("nu = 0.29", "nu = nan"), ('lift = "6 mm"', "lift = inf"), ('"40 kN/m"', "-inf")],
+        ["materials.steel.nu", "cams.intake.lift", "springs.valve.stiffness"],
+    ),
+    "names that lead nowhere": (
+        [('material = "steel"', 'material = "stee"'), ('section = "tube"', 'section = "tub"'), ('lobe = { at = "cam"', 'lobe = { at = "cem"'),
+         ('follower = "tappet"', 'follower = "tapet"'), ('probes = ["valve"', 'probes = ["valv"'), ('law = "shm"', 'law = "shn"')],
+        ["members.camshaft.material", "members.pushrod.section", "masses.lobe.at", "contacts.intake.follower", "output.probes", "cams.intake.law"],
+    ),
+    "keys that are lacking": (
+        [('E = "207 GPa"\n', ""), ('lift = "6 mm"\n', ""), ('law = "shm"\n', ""), ('arms = ["25 mm", "40 mm"]\n', "")],
+        ["materials.steel.E", "cams.intake.lift", "cams.intake.law", "rockers.rocker.arms"],
+    ),
+    "types of values": (
+        [("nu = 0.29", "nu = [1]"), ('title = "Nodes in the file"', "title = 3"), ("field_every = 20", 'field_every = "x"'), ('lift = "6 mm"', "lift = {}")],
+        ["materials.steel.nu", "title", "output.field_every", "cams.intake.lift"],
+    ),
+    "variants": (
+        [('shape = "circle"', 'shape = "disc"'), ('"newmark"', '"newmarc"'), ('start = "rest"', 'start = "rested"'), ('"published-load"', '"publish"')],
+        ["sections.shaft", "run.integrator", "run.start", "contacts.intake.model"],
+    ),
+    "rows of the wrong length": (
+        [('rear = ["180 mm", "0 mm", "0 mm"]', 'rear = ["180 mm"]'), ('arms = ["25 mm", "40 mm"]', 'arms = ["25 mm"]'), ('["tappet", "pushrod-top"]', '["tappet"]')],
+        ["nodes.rear", "rockers.rocker.arms", "members.pushrod.nodes"],
+    ),
+    "supports": (
+        [('front = ["uy", "uz"]', 'frunt = ["uy", "uzz"]'), ('tappet = ["ux", "uz", "ry"]', 'tappet = ["xx", "uz", "ry"]')],
+        ["supports.frunt", "supports.tappet"],
+    ),
+    "directions": (
+        [('direction = "uy"', 'direction = "up"'), ('model = "published-load"', 'model = "published-load"\ndirection = [0, 0, 0]')],
+        ["springs.valve.direction", "contacts.intake.direction"],
+    ),
+    "two ways at once": (
+        [("[run]", '[run]\ncrank_speed = "6000 rpm"\nstep = "20 us"'), ("[nodes]", 'mesh = "x.msh"\n[nodes]')], ["run", "case file"],
+    ),
+    "points of rockers": (
+        [('to = "valve"', 'to = "cam"'), ('from = "pushrod-top"', 'from = "pushrodtop"')], ["rockers.rocker.to", "rockers.rocker.from"],
+    ),
 }  # fmt: skip
 
 

@@ -12,11 +12,20 @@ import sys
 import numpy as np
 import pytest
 
-from flexcam.fem import COMPONENTS, Member, PointMass, Section, beams, dof_map, free_motions, geometric
+from flexcam.fem import (
+    COMPONENTS,
+    Member,
+    PointMass,
+    Section,
+    beams,
+    dof_map,
+    free_motions,
+    geometric,
+    mass_at,
+    stiffness,
+)
 from flexcam.fem import mass as mass_of
-from flexcam.fem import mass_at, stiffness
 from flexcam.fem.generate import chain
-from flexcam.linalg import Triplets
 from flexcam.modal import modes
 from flexcam.response import RunFailedError
 
@@ -55,23 +64,23 @@ def theory(steel, count):
     return (n * math.pi / LENGTH) ** 2 * math.sqrt(steel.E * ROUND.Iz / (steel.density * ROUND.A))
 
 
-@pytest.mark.parametrize("parts", [60, 120], ids=["360 unknowns", "720 unknowns"])
+@pytest.mark.parametrize("parts", [60, 102], ids=["360 unknowns", "612 unknowns"])
 def test_hinged_shaft(steel, path, parts):
-    """Eight modes in pairs; eps n^4 is 4e-8 at most, the elements' own error (n pi/parts)^4/1440 is 1e-9."""
+    """Eight modes in pairs; eps n^4 is 3e-8 at most, the elements' own error (4 pi/60)^4/1440 is 1.3e-6."""
     shaft = Shaft(steel, parts, HINGED)
     omegas = modes(shaft.M, shaft.K, 8, free=shaft.free).omegas
-    assert np.allclose(omegas, np.repeat(theory(steel, 4), 2), rtol=1e-6, atol=0.0)
+    assert np.allclose(omegas, np.repeat(theory(steel, 4), 2), rtol=2e-6, atol=0.0)
 
 
-@pytest.mark.parametrize("parts", [60, 120], ids=["360 unknowns", "720 unknowns"])
+@pytest.mark.parametrize("parts", [60, 102], ids=["360 unknowns", "612 unknowns"])
 def test_pairs_stay_equal(steel, path, parts):
-    """Bending of a round shaft in two planes: one frequency up to the rounding of K, eps n^4 = 4e-8."""
+    """Bending of a round shaft in two planes: one frequency up to the rounding of K, eps n^4 = 3e-8."""
     shaft = Shaft(steel, parts, HINGED)
     pairs = modes(shaft.M, shaft.K, 8, free=shaft.free).omegas.reshape(4, 2)
     assert np.ptp(pairs, axis=1).max() <= 1e-7 * pairs.min()
 
 
-@pytest.mark.parametrize("parts", [40, 120])
+@pytest.mark.parametrize("parts", [40, 102])
 def test_free_shaft(steel, path, parts):
     """Six zeros, and shapes orthonormal to 1e-10; first bending pair (4.730040745)^2 sqrt(EI/rho A)/L^2."""
     shaft = Shaft(steel, parts, [])
@@ -86,8 +95,8 @@ def test_free_shaft(steel, path, parts):
 
 @pytest.mark.parametrize("count", [2, 6, None])
 def test_extreme_mass_ratio(steel, path, count):
-    """A tip mass 1e12 times the shaft's: sqrt(3EI/L^3/m), rounding of K eps n^4 = 4e-8."""
-    shaft = Shaft(steel, 120, FIXED)
+    """A tip mass 1e12 times the shaft's: sqrt(3EI/L^3/m), rounding of K eps n^4 = 3e-8."""
+    shaft = Shaft(steel, 102, FIXED)
     heavy = 1e12 * steel.density * ROUND.A * LENGTH
     found = modes(shaft.M + shaft.tip(heavy), shaft.K, count, free=shaft.free)
     first = math.sqrt(3.0 * steel.E * ROUND.Iz / LENGTH**3 / heavy)
@@ -95,16 +104,16 @@ def test_extreme_mass_ratio(steel, path, count):
 
 
 @pytest.mark.parametrize("count", [2, 3])
-@pytest.mark.parametrize("parts", [40, 120])
+@pytest.mark.parametrize("parts", [40, 102])
 def test_massless_members(steel, path, parts, count):
     """Only a tip mass: bending twice, sqrt(3EI/L^3/m), then axial, sqrt(EA/L/m)."""
     shaft = Shaft(steel, parts, FIXED)
     found = modes(shaft.tip(2.0), shaft.K, count, free=shaft.free)
     bending, axial = math.sqrt(3.0 * steel.E * ROUND.Iz / LENGTH**3 / 2.0), math.sqrt(steel.E * ROUND.A / LENGTH / 2.0)
-    assert found.omegas == pytest.approx([bending, bending, axial][:count], rel=1e-6)  # eps n^4 = 4e-8
+    assert found.omegas == pytest.approx([bending, bending, axial][:count], rel=1e-6)  # eps n^4 = 3e-8
 
 
-@pytest.mark.parametrize("parts", [40, 120])
+@pytest.mark.parametrize("parts", [40, 102])
 def test_massless_members_have_no_modes_of_their_own(steel, path, parts):
     """Three masses, three modes, however many are asked for: none is made up from unknowns without mass."""
     shaft = Shaft(steel, parts, FIXED)
@@ -116,24 +125,24 @@ def critical(steel):
     return math.pi**2 * steel.E * ROUND.Iz / LENGTH**2
 
 
-@pytest.mark.parametrize("parts", [40, 120])
+@pytest.mark.parametrize("parts", [40, 102])
 def test_beyond_buckling_is_refused(steel, path, parts):
     shaft = Shaft(steel, parts, HINGED)
     with pytest.raises(RunFailedError, match="buckling"):
         modes(shaft.M, shaft.axial(-1.01 * critical(steel)), 6, free=shaft.free)
 
 
-@pytest.mark.parametrize("parts", [40, 120])
+@pytest.mark.parametrize("parts", [40, 102])
 @pytest.mark.parametrize("share", [0.5, 0.99])
 def test_below_buckling(steel, path, parts, share):
-    """omega sqrt(1 - P/P_cr); the elements' error (pi/40)^4/720 = 5e-8 of P_cr is 5e-6 of 1 - 0.99, rounding as much."""
+    """Omega sqrt(1 - P/P_cr); the elements' error (pi/40)^4/720 = 5e-8 of P_cr is 5e-6 of 1 - 0.99."""
     shaft = Shaft(steel, parts, HINGED)
     found = modes(shaft.M, shaft.axial(-share * critical(steel)), 2, free=shaft.free).omegas
     assert found == pytest.approx([theory(steel, 1)[0] * math.sqrt(1.0 - share)] * 2, rel=2e-5)
 
 
 def test_a_thousand_elements(steel):
-    """Plane bending, ten modes. Rounding of K: eps (n/k)^4 with n = 1000, 2e-4 for the lowest mode and 2e-8 for the tenth.
+    """Plane bending, ten modes. Rounding of K: eps (n/k)^4, n = 1000, is 2e-4 for the lowest and 2e-8 for the tenth.
 
     Half of it is in omega; the elements' own error (10 pi/1000)^4/1440 is 1e-9.
     """
@@ -143,10 +152,3 @@ def test_a_thousand_elements(steel):
     found, exact = modes(shaft.M, shaft.K, 10, free=shaft.free).omegas, theory(steel, 10)
     allowed = 1e-4 / np.arange(1, 11) ** 4 + 1e-8
     assert (np.abs(found / exact - 1.0) <= allowed).all(), found / exact - 1.0
-
-
-def test_two_masses_without_beams(path):
-    """k = 4 and 9 N/m, 1 kg each, among unknowns without mass: 2 and 3 rad/s."""
-    K = Triplets.from_dense(np.diag([4.0, 9.0, 1.0, 1.0, 5.0]))
-    M = Triplets.from_dense(np.diag([1.0, 1.0, 0.0, 0.0, 0.0]))
-    assert modes(M, K, 2).omegas == pytest.approx([2.0, 3.0], rel=1e-12)  # a few operations

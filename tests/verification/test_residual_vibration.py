@@ -32,12 +32,15 @@ DIGITS = {
     2.0: {"shm": 0.066667, "parabolic": 0.0, "cycloidal": 0.0},
 }
 RISE = 1.0
-EVENTS = {law: LiftEvent(LAWS[law], 1.0, rise=RISE, dwell=3.0, fall=1.0) for law in LAWS}
+THREE = ("cycloidal", "parabolic", "shm")
+"""Those with a closed form here."""
+
+EVENTS = {law: LiftEvent(LAWS[law], 1.0, rise=RISE, dwell=3.0, fall=1.0) for law in THREE}
 LAMBDAS = (0.5, 1.0, 1.5, 2.0, 3.3)
 
 
 @pytest.mark.parametrize("ratio", sorted(DIGITS))
-@pytest.mark.parametrize("law", sorted(LAWS))
+@pytest.mark.parametrize("law", THREE)
 def test_formula_gives_the_digits(law, ratio):
     assert FORMS[law](ratio) == pytest.approx(DIGITS[ratio][law], abs=5.1e-7)
 
@@ -59,7 +62,7 @@ def oscillator(system_of, law, ratio, per_rise):
 
 
 @pytest.mark.parametrize("ratio", LAMBDAS)
-@pytest.mark.parametrize("law", sorted(LAWS))
+@pytest.mark.parametrize("law", THREE)
 def test_oscillator(record, system_of, law, ratio):
     record(
         source=SOURCE, case=f"one unknown, {law}", quantity=f"residual amplitude / lift, lambda = {ratio:g}", unit="1",
@@ -69,7 +72,7 @@ def test_oscillator(record, system_of, law, ratio):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("law", sorted(LAWS))
+@pytest.mark.parametrize("law", THREE)
 def test_oscillator_order(record, system_of, fitted_order, law):
     counts = np.array([50, 100, 200, 400])
     errors = [abs(oscillator(system_of, law, 1.2, n) - FORMS[law](1.2)) for n in counts]
@@ -80,7 +83,7 @@ def test_oscillator_order(record, system_of, fitted_order, law):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("law", sorted(LAWS))
+@pytest.mark.parametrize("law", THREE)
 def test_relative_motion_with_analytic_acceleration(record, system_of, fitted_order, law):
     """Prescribed base: u = y - s under -s'' from the law; y'' = u'' + s'' converges at order 2 as u'' does."""
     w, event = 2 * math.pi * 1.2, EVENTS[law]
@@ -102,7 +105,7 @@ def test_relative_motion_with_analytic_acceleration(record, system_of, fitted_or
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.5, 2.0])
-@pytest.mark.parametrize("law", sorted(LAWS))
+@pytest.mark.parametrize("law", THREE)
 def test_beam_model(record, published, law, ratio):
     """Model 3 of Tayeb and Sliman, slow enough to be one oscillator: rise 90 deg, then a dwell."""
     event = LiftEvent(LAWS[law], lift=0.006, rise=math.pi / 2, dwell=math.pi, fall=math.pi / 2)

@@ -1,0 +1,76 @@
+"""Meshes made and written by Gmsh itself: formats 2.2 and 4.1, text and binary."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexcam import InputError, read_mesh
+
+try:
+    gmsh = pytest.importorskip("gmsh", reason="GMSH WAS NOT TRIED: pip install gmsh")
+except OSError as lacking:
+    pytest.skip(f"GMSH WAS NOT TRIED: {lacking}; apt-get install libglu1-mesa", allow_module_level=True)
+
+CORNERS = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (0.3, 0.4, 0.1), (1.0, 1.0, 1.0), (1.0, 1.0, 0.5)]
+FORMATS = [("2.2", 0), ("2.2", 1), ("4.1", 0), ("4.1", 1)]
+
+
+@pytest.fixture
+def model():
+    """Draw a bent member of 3 + 2 elements, its pieces of unlike sense, a straight one of 4, three points."""
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    geo = gmsh.model.geo
+    points = [geo.addPoint(*corner) for corner in CORNERS]
+    curves = [geo.addLine(points[a], points[b]) for a, b in ((0, 1), (2, 1), (3, 4))]
+    for curve, parts in zip(curves, (3, 2, 4), strict=True):
+        geo.mesh.setTransfiniteCurve(curve, parts + 1)
+    geo.synchronize()
+    gmsh.model.addPhysicalGroup(1, curves[:2], name="bent rod")
+    gmsh.model.addPhysicalGroup(1, curves[2:], name="shaft")
+    gmsh.model.addPhysicalGroup(0, [points[0]], name="foot")
+    gmsh.model.addPhysicalGroup(0, [points[2], points[4]], name="ends")
+    gmsh.model.addPhysicalGroup(0, [points[3]], name="shaft")  # names of members and of points are two tables
+    yield gmsh
+    gmsh.finalize()
+
+
+def written(gmsh, path, version, binary):
+    gmsh.model.mesh.generate(1)
+    gmsh.option.setNumber("Mesh.MshFileVersion", float(version))
+    gmsh.option.setNumber("Mesh.Binary", binary)
+    gmsh.write(str(path))
+    return path
+
+
+def along(*corners):
+    """Return equal parts between corners given as (corner, parts, ...)."""
+    ends, parts = np.array(CORNERS)[list(corners[::2])], corners[1::2]
+    pieces = [a + (b - a) * np.arange(n)[:, None] / n for a, b, n in zip(ends[:-1], ends[1:], parts, strict=True)]
+    return np.concatenate([*pieces, ends[-1:]])
+
+
+@pytest.mark.parametrize(("version", "binary"), FORMATS)
+def test_groups_order_and_places(model, tmp_path, version, binary):
+    """Equal parts as Gmsh rounds them; a chain may run from either end."""
+    mesh = read_mesh(written(model, tmp_path / "bent.msh", version, binary))
+    assert set(mesh.lines) == {"bent rod", "shaft"}
+    assert set(mesh.points) == {"foot", "ends", "shaft"}
+    for name, expected in (("bent rod", along(0, 3, 1, 2, 2)), ("shaft", along(3, 4, 4))):
+        places = mesh.nodes[mesh.lines[name]]
+        forward = places if np.allclose(places[0], expected[0]) else places[::-1]
+        assert forward == pytest.approx(expected, abs=1e-10)  # Gmsh places nodes by an integral along the curve
+    assert mesh.nodes[mesh.node("foot")].tolist() == list(CORNERS[0])
+    assert sorted(mesh.nodes[mesh.points["ends"]].tolist()) == sorted(map(list, (CORNERS[2], CORNERS[4])))
+
+
+@pytest.mark.parametrize(("version", "binary"), FORMATS)
+def test_a_group_without_a_name_is_refused(model, tmp_path, version, binary):
+    a, b = model.model.geo.addPoint(5, 0, 0), model.model.geo.addPoint(6, 0, 0)
+    line = model.model.geo.addLine(a, b)
+    model.model.geo.synchronize()
+    model.model.addPhysicalGroup(1, [line], tag=77)
+    with pytest.raises(InputError) as refusal:
+        read_mesh(written(model, tmp_path / "bent.msh", version, binary))
+    assert "named line groups" in str(refusal.value)

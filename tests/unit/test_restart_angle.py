@@ -1,0 +1,41 @@
+"""A restart goes on at the cam angle of the result, whatever the new speed."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import InputError, read_case, run
+from flexcam.integrate import solve
+from flexcam.runner import prepare, result_file
+
+INLINE = Path(__file__).parents[1] / "data/inline.toml"
+
+
+@pytest.fixture
+def stopped(tmp_path):
+    """A result that ends at 450 deg, and a copy of its case beside it."""
+    ready = prepare(read_case(INLINE, ["run.revolutions=1.25"]))
+    sink = result_file(ready, tmp_path)
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
+    shutil.copy(INLINE, tmp_path / "next.toml")
+    return tmp_path / "next.toml"
+
+
+RESTART = ['run.start={ result = "inline.vtkhdf" }', "run.revolutions=0.25"]
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+@pytest.mark.parametrize("rpm", [3000, 6000, 1234])
+def test_angle_goes_on(stopped, rpm, rigid):
+    response = run(read_case(stopped, [*RESTART, f"run.speed={rpm}rpm"]), rigid=rigid)
+    degrees = np.degrees(response.angle[[0, -1]])
+    assert degrees == pytest.approx([450.0, 540.0], abs=1e-6)  # of the step count: a quarter turn in whole steps
+
+
+def test_other_supports_are_refused(stopped):
+    with pytest.raises(InputError, match="same supports"):
+        run(read_case(stopped, [*RESTART, 'supports.cam=["uy"]']))

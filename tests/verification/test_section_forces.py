@@ -1,0 +1,234 @@
+"""Section forces against statics, stresses against the books, at the places a designer reads them.
+
+Sources: statics of the part beyond the cut; S. P. Timoshenko, J. N. Goodier, Theory of Elasticity, 3rd ed., sec. 109
+(torsion of rectangles); J. E. Shigley, Mechanical Engineering Design, 9th ed., eq. 6-46 (Goodman).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from flexcam.fem import COMPONENTS, Material, Member, PointMass, Section, beams, dof_map, stiffness
+from flexcam.fem.generate import chain
+from flexcam.fem.loads import element_weight, gathered, spread_force
+from flexcam.fem.recovery import FORCES, fibres, section_forces
+from flexcam.integrate import Problem, newmark, solve, static_displacement
+from flexcam.response import Block, SaveAt, Series
+from flexcam.system import ConstantSpeed
+from flexcam.train import Model, StrengthSink, build_structure, build_system
+from flexcam.train.model import GivenLoad, MassAt
+
+STATICS = "Statics of the part beyond a cut"
+UNEQUAL = Section(A=4e-4, Iy=2e-8, Iz=7e-9, J=1e-8)
+LENGTH = 0.8
+AXES = {"along z": np.array([0.0, 0.0, 1.0]), "skew": np.array([2.0, -1.0, 2.0]) / 3.0}
+STEEL = Material(2e11, 0.3, 7800.0, ultimate_strength=6e8, endurance_limit=2.5e8)
+
+
+class Cantilever:
+    def __init__(self, axis, parts, member=None):
+        self.mesh = chain((0, 0, 0), LENGTH * axis, parts, "bar")
+        self.member = member or Member(STEEL, UNEQUAL)
+        self.beams = beams(self.mesh, {"bar": self.member})
+        self.dofs = dof_map(self.mesh, [("start", COMPONENTS)])
+        self.axes = self.beams.triads[0]
+
+    def under(self, load, spread=None):
+        u = static_displacement(stiffness(self.beams, self.dofs), load, self.dofs.names)
+        return section_forces(self.beams, self.dofs.nodal(u), spread=spread)
+
+    def model(self, **parts):
+        return Model(self.mesh, {"bar": self.member}, {"start": COMPONENTS}, **parts)
+
+
+def beyond(bar, force, moment, arm):
+    """Return N Vy Vz T My Mz at a cut: resultant of what acts beyond it, about it, in local axes."""
+    about = moment + np.cross(arm * bar.axes[0], force)
+    return np.concatenate([bar.axes @ force, bar.axes @ about])
+
+
+def compare(record, case, found, expected, tolerance, reason):
+    scale = np.abs(expected).max()
+    for name, computed, reference in zip(FORCES, found, expected, strict=True):
+        zero = abs(reference) <= 1e-12 * scale
+        record(
+            source=STATICS, case=case, quantity=f"{name} at the root", unit="N" if name[0] in "NV" else "N m",
+            reference=0.0 if zero else reference, computed=computed, tolerance=tolerance * scale, absolute=True,
+            reason=reason,
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("component", range(6), ids=COMPONENTS)
+@pytest.mark.parametrize("axis", AXES)
+def test_tip_load(record, axis, component):
+    bar = Cantilever(AXES[axis], 3)
+    six = 10.0 * np.eye(6)[component]
+    found = bar.under(bar.dofs.vector(bar.mesh.node("end"), six))
+    root, tip = (beyond(bar, six[:3], six[3:], arm) for arm in (LENGTH, 0.0))
+    compare(record, f"cantilever {axis}, {COMPONENTS[component]}", found[0, 0], root, 1e-9, "condition of 3 elements")
+    assert np.abs(found[-1, 1] - tip).max() <= 1e-9 * np.abs(root).max()
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("parts", [1, 5])
+def test_uniform_load(record, axis, parts):
+    bar = Cantilever(AXES[axis], parts)
+    q = np.array([30.0, 100.0, -70.0])
+    spread = spread_force(bar.beams, slice(0, parts), q)
+    found = bar.under(gathered(bar.beams, spread, bar.dofs), spread)
+    root = beyond(bar, q * LENGTH, np.zeros(3), LENGTH / 2.0)
+    compare(record, f"cantilever {axis}, uniform load, {parts} elements", found[0, 0], root, 1e-9, "rounding")
+    assert np.abs(found[-1, 1]).max() <= 1e-9 * np.abs(root).max()
+
+
+def test_uniform_load_in_signs(record):
+    """One element along x, q along y: Vy = q L and Mz = q L^2/2 at the root, nothing else."""
+    bar = Cantilever(np.array([1.0, 0.0, 0.0]), 1)
+    spread = spread_force(bar.beams, slice(0, 1), 100.0 * bar.axes[1])
+    found = bar.under(gathered(bar.beams, spread, bar.dofs), spread)
+    expected = np.array([0.0, 100.0 * LENGTH, 0.0, 0.0, 0.0, 100.0 * LENGTH**2 / 2.0])
+    compare(record, "cantilever, q along local y", found[0, 0], expected, 1e-9, "rounding")
+
+
+@pytest.mark.parametrize("mass", ["consistent", "lumped"])
+@pytest.mark.parametrize("axis", AXES)
+def test_weight(record, axis, mass):
+    bar = Cantilever(AXES[axis], 1, Member(STEEL, UNEQUAL, mass=mass))
+    gravity = np.array([0.0, -9.81, 0.0])
+    spread = element_weight(bar.beams, gravity)
+    found = bar.under(gathered(bar.beams, spread, bar.dofs), spread)
+    weight = STEEL.density * UNEQUAL.A * LENGTH * gravity
+    root = beyond(bar, weight, np.zeros(3), LENGTH / 2.0)
+    compare(record, f"cantilever {axis}, weight, {mass}", found[0, 0], root, 1e-9, "rounding")
+    assert np.abs(found[0, 1]).max() <= 1e-9 * np.abs(root).max()
+
+
+@pytest.fixture(scope="module")
+def swinging():
+    """Pull a bar with 0.3 kg at its tip suddenly: all forces of its nodes at 201 instants."""
+    bar, pull = Cantilever(AXES["skew"], 3), 50.0 * np.array([1.0, 2.0, -1.0, 0, 0, 0]) / math.sqrt(6.0)
+    model = bar.model(
+        masses={"tip": MassAt("end", PointMass(0.3))}, loads={"pull": GivenLoad(1.0, pull, "end")}, probes=("end",)
+    )
+    problem = Problem(build_system(model, 1.0), ConstantSpeed(1.0), 2e-5, 200)
+    fields = solve(problem, newmark(), save=SaveAt(field_every=1)).fields
+    nodal = bar.dofs.nodal
+    forces = section_forces(bar.beams, nodal(fields.displacement), acceleration=nodal(fields.acceleration))
+    return bar, pull, forces, nodal(fields.acceleration)[:, -1]
+
+
+def test_balance_of_the_tip(swinging):
+    """The bar's end carries what is applied less the mass times its acceleration: N = F - m a, and so on."""
+    bar, pull, forces, acceleration = swinging
+    force = (pull[:3] - 0.3 * acceleration[:, :3]) @ bar.axes.T
+    assert np.abs(forces[:, -1, 1, :3] - force).max() <= 1e-9 * np.abs(force).max()  # residual of a direct solve
+    assert np.abs(forces[:, -1, 1, 3:]).max() <= 1e-9 * np.abs(forces[..., 3:]).max()
+    assert np.ptp(forces[:, -1, 1, 0]) > 1.0  # it does swing
+
+
+def test_balance_of_inner_nodes(swinging):
+    _, _, forces, _ = swinging
+    jump = np.abs(forces[:, :-1, 1] - forces[:, 1:, 0]).reshape(-1, 6).max(axis=0)
+    assert (jump <= 1e-9 * np.abs(forces).reshape(-1, 6).max(axis=0)[[0, 1, 1, 4, 4, 4]]).all()
+
+
+def ends(**forces):
+    """Return section forces of one element, alike at both ends."""
+    return np.tile([forces.get(name, 0.0) for name in FORCES], (1, 2, 1))
+
+
+def test_round_shaft(record):
+    d, M, T, N = 0.03, 120.0, 80.0, 5e3
+    rod = fibres([Section.circle(d)])
+    sigma, tau = 32.0 * M / (math.pi * d**3), 16.0 * T / (math.pi * d**3)
+    both = ends(N=N, T=T, My=0.6 * M, Mz=0.8 * M)
+    full = math.hypot(sigma + 4.0 * N / (math.pi * d**2), math.sqrt(3.0) * tau)
+    rows = [
+        ("32 M/(pi d^3)", sigma, rod.bending(both)), ("16 T/(pi d^3)", tau, rod.shear(both)),
+        ("von Mises", full, rod.von_mises(both)),
+    ]  # fmt: skip
+    for quantity, reference, computed in rows:
+        record(
+            source="Strength of materials", case="round shaft", quantity=quantity, unit="Pa", reference=reference,
+            computed=computed[0, 0], tolerance=1e-13, reason="a few operations",
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("My", [0.0, 50.0, -50.0])
+@pytest.mark.parametrize("Mz", [0.0, 120.0, -120.0])
+def test_normal_stress_of_a_rectangle(My, Mz):
+    """N/A + My z/Iy - Mz y/Iz: a positive Mz compresses +y, a positive My stretches +z."""
+    h, b, N = 0.03, 0.02, 4e3
+    stress = fibres([Section.rectangle(h, b)]).normal(ends(N=N, My=My, Mz=Mz))[0, 0]
+    corners = [
+        N / (b * h) + 6.0 * (My * z / (h * b**2) - Mz * y / (b * h**2)) for y in (-1.0, 1.0) for z in (-1.0, 1.0)
+    ]
+    assert (stress.min(), stress.max()) == pytest.approx((min(corners), max(corners)), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "k2"), [(1.0, 0.208), (1.2, 0.219), (1.5, 0.231), (2.0, 0.246), (3.0, 0.267), (10.0, 0.312)]
+)
+@pytest.mark.parametrize("upright", [True, False])
+def test_torsion_of_a_rectangle(record, ratio, k2, upright):
+    b, T = 0.01, 20.0
+    sides = (ratio * b, b) if upright else (b, ratio * b)
+    tau = fibres([Section.rectangle(*sides)]).shear(ends(T=T))[0, 0]
+    record(
+        source="Timoshenko and Goodier, sec. 109", case=f"rectangle {ratio:g} : 1", quantity="k2 = T/(tau a b^2)",
+        unit="1", reference=k2, computed=T / (tau * ratio * b**3), tolerance=5.5e-4, absolute=True,
+        reason="half a unit of the last digit printed, and as much again for its rounding",
+    )  # fmt: skip
+
+
+def strength_under(material, tension):
+    """Return what a sink says of a bar whose stress follows a history, Pa."""
+    bar = Cantilever(np.array([1.0, 0, 0]), 1, Member(material, Section.circle(0.01)))
+    structure = build_structure(bar.model())
+    fields = np.outer(tension, bar.dofs.vector(1, np.eye(6)[0])) * LENGTH / material.E
+    still, nothing = np.zeros_like(fields), np.zeros(len(tension))
+    series, empty = Series(fields, still, still), Series(*3 * [np.zeros((len(tension), 0))])
+    sink = StrengthSink(structure)
+    for part in (slice(0, 20), slice(20, None)):  # two blocks: extremes are kept over all of them
+        sink.write(
+            Block(nothing[part], nothing[part], empty, np.zeros((len(tension), 0))[part], nothing[part], nothing[part],
+                  Series(*(getattr(series, n)[part] for n in ("displacement", "velocity", "acceleration"))))
+        )  # fmt: skip
+    return sink.members()["bar"]
+
+
+@pytest.mark.parametrize(("mean", "amplitude"), [(1e8, 8e7), (0.0, 1e8), (-1e8, 5e7)])
+def test_goodman_factor(record, mean, amplitude):
+    """1/(sigma_a/S_e + sigma_m/S_ut); a compressive mean earns nothing."""
+    found = strength_under(STEEL, mean + amplitude * np.sin(np.arange(81) * math.pi / 40.0))
+    expected = 1.0 / (amplitude / STEEL.endurance_limit + max(mean, 0.0) / STEEL.ultimate_strength)
+    assert (found.mean, found.alternating) == pytest.approx((mean, amplitude), rel=1e-9, abs=1e-3)
+    assert found.von_mises == pytest.approx(abs(mean) + amplitude, rel=1e-9)
+    record(
+        source="Shigley, eq. 6-46", case=f"mean {mean / 1e6:g} MPa, amplitude {amplitude / 1e6:g} MPa",
+        quantity="Goodman's factor", unit="1", reference=expected, computed=found.safety, tolerance=1e-9,
+        reason="rounding",
+    )  # fmt: skip
+
+
+def test_no_factor_without_strengths():
+    assert strength_under(replace(STEEL, endurance_limit=None), np.linspace(0.0, 1e8, 40)).safety is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_section_forces_do_not_depend_on_the_axes(seed):
+    """The same bar turned in space, with its load: the same local forces."""
+    turn = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    six = np.array([3.0, -20.0, 10.0, 1.0, 2.0, -1.5])
+    found = []
+    for R in (np.eye(3), turn):
+        member = Member(STEEL, UNEQUAL, orientation=tuple(R @ [0.0, 1.0, 0.0]))
+        bar = Cantilever(R @ [1.0, 0, 0], 2, member)
+        load = np.concatenate([R @ six[:3], R @ six[3:]])
+        found.append(bar.under(bar.dofs.vector(2, load)))
+    assert np.abs(found[1] - found[0]).max() <= 1e-9 * np.abs(found[0]).max()  # condition of two elements
