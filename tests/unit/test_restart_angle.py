@@ -17,7 +17,7 @@ INLINE = Path(__file__).parents[1] / "data/inline.toml"
 
 @pytest.fixture
 def stopped(tmp_path):
-    """A result that ends at 450 deg, and a copy of its case beside it."""
+    """Return the path of a case beside its result, which ends at 450 deg."""
     ready = prepare(read_case(INLINE, ["run.revolutions=1.25"]))
     sink = result_file(ready, tmp_path)
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])

@@ -2,7 +2,7 @@
 
 Reference f_n = f_n0 sqrt(1 + N/(n^2 P_cr)), N positive in tension, f_n0 = n^2 pi/(2 L^2) sqrt(EI/(rho A)),
 P_cr = pi^2 EI/L^2; with rotary inertia the exact value is divided by sqrt(1 + n^2 pi^2 I/(A L^2)). The digits of the
-brief (28.702, 114.807; 22.434, 109.080; 33.827, 120.261 Hz) are these formulas rounded.
+list (28.702, 114.807; 22.434, 109.080; 33.827, 120.261 Hz) are these formulas rounded.
 """
 
 from __future__ import annotations

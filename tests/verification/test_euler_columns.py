@@ -1,6 +1,6 @@
 """Buckling of columns, K + lambda K_g: S. P. Timoshenko, J. M. Gere, Theory of Elastic Stability, 2nd ed., ch. 2.
 
-P L^2/EI with n equal elements; the digits are those of an independent script given with the project's brief. One
+P L^2/EI with n equal elements; the digits are those of an independent script. One
 element by hand, pinned-pinned: ends turning by -r and r, 2 EI/L r = P L/6 r, so 12.
 """
 

@@ -33,7 +33,7 @@ PARAMETERS = {  # beta, gamma, alpha_m, alpha_f from the papers' formulas
     "generalized-alpha 0.8": ((1 - 1 / 3 + 4 / 9) ** 2 / 4, 0.5 - 1 / 3 + 4 / 9, 1 / 3, 4 / 9),
     "linear acceleration": (1 / 6, 0.5, 0.0, 0.0),
 }
-# Period error and damping ratio at dt/T = 0.1 as given with the brief (four decimals of a percent, five of xi).
+# Period error and damping ratio at dt/T = 0.1 as tabulated (four decimals of a percent, five of xi).
 PERIODS = {
     "Newmark 0.3025, 0.6": 0.032946,
     "HHT -0.1": 0.039506,

@@ -2,7 +2,7 @@
 
 Counts and equations (1), (2), (21)-(26) of the print; material, section and masses are flexcam's documented choice
 (the print has none), so the table of deviations, 67.11 Hz and the growth at 4000 rpm are those of two independent
-scripts given with the project's brief, not of the print. Errata of the print are shown to be errata.
+scripts, not of the print. Errata of the print are shown to be errata.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from flexcam.train.published import follower_train, preload, series_stiffness
 from flexcam.train.structure import build_structure
 
 SOURCE = "Tayeb and Sliman, Flexibility analysis of a cam mechanism"
-BRIEF = "half a unit of the last digit of two independent scripts, and their rounding (0.39453 given as 0.394)"
+TWO_SCRIPTS = "half a unit of the last digit of two independent scripts, and their rounding (0.39453 given as 0.394)"
 COUNTS = {1: (4, 21), 2: (8, 25), 3: (10, 47)}
 TABLE = {
     1000: {"shm": 0.0615, "parabolic": 0.0503, "cycloidal": 0.0688},
@@ -151,7 +151,7 @@ def test_first_loaded_mode(record, published, number):
         computed=found.frequencies[1],
         tolerance=0.005,
         absolute=True,
-        reason=BRIEF,
+        reason=TWO_SCRIPTS,
     )
     # A rigid train on its spring is an upper bound (Rayleigh); the pushrod gives 0.4 % of the stiffness away.
     bound = math.sqrt(RATIO**2 * SPRING / MASS) / (2 * math.pi)
@@ -167,7 +167,7 @@ def test_deviations(record, published, rpm, law, number):
     record(
         source=SOURCE, case=f"{rpm} rpm, {law}, model {number}", quantity="peak valve deviation / lift", unit="1",
         reference=value, computed=np.abs(deviation(published(number, law), rpm)).max(), tolerance=0.55 * digit,
-        absolute=True, reason=BRIEF,
+        absolute=True, reason=TWO_SCRIPTS,
     )  # fmt: skip
 
 
@@ -229,7 +229,7 @@ def test_growth_at_resonance(record, published):
             computed=course[: revolutions * STEPS + 1].max(),
             tolerance=0.5 * digit,
             absolute=True,
-            reason=BRIEF,
+            reason=TWO_SCRIPTS,
         )
 
 
