@@ -247,7 +247,7 @@ def export(
     source: Annotated[Path, Parameter(help="Result file, or a case file for --format msh.")], *,
     form: Annotated[Literal["pvd", "csv", "msh"], Parameter("--format", help="pvd: ParaView; msh: Gmsh 2.2.")] = "pvd",
     folder: Annotated[Path | None, Parameter(["-o", "--output"], help="Folder; that of the source by default.")] = None,
-    every: Annotated[int, Parameter("--every", help="pvd: take every so many of the saved instants.")] = 1,
+    every: Annotated[int, Parameter("--every", help="Take every so many of the saved instants or steps.")] = 1,
     fields: Annotated[list[str] | None, Parameter("--field", negative=(), help="pvd: only these point data.")] = None,
     probes: Annotated[list[str] | None, Parameter("--probe", negative=(), help="csv: only these probes.")] = None,
     overwrite: Overwrite = False, as_json: Json = False,
@@ -258,7 +258,7 @@ def export(
         write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
         files = [target]
     elif form == "csv":
-        files = [write_csv(read_result(source).response, target, probes=probes, overwrite=overwrite)]
+        files = [write_csv(read_result(source).response, target, probes=probes, every=every, overwrite=overwrite)]
     else:
         files = write_pvd(read_result(source), target, every=every, fields=fields, overwrite=overwrite)
     if as_json:

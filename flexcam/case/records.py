@@ -215,8 +215,10 @@ class LoadRecord(Record):
 
     @field_validator("force", mode="before")
     @classmethod
-    def _in_its_unit(cls, value: object, info: ValidationInfo) -> float:
+    def _in_its_unit(cls, value: object, info: ValidationInfo) -> float | None:
         """Return SI; about an axis it is a moment."""
+        if value is None:
+            return None
         turns = not direction(info.data.get("direction", "uy"))[:3].any()
         return q.Unit("moment" if turns else "force", signed=True).validate(value)
 

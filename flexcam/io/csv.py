@@ -7,13 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from flexcam.checks import refuse
 from flexcam.io.target import free_to_write
 from flexcam.io.vtkhdf import SERIES
 from flexcam.linalg import FloatArray
 from flexcam.response import Response
 
 
-def write_csv(response: Response, path: Path, *, probes: Sequence[str] | None = None, overwrite: bool = False) -> Path:
+def write_csv(
+    response: Response, path: Path, *, probes: Sequence[str] | None = None, every: int = 1, overwrite: bool = False
+) -> Path:
     """Write time, cam angle, probe histories and channels, a row per step.
 
     Parameters
@@ -24,6 +27,8 @@ def write_csv(response: Response, path: Path, *, probes: Sequence[str] | None = 
         The file; its folder exists.
     probes
         Names of probes or of their components; None for all.
+    every
+        Take every so many of the steps.
     overwrite
         Whether an existing file may be replaced.
 
@@ -35,8 +40,10 @@ def write_csv(response: Response, path: Path, *, probes: Sequence[str] | None = 
     Raises
     ------
     InputError
-        If the file exists and may not be replaced, or a probe does not exist.
+        If the file exists and may not be replaced, a probe does not exist, or `every` is below 1.
     """
+    if every < 1:
+        raise refuse("every", every, "a whole number from 1")
     free_to_write("export", path, overwrite=overwrite)
     columns: dict[str, FloatArray] = {"time [s]": response.time, "cam angle [deg]": np.degrees(response.angle)}
     for name in probes or [name for name, _ in response.outline.probes]:
@@ -49,7 +56,9 @@ def write_csv(response: Response, path: Path, *, probes: Sequence[str] | None = 
     units = dict(response.outline.channels)
     columns.update({f"{name} [{units[name]}]": values for name, values in response.channels.items()})
     header = ",".join(columns)
-    np.savetxt(path, np.column_stack(list(columns.values())), fmt="%.17g", delimiter=",", header=header, comments="")
+    np.savetxt(
+        path, np.column_stack(list(columns.values()))[::every], fmt="%.17g", delimiter=",", header=header, comments=""
+    )
     return path
 
 
