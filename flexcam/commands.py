@@ -14,10 +14,11 @@ from cyclopts import App, Parameter
 
 from flexcam import __version__, console, fidelity
 from flexcam.case import Case, CaseRecord, build_model, read_case
-from flexcam.checks import refuse
+from flexcam.checks import did_you_mean, refuse
 from flexcam.console import out, print_json
 from flexcam.integrate import solve
 from flexcam.io import made_folder, read_result, write_csv, write_mesh, write_modes, write_pvd
+from flexcam.motion import LAWS, criteria
 from flexcam.response import Status
 from flexcam.runner import geometry_of, mode_likeness, prepare, result_file
 from flexcam.runner import modes as case_modes
@@ -284,6 +285,28 @@ def info(result: ResultPath, *, as_json: Json = False) -> None:
         })  # fmt: skip
     else:
         out().print(console.info_table(read))
+
+
+@app.command(help_prologue="flexcam law 4-5-6-7\nflexcam law modified-sine --json\n")
+def law(name: Annotated[str, Parameter(help="Name of a motion law.")], *, as_json: Json = False) -> None:
+    """Say what a motion law does: its criteria, extremes, ends and symmetry, normalized to lift 1 over angle 1."""
+    if name not in LAWS:
+        raise refuse("law", repr(name), ", ".join(LAWS), remedy=did_you_mean(name, LAWS))
+    found = criteria(LAWS[name])
+    if as_json:
+        print_json({"status": "ok", "law": name, **console.law_json(found)})
+    else:
+        out().print(console.law_facts(name, found))
+
+
+@app.command(help_prologue="flexcam laws\n")
+def laws(*, as_json: Json = False) -> None:
+    """List all motion laws with their criteria side by side."""
+    found = {name: criteria(one) for name, one in LAWS.items()}
+    if as_json:
+        print_json({"status": "ok", "laws": {name: console.law_json(one) for name, one in found.items()}})
+    else:
+        out().print(console.laws_table(found))
 
 
 @app.command(help_prologue="flexcam schema > case.schema.json\n")

@@ -7,6 +7,7 @@ A new law is one file with one frozen dataclass, and one line in `LAWS`.
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from flexcam.motion.criteria import Criteria, criteria
 from flexcam.motion.cycloidal import Cycloidal
 from flexcam.motion.event import LiftEvent
 from flexcam.motion.harmonic import FREUDENSTEIN, GUTMAN, Harmonic
@@ -35,6 +36,7 @@ LAWS: Mapping[str, Law] = MappingProxyType(
 
 __all__ = [
     "LAWS",
+    "Criteria",
     "Cycloidal",
     "Harmonic",
     "Law",
@@ -43,4 +45,5 @@ __all__ = [
     "Polynomial",
     "Scca",
     "SimpleHarmonic",
+    "criteria",
 ]

@@ -210,3 +210,23 @@ def test_no_bar_where_nobody_looks(flexcam, case):
     done = flexcam("run", "case.toml", "-o", "out")
     assert done.err == ""
     assert "\x1b" not in done.out
+
+
+def test_laws_side_by_side(flexcam):
+    found = flexcam("laws", "--json").json["laws"]
+    assert found["4-5-6-7"]["Cv"] == pytest.approx(35 / 16, rel=1e-12)
+    assert found["parabolic"]["Cj"] is None
+    assert "modified-trapezoid" in flexcam("laws").out
+
+
+def test_one_law(flexcam):
+    found = flexcam("law", "cycloidal", "--json").json
+    assert {"Cv", "Ca", "Cj", "Cm", "extremes", "end_conditions", "symmetric"} <= set(found)
+    assert found["Ca"] == pytest.approx(6.283185307179586, rel=1e-12)
+    assert "symmetric" in flexcam("law", "cycloidal").out
+
+
+def test_an_unknown_law(flexcam):
+    done = flexcam("law", "cycloid")
+    assert done.code == 2
+    assert "did you mean 'cycloidal'?" in done.err

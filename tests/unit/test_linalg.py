@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexcam.fem import Material, Member, Mesh, Section, beams, dof_map, mass, refined, stiffness
-from flexcam.linalg import DENSE_LIMIT, SingularMatrixError, Triplets, factorize, null_space, operator
+from flexcam.linalg import DENSE_LIMIT, SingularMatrixError, Triplets, factorize, null_space, operator, pins
 
 STEEL = Material(2e11, 0.3, 7800.0)
 
@@ -130,3 +130,10 @@ def test_a_fine_mesh_is_not_a_mechanism(parts):
     elements = beams(mesh, {"a": Member(STEEL, Section.circle(0.02))})
     dofs = dof_map(mesh, [("root", ("ux", "uy", "uz", "rx", "ry", "rz"))])
     assert null_space(stiffness(elements, dofs)).shape[1] == 0
+
+
+def test_pins_hold_every_motion_and_leave_the_array_alone(readonly):
+    motions = np.linalg.qr(np.random.default_rng(3).standard_normal((12, 4)))[0]
+    held = pins(readonly(motions))
+    assert len(set(held)) == 4
+    assert np.linalg.matrix_rank(motions[held]) == 4
