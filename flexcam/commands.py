@@ -310,8 +310,9 @@ def laws(*, as_json: Json = False) -> None:
 
 
 @app.command(help_prologue="flexcam schema > case.schema.json\n")
-def schema() -> None:
-    """Print the JSON Schema of case files, which editors use for completion and checks."""
+def schema(*, as_json: Json = False) -> None:
+    """Print the JSON Schema of case files, which editors use for completion and checks; it is JSON either way."""
+    del as_json
     print_json(
         {"$schema": "https://json-schema.org/draft/2020-12/schema", **CaseRecord.model_json_schema(by_alias=True)}
     )
