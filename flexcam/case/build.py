@@ -54,6 +54,7 @@ def build_model(case: Case) -> train.Model:
         return made
 
     mesh = _mesh(case)
+    faults.extend(_shared_trains(case, mesh))
     model = train.Model(
         mesh=mesh,
         members={name: _member(member, record) for name, member in record.members.items()},
@@ -118,6 +119,25 @@ def _bearings(case: r.CaseRecord, mesh: Mesh) -> dict[str, train.Spring]:
         for which, along in (("first", first), ("second", np.cross(axis, first))):
             springs[f"bearing {name}, {which} direction"] = train.Spring(bearing.at, _six(along), *bearing.made())
     return springs
+
+
+def _shared_trains(case: Case, mesh: Mesh) -> list[Fault]:
+    """Return the contacts whose follower hangs on the train of another's: each would take all of its springs."""
+    faults: list[Fault] = []
+    seen: dict[int, str] = {}
+    for name, contact in case.record.contacts.items():
+        part = int(mesh.connected(mesh.node(contact.follower, "follower"))[0])
+        if part in seen:
+            where, given = (
+                case.place(("contacts", name, "follower")),
+                f"{contact.follower!r}, on the train of {seen[part]!r}",
+            )
+            why = "the preload of a published load belongs to one follower"
+            faults.append(
+                Fault(where, given, "a follower with a train of its own", why, "give each cam its own pushrod")
+            )
+        seen.setdefault(part, name)
+    return faults
 
 
 def _rocker(record: r.RockerRecord, case: r.CaseRecord, mesh: Mesh) -> train.Rocker:

@@ -88,6 +88,10 @@ MANY = {
     "two ways at once": (
         [("[run]", '[run]\ncrank_speed = "6000 rpm"\nstep = "20 us"'), ("[nodes]", 'mesh = "x.msh"\n[nodes]')], ["run", "case file"],
     ),
+    "one follower for two cams": (
+        [("[contacts.intake]", '[contacts.other]\ncam = "intake"\nfollower = "tappet"\nmodel = "published-load"\n\n[contacts.intake]'),
+         ('rear = ["180 mm"', 'rear = ["181 mm"')], ["contacts.intake.follower"],
+    ),
     "points of rockers": (
         [('to = "valve"', 'to = "cam"'), ('from = "pushrod-top"', 'from = "pushrodtop"')], ["rockers.rocker.to", "rockers.rocker.from"],
     ),
