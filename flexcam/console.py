@@ -192,6 +192,13 @@ def couplings(case: Case) -> list[str]:
     return [COUPLINGS[m] for m in dict.fromkeys(contact.model for contact in case.record.contacts.values())]
 
 
+def _bare(title: str) -> Table:
+    """Return a table without lines, as wide as its title at least."""
+    made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 3, 0, 0))
+    made.min_width = len(title)
+    return made
+
+
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
     """Return a plain table, first column to the left, numbers to the right.
 
@@ -209,7 +216,7 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> 
     Table
         For rich.
     """
-    made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 3, 0, 0))
+    made = _bare(title)
     for i, column in enumerate(columns):
         made.add_column(column, justify="left" if i == 0 else "right")
     for row in rows:
@@ -232,7 +239,10 @@ def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
     Table
         For rich.
     """
-    made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, show_header=False)
+    made = _bare(title)
+    made.show_header = False
+    made.add_column()
+    made.add_column()
     for name, text in rows:
         made.add_row(name, text)
     return made
@@ -429,8 +439,7 @@ def claim_table(claims: Iterable[Claim]) -> Table:
     Table
         For rich.
     """
-    made = Table(title="What the paper says, and this computation", title_justify="left", title_style="bold", box=None,
-                 pad_edge=False, padding=(0, 3, 0, 0))  # fmt: skip
+    made = _bare("What the paper says, and this computation")
     for head in ("the paper", "reproduced", "computed"):
         made.add_column(head, justify="left")
     for claim in claims:
