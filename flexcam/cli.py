@@ -19,8 +19,8 @@ from cyclopts import CycloptsError
 from flexcam import __version__
 from flexcam.checks import Fault, InputError
 from flexcam.commands import app, running
-from flexcam.console import print_json
 from flexcam.response import Cause, RunFailedError, Status
+from flexcam.terminal import print_json
 
 DONE, REFUSED, FAILED, FAULT, INTERRUPTED, TERMINATED = 0, 2, 3, 70, 130, 143
 

@@ -15,13 +15,13 @@ from cyclopts import App, Parameter
 from flexcam import __version__, console, fidelity
 from flexcam.case import Case, CaseRecord, build_model, read_case
 from flexcam.checks import did_you_mean, refuse
-from flexcam.console import out, print_json
 from flexcam.integrate import solve
 from flexcam.io import made_folder, read_result, write_csv, write_mesh, write_modes, write_pvd
 from flexcam.motion import LAWS, criteria
 from flexcam.response import Status
 from flexcam.runner import geometry_of, mode_likeness, prepare, result_file
 from flexcam.runner import modes as case_modes
+from flexcam.terminal import out, print_json, progress
 from flexcam.train import StrengthSink, build_structure, member_masses
 
 
@@ -126,7 +126,7 @@ def run(
     sink = result_file(ready, folder, overwrite=overwrite)
     strength = StrengthSink(build_structure(ready.model))
     running.solving = True
-    with console.progress(ready.problem.steps) as bar:
+    with progress(ready.problem.steps) as bar:
         sinks = [sink, strength, *bar]
         response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, stop=running.stopped)
     result = sink.path if response.status.ok else sink.partial

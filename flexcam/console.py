@@ -1,19 +1,14 @@
-"""Tables and words for the terminal; the command line prints what these functions return."""
+"""Tables and words of every command; `commands` prints what these functions return."""
 
 from __future__ import annotations
 
 import json
 import math
-import os
-import sys
-from collections.abc import Generator, Iterable, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 
 import numpy as np
 import tomli_w
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TimeRemainingColumn
 from rich.table import Table
 
 from flexcam.case import Case
@@ -21,8 +16,9 @@ from flexcam.fidelity import Claim, Comparison
 from flexcam.io import Result
 from flexcam.linalg import FloatArray
 from flexcam.motion import Criteria
-from flexcam.response import Block, Response, Sink, Stats, Status
+from flexcam.response import Response
 from flexcam.runner import Prepared
+from flexcam.terminal import bare, facts, table
 from flexcam.train import MemberStrength, ModelModes, member_masses
 
 COUPLINGS = {
@@ -32,64 +28,6 @@ COUPLINGS = {
     ),
 }
 """Which formulation a result comes from, in words."""
-
-
-def out() -> Console:
-    """Return the console of results; tables keep one width where nobody reads along.
-
-    Returns
-    -------
-    Console
-        On standard output.
-    """
-    width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
-    return Console(file=sys.stdout, width=width, highlight=False, soft_wrap=False)
-
-
-def print_json(content: object) -> None:
-    """Print one JSON object to standard output; numbers that are not finite are a fault of flexcam.
-
-    Parameters
-    ----------
-    content
-        What `json` can write.
-    """
-    sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
-
-
-class _Bar:
-    """Sink that moves a progress bar."""
-
-    def __init__(self, progress: Progress, task: TaskID) -> None:
-        self._progress, self._task = progress, task
-
-    def write(self, block: Block) -> None:
-        self._progress.advance(self._task, len(block.time))
-
-    def close(self, status: Status, stats: Stats) -> None:
-        del status, stats
-
-
-@contextmanager
-def progress(steps: int) -> Generator[list[Sink]]:
-    """Show a progress bar on standard error while a run goes on, if somebody sees it.
-
-    Parameters
-    ----------
-    steps
-        Of the whole run.
-
-    Yields
-    ------
-    list
-        The bar as a sink; empty where standard error is no terminal.
-    """
-    if not sys.stderr.isatty():
-        yield []
-        return
-    columns = ("steps", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        yield [_Bar(shown, shown.add_task("steps", total=steps + 1))]
 
 
 def resolved(case: Case) -> str:
@@ -190,62 +128,6 @@ def couplings(case: Case) -> list[str]:
         A sentence per kind of contact.
     """
     return [COUPLINGS[m] for m in dict.fromkeys(contact.model for contact in case.record.contacts.values())]
-
-
-def _bare(title: str) -> Table:
-    """Return a table without lines, as wide as its title at least."""
-    made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 3, 0, 0))
-    made.min_width = len(title)
-    return made
-
-
-def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
-    """Return a plain table, first column to the left, numbers to the right.
-
-    Parameters
-    ----------
-    title
-        Above it.
-    columns
-        Heads.
-    rows
-        Cells.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
-    made = _bare(title)
-    for i, column in enumerate(columns):
-        made.add_column(column, justify="left" if i == 0 else "right")
-    for row in rows:
-        made.add_row(*row)
-    return made
-
-
-def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
-    """Return a table of names and what is to be said of them.
-
-    Parameters
-    ----------
-    title
-        Above it.
-    rows
-        Name and text.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
-    made = _bare(title)
-    made.show_header = False
-    made.add_column()
-    made.add_column()
-    for name, text in rows:
-        made.add_row(name, text)
-    return made
 
 
 def model_table(ready: Prepared, modes: ModelModes) -> Table:
@@ -439,7 +321,7 @@ def claim_table(claims: Iterable[Claim]) -> Table:
     Table
         For rich.
     """
-    made = _bare("What the paper says, and this computation")
+    made = bare("What the paper says, and this computation")
     for head in ("the paper", "reproduced", "computed"):
         made.add_column(head, justify="left")
     for claim in claims:

@@ -20,7 +20,7 @@ import numpy as np
 from flexcam.checks import refuse
 from flexcam.integrate import static_displacement
 from flexcam.linalg import FloatArray
-from flexcam.response import RunFailedError
+from flexcam.response import Cause, RunFailedError
 from flexcam.system import AngleVector, CamMotion, Channel, Load, LocalForce, Reaction, constant
 from flexcam.train.model import Cam, PublishedLoad
 from flexcam.train.structure import Structure, find_node, spring_row
@@ -92,6 +92,8 @@ def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -
     ------
     InputError
         If nothing resists the lift: without a spring the published load is not defined.
+    RunFailedError
+        If rounding in the stiffness spoils the answer.
     """
     push = structure.dofs.vector(find_node(structure.model, contact.follower, where), contact.direction)
     if not push.any():
@@ -100,6 +102,8 @@ def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -
     try:
         give = float(push @ static_displacement(structure.stiffness, push, structure.dofs.names, structure.free))
     except RunFailedError as failure:
+        if failure.status.cause is not Cause.SINGULAR:
+            raise
         given, why = "a follower that nothing holds against the lift", str(failure.status.text)
         raise refuse(where, given, "a spring on the follower's train", why, "add it under [springs]") from None
     return 1.0 / give

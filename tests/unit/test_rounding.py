@@ -10,7 +10,8 @@ from flexcam.fem.generate import chain
 from flexcam.integrate import static_displacement
 from flexcam.linalg import energy_rounding
 from flexcam.modal import modes
-from flexcam.response import Cause, RunFailedError
+from flexcam.response import TOO_FINE, Cause, RunFailedError
+from flexcam.train import build_system
 
 LENGTH, EI = 1.0, 207e9 * np.pi * 0.01**4 / 4
 
@@ -59,3 +60,15 @@ def test_the_bound_has_no_units(cantilever, unit):
     assert deflection(stiffness.scaled(unit), dofs, push) == pytest.approx(
         deflection(stiffness, dofs, push) / unit, rel=1e-9
     )
+
+
+def test_a_contact_passes_the_cause_on(published, monkeypatch):
+    """Rounding is no missing spring: only a motion that nothing resists is told as one."""
+
+    def spoilt(*_):
+        raise RunFailedError(TOO_FINE)
+
+    monkeypatch.setattr("flexcam.train.published.static_displacement", spoilt)
+    with pytest.raises(RunFailedError) as refusal:
+        build_system(published(1), 314.0)
+    assert refusal.value.status.cause is Cause.ROUNDING

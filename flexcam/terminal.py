@@ -1,0 +1,140 @@
+"""The terminal: results to standard output, a progress bar to standard error, tables without lines."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TimeRemainingColumn
+from rich.table import Table
+
+from flexcam.response import Block, Sink, Stats, Status
+
+
+def out() -> Console:
+    """Return the console of results; tables keep one width where nobody reads along.
+
+    Returns
+    -------
+    Console
+        On standard output.
+    """
+    width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
+    return Console(file=sys.stdout, width=width, highlight=False, soft_wrap=False)
+
+
+def print_json(content: object) -> None:
+    """Print one JSON object to standard output; numbers that are not finite are a fault of flexcam.
+
+    Parameters
+    ----------
+    content
+        What `json` can write.
+    """
+    sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+class _Bar:
+    """Sink that moves a progress bar."""
+
+    def __init__(self, progress: Progress, task: TaskID) -> None:
+        self._progress, self._task = progress, task
+
+    def write(self, block: Block) -> None:
+        self._progress.advance(self._task, len(block.time))
+
+    def close(self, status: Status, stats: Stats) -> None:
+        del status, stats
+
+
+@contextmanager
+def progress(steps: int) -> Generator[list[Sink]]:
+    """Show a progress bar on standard error while a run goes on, if somebody sees it.
+
+    Parameters
+    ----------
+    steps
+        Of the whole run.
+
+    Yields
+    ------
+    list
+        The bar as a sink; empty where standard error is no terminal.
+    """
+    if not sys.stderr.isatty():
+        yield []
+        return
+    columns = ("steps", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        yield [_Bar(shown, shown.add_task("steps", total=steps + 1))]
+
+
+def bare(title: str) -> Table:
+    """Return a table without lines, as wide as its title at least.
+
+    Parameters
+    ----------
+    title
+        Above it.
+
+    Returns
+    -------
+    Table
+        Without columns.
+    """
+    made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 3, 0, 0))
+    made.min_width = len(title)
+    return made
+
+
+def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+    """Return a plain table, first column to the left, numbers to the right.
+
+    Parameters
+    ----------
+    title
+        Above it.
+    columns
+        Heads.
+    rows
+        Cells.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    made = bare(title)
+    for i, column in enumerate(columns):
+        made.add_column(column, justify="left" if i == 0 else "right")
+    for row in rows:
+        made.add_row(*row)
+    return made
+
+
+def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
+    """Return a table of names and what is to be said of them.
+
+    Parameters
+    ----------
+    title
+        Above it.
+    rows
+        Name and text.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    made = bare(title)
+    made.show_header = False
+    made.add_column()
+    made.add_column()
+    for name, text in rows:
+        made.add_row(name, text)
+    return made
