@@ -7,11 +7,12 @@ Another matrix form or solver goes here, behind `factorize`.
 from flexcam.linalg.factor import DENSE_LIMIT, Factor, SingularMatrixError, diagonal_scale, factorize, operator
 from flexcam.linalg.nullspace import null_space, pins
 from flexcam.linalg.rounding import TOO_MUCH, energy_rounding
-from flexcam.linalg.triplets import FloatArray, IntArray, Triplets
+from flexcam.linalg.triplets import ComplexArray, FloatArray, IntArray, Triplets
 
 __all__ = [
     "DENSE_LIMIT",
     "TOO_MUCH",
+    "ComplexArray",
     "Factor",
     "FloatArray",
     "IntArray",

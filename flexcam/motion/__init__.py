@@ -1,49 +1,66 @@
 """Motion laws and lift events: normalized laws, their derivatives, and the lift of a cam over its angle.
 
 Knows no beam; may import `linalg` (array types) and `checks`.
-A new law is one file with one frozen dataclass, and one line in `LAWS`.
+A new law is one file with one frozen dataclass, and one line in `registry`.
 """
 
-from collections.abc import Mapping
-from types import MappingProxyType
-
-from flexcam.motion.criteria import Criteria, criteria
+from flexcam.motion.bspline import BSplineLaw, through_points
+from flexcam.motion.cosine import CosineSum
+from flexcam.motion.criteria import Criteria, Extreme, criteria
 from flexcam.motion.cycloidal import Cycloidal
-from flexcam.motion.event import LiftEvent
-from flexcam.motion.harmonic import FREUDENSTEIN, GUTMAN, Harmonic
+from flexcam.motion.event import Event, LiftEvent
+from flexcam.motion.fb2 import CompoundCycloid
+from flexcam.motion.harmonic import Harmonic
+from flexcam.motion.harmonic_acceleration import harmonic_acceleration
+from flexcam.motion.joints import Joint, joints
 from flexcam.motion.law import Law
+from flexcam.motion.lift_table import LiftReport, lift_table
 from flexcam.motion.parabolic import Parabolic
-from flexcam.motion.polynomial import Polynomial
+from flexcam.motion.periodic import HarmonicLift, PeriodicSpline, harmonics
+from flexcam.motion.polynomial import Polynomial, quinquinomial
+from flexcam.motion.ramp import Ramp
+from flexcam.motion.registry import KINDS, LAWS, LawKind, law_kinds
 from flexcam.motion.scca import Scca
 from flexcam.motion.shm import SimpleHarmonic
-
-LAWS: Mapping[str, Law] = MappingProxyType(
-    {
-        "shm": SimpleHarmonic(),
-        "parabolic": Parabolic(),
-        "cycloidal": Cycloidal(),
-        "modified-trapezoid": Scca(0.25, 0.5, 0.25),
-        "modified-sine": Scca(0.25, 0.0, 0.75),
-        "2-3": Polynomial((2, 3)),
-        "3-4-5": Polynomial((3, 4, 5)),
-        "4-5-6-7": Polynomial((4, 5, 6, 7)),
-        "5-6-7-8-9": Polynomial((5, 6, 7, 8, 9)),
-        "gutman-1-3": GUTMAN,
-        "freudenstein-1-3": FREUDENSTEIN,
-    }
-)
-"""Every law by the name a case file gives it."""
+from flexcam.motion.spectrum import residual_spectrum
+from flexcam.motion.turned import Turned
+from flexcam.motion.valve_events import THRESHOLDS, ValveEvent, overlap, valve_event
 
 __all__ = [
+    "KINDS",
     "LAWS",
+    "THRESHOLDS",
+    "BSplineLaw",
+    "CompoundCycloid",
+    "CosineSum",
     "Criteria",
     "Cycloidal",
+    "Event",
+    "Extreme",
     "Harmonic",
+    "HarmonicLift",
+    "Joint",
     "Law",
+    "LawKind",
     "LiftEvent",
+    "LiftReport",
     "Parabolic",
+    "PeriodicSpline",
     "Polynomial",
+    "Ramp",
     "Scca",
     "SimpleHarmonic",
+    "Turned",
+    "ValveEvent",
     "criteria",
+    "harmonic_acceleration",
+    "harmonics",
+    "joints",
+    "law_kinds",
+    "lift_table",
+    "overlap",
+    "quinquinomial",
+    "residual_spectrum",
+    "through_points",
+    "valve_event",
 ]

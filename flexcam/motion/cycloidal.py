@@ -31,3 +31,7 @@ class Cycloidal:
         """Return the derivative of the given order at z."""
         line = (z, np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
         return line - (2.0 * math.pi) ** (order - 1) * np.sin(2.0 * math.pi * z + order * math.pi / 2.0)
+
+    def residual(self, ratio: FloatArray) -> FloatArray:
+        """Return the residual amplitude abs(sin pi l)/(pi l abs(1 - l^2)), with its limit 1/2 at l = 1."""
+        return np.abs(np.sinc(ratio - 1.0) / (ratio * (1.0 + ratio)))

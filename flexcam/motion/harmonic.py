@@ -42,6 +42,19 @@ class Harmonic:
             value = value - c * w ** (order - 1) * np.sin(w * z + order * math.pi / 2.0)
         return value
 
+    def residual(self, ratio: FloatArray) -> FloatArray:
+        """Return the residual amplitude: abs(sin pi l)/(pi l) times abs(1 + sum c_n l^2/(n^2 - l^2))."""
+        total = np.sinc(ratio)
+        for n, c in self.harmonics:
+            # sin(pi l)/(n - l) = (-1)^(n + 1) sin(pi (l - n))/(l - n): finite where they meet.
+            total = total + c * ratio * (-1.0) ** (n + 1) * np.sinc(ratio - n) / (n + ratio)
+        return np.abs(total)
+
+
+PAVLOVIC_TRIGONOMETRIC = Harmonic(((1, 15.0 / 16.0), (2, 1.0 / 24.0)))
+"""z - 15 sin(2 pi z)/(32 pi) - sin(4 pi z)/(96 pi), as the figures of V. D. Pavlovic and M. M. Lutovac, New class of
+camshaft transfer functions, were computed; s' = 1/48 at both ends, which breaks the paper's conditions (2) and (4). The
+classical law is Gutman's, with 6 pi in place of 4 pi."""
 
 GUTMAN = Harmonic(((1, 15.0 / 16.0), (3, 1.0 / 16.0)))
 """Gutman's 1-3 law: z - 15 sin(2 pi z)/(32 pi) - sin(6 pi z)/(96 pi)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from flexcam.linalg import FloatArray
 
@@ -21,4 +21,13 @@ class Law(Protocol):
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order (0 to 4) at positions z from 0 to 1, shape as `z`."""
+        ...
+
+
+@runtime_checkable
+class ClosedResidual(Protocol):
+    """A law that knows its residual vibration in closed form."""
+
+    def residual(self, ratio: FloatArray) -> FloatArray:
+        """Return the amplitude over the lift for rise times of so many periods of the oscillator, above zero."""
         ...

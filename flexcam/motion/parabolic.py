@@ -33,3 +33,7 @@ class Parabolic:
         first = (2.0 * z**2, 4.0 * z, np.full_like(z, 4.0))[order]
         second = (1.0 - 2.0 * (1.0 - z) ** 2, 4.0 * (1.0 - z), np.full_like(z, -4.0))[order]
         return np.where(z < 0.5, first, second)
+
+    def residual(self, ratio: FloatArray) -> FloatArray:
+        """Return the residual amplitude 4 sin^2(pi l/2)/(pi l)^2."""
+        return np.sinc(0.5 * ratio) ** 2

@@ -13,27 +13,32 @@ import numpy as np
 from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
 
+_LARGEST = 60
+"""Exponents beyond it lose too many digits in between the ends."""
+
 _NEAR_END = 0.05
 """Distance from z = 1 within which the law is summed in powers of 1 - z: its end conditions then hold exactly."""
 
 
 @dataclass(frozen=True)
 class Polynomial:
-    """s = sum a_j z^j over given exponents, with s(1) = 1 and as many derivatives zero at z = 1 as there is room for.
+    """s = sum a_j z^j over given exponents, by default with s(1) = 1 and all other derivatives there is room for zero.
 
-    The coefficients are ``a_j = prod p_i/(p_i - p_j)`` over the other exponents, exact as fractions; with the lowest
-    exponent p the first p - 1 derivatives vanish at z = 0. Source: R. L. Norton, Cam Design and Manufacturing
-    Handbook, 2nd ed. (2009), ch. 4, for 3-4-5 and 4-5-6-7.
+    The coefficients then are ``a_j = prod p_i/(p_i - p_j)`` over the other exponents; with the lowest exponent p the
+    first p - 1 derivatives vanish at z = 0. They are exact fractions, also for conditions of one's own. Source: R. L.
+    Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 4, for 3-4-5 and 4-5-6-7.
 
     Parameters
     ----------
     exponents
-        Distinct whole numbers from 2, ascending.
+        Distinct whole numbers from 2, ascending; from 1 where conditions are given.
+    conditions
+        As many as exponents, each a position, the order of a derivative and its value there; none for the default.
 
     Raises
     ------
     InputError
-        If there are fewer than two, or they are not ascending from 2.
+        If exponents are not as described, or the conditions do not determine a law from 0 to 1.
 
     Examples
     --------
@@ -42,15 +47,33 @@ class Polynomial:
     """
 
     exponents: tuple[int, ...]
+    conditions: tuple[tuple[float, int, float], ...] = ()
 
     def __post_init__(self) -> None:
-        p = self.exponents
-        if len(p) < 2 or p[0] < 2 or any(b <= a for a, b in pairwise(p)):
-            raise refuse("exponents", list(p), "two or more whole numbers, ascending from 2", "s' must vanish at z = 0")
+        p, least = self.exponents, 1 if self.conditions else 2
+        if len(p) < 2 or p[0] < least or p[-1] > _LARGEST or any(b <= a for a, b in pairwise(p)):
+            allowed = f"two or more whole numbers, ascending from {least}, up to {_LARGEST}"
+            raise refuse("exponents", list(p), allowed, "" if self.conditions else "s' must vanish at z = 0")
+        if self.conditions:
+            self._check_conditions()
+
+    def _check_conditions(self) -> None:
+        given, needed = f"{len(self.conditions)} conditions", len(self.exponents)
+        if len(self.conditions) != needed:
+            raise refuse("conditions", given, f"{needed}, one per exponent")
+        for z, order, value in self.conditions:
+            if not (0.0 <= z <= 1.0 and 0 <= order <= self.exponents[-1] and math.isfinite(value)):
+                allowed = "[z from 0 to 1, order of the derivative, finite value]"
+                raise refuse("conditions", [z, order, value], allowed)
+        if sum(self._exact) != 1:
+            raise refuse("conditions", given, "conditions with s(1) = 1", "a law ends at lift 1", "add [1, 0, 1]")
 
     @cached_property
     def _exact(self) -> tuple[Fraction, ...]:
         p = self.exponents
+        if self.conditions:
+            rows = [[_power(z, order, q) for q in p] for z, order, _ in self.conditions]
+            return _solved(rows, [Fraction(value) for _, _, value in self.conditions])
         return tuple(math.prod((Fraction(q, q - own) for q in p if q != own), start=Fraction(1)) for own in p)
 
     @property
@@ -79,6 +102,60 @@ class Polynomial:
         from_start = np.polynomial.polynomial.polyval(np.where(near, 0.0, z), _derived(dense, order))
         from_end = np.polynomial.polynomial.polyval(np.where(near, 1.0 - z, 0.0), _derived(self._from_end, order))
         return np.where(near, (-1.0) ** order * from_end, from_start)
+
+
+def _power(z: float, order: int, exponent: int) -> Fraction:
+    """Return the derivative of z^exponent."""
+    if order > exponent:
+        return Fraction(0)
+    return math.perm(exponent, order) * Fraction(z) ** (exponent - order)
+
+
+def _solved(rows: list[list[Fraction]], right: list[Fraction]) -> tuple[Fraction, ...]:
+    """Return the exact solution of a small linear system (elimination with the first pivot that is not zero)."""
+    work = [[*row, value] for row, value in zip(rows, right, strict=True)]
+    for i in range(len(work)):
+        pivot = next((k for k in range(i, len(work)) if work[k][i]), None)
+        if pivot is None:
+            given = f"{len(work)} conditions of which one follows from the others or contradicts them"
+            raise refuse("conditions", given, "independent conditions", remedy="change a position or an order")
+        work[i], work[pivot] = work[pivot], work[i]
+        work[i] = [value / work[i][i] for value in work[i]]
+        for k in range(len(work)):
+            if k != i and (factor := work[k][i]):
+                work[k] = [a - factor * b for a, b in zip(work[k], work[i], strict=True)]
+    return tuple(row[-1] for row in work)
+
+
+def quinquinomial(row: int = 1) -> Polynomial:
+    """Return a law of the published family with the exponents 2, 2 + n, 2 + 2n, 2 + 3n, 2 + 4n and n = 3 row.
+
+    s' = c z (1 - z^n)^4: at rest in everything at z = 1, at full acceleration at z = 0, for a cam with one dwell.
+    Source: R. Roussev, B. Paleva-Kadiyska and V. Galabov, Quinquinomial power functions (2021), tables 1 and 2.
+
+    Parameters
+    ----------
+    row
+        1 to 4 in print; any further one goes on in the same way.
+
+    Returns
+    -------
+    Polynomial
+        The law.
+
+    Raises
+    ------
+    InputError
+        If the row is below 1 or its exponents too large.
+
+    Examples
+    --------
+    >>> quinquinomial(2).exponents
+    (2, 8, 14, 20, 26)
+    """
+    if row < 1:
+        raise refuse("row", row, "a whole number from 1; 1 to 4 are printed")
+    return Polynomial(tuple(2 + 3 * row * i for i in range(5)))
 
 
 def _derived(coefficients: FloatArray, order: int) -> FloatArray:

@@ -31,3 +31,8 @@ class SimpleHarmonic:
         """Return the derivative of the given order at z."""
         offset = 0.5 if order == 0 else 0.0
         return offset - 0.5 * math.pi**order * np.cos(math.pi * z + order * math.pi / 2.0)
+
+    def residual(self, ratio: FloatArray) -> FloatArray:
+        """Return the residual amplitude abs(cos pi l)/abs(4 l^2 - 1), with its limit pi/4 at l = 1/2."""
+        # cos pi l = sin(pi (1/2 - l)); the factor (1 - 2 l) cancels.
+        return np.abs(0.5 * math.pi * np.sinc(0.5 - ratio) / (2.0 * ratio + 1.0))

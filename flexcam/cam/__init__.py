@@ -1,0 +1,39 @@
+"""Cam and follower geometry: profile, contact, curvature, pressure angle, cutter path, and back to the lift.
+
+May import `motion`, `linalg` and `checks`; knows no beam.
+A new follower is a dataclass in `follower`; every function here then works with it.
+"""
+
+from flexcam.cam.follower import (
+    FlatFollower,
+    Follower,
+    RollerFollower,
+    SwingFlatFollower,
+    SwingRollerFollower,
+    Touch,
+    Turn,
+)
+from flexcam.cam.limits import Finding, findings, minimum_base_radius
+from flexcam.cam.petrescu import petrescu_efficiency, petrescu_profile, relaxed_arm
+from flexcam.cam.profile import CamProfile, cam_profile, profile_at
+from flexcam.cam.reading import lift_from_profile
+
+__all__ = [
+    "CamProfile",
+    "Finding",
+    "FlatFollower",
+    "Follower",
+    "RollerFollower",
+    "SwingFlatFollower",
+    "SwingRollerFollower",
+    "Touch",
+    "Turn",
+    "cam_profile",
+    "findings",
+    "lift_from_profile",
+    "minimum_base_radius",
+    "petrescu_efficiency",
+    "petrescu_profile",
+    "profile_at",
+    "relaxed_arm",
+]

@@ -1,0 +1,150 @@
+"""The profile that a lift and a follower ask for, and what it does to them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.cam.follower import ComplexArray, Follower, Touch, Turn
+from flexcam.checks import positive, refuse
+from flexcam.linalg import FloatArray
+from flexcam.motion import Event
+
+_REVOLUTION = 2.0 * math.pi
+
+
+@dataclass(frozen=True, eq=False)
+class CamProfile:
+    """A cam, point by point, in its own frame: the one in which the follower stands where the cam angle is zero.
+
+    Parameters
+    ----------
+    follower
+        The follower it was made for.
+    turn
+        Sense of rotation: 1 counterclockwise, -1 clockwise.
+    angle
+        Cam angles, rad, shape (n,).
+    lift, velocity, acceleration
+        Of the follower, m, m/rad, m/rad^2, shape (n,).
+    touch
+        Contact in the fixed frame.
+    """
+
+    follower: Follower
+    turn: Turn
+    angle: FloatArray
+    lift: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    touch: Touch
+
+    @property
+    def points(self) -> FloatArray:
+        """Profile, m, shape (n, 2), frame of the cam."""
+        return self._turned(self.touch.point)
+
+    @property
+    def pitch(self) -> FloatArray:
+        """Path of the roller's centre (the profile itself for a flat face), m, shape (n, 2), frame of the cam."""
+        return self._turned(self.touch.trace)
+
+    @property
+    def normals(self) -> FloatArray:
+        """Outward unit normals, shape (n, 2), frame of the cam."""
+        return self._turned(self.touch.normal)
+
+    @property
+    def radius(self) -> FloatArray:
+        """Radius of curvature, m, shape (n,): negative where hollow."""
+        return self.touch.radius
+
+    @property
+    def pressure_angle(self) -> FloatArray:
+        """Angle between the normal and the follower's motion, rad, shape (n,)."""
+        return np.angle(self.touch.motion * np.conj(self.touch.normal))
+
+    @property
+    def offset(self) -> FloatArray:
+        """Distance of the contact from the normal's parallel through the cam's centre, m; s' under a flat follower."""
+        return -(self.touch.point * np.conj(1j * self.touch.normal)).real
+
+    def _turned(self, fixed: ComplexArray) -> FloatArray:
+        own = fixed * np.exp(-1j * self.turn * self.angle)
+        return np.column_stack([own.real, own.imag])
+
+    def cutter_path(self, radius: float) -> FloatArray:
+        """Return the path of a cutter's or grinding wheel's centre, m, shape (n, 2), frame of the cam.
+
+        Parameters
+        ----------
+        radius
+            Of the cutter, m.
+
+        Returns
+        -------
+        ndarray
+            Shape (n, 2).
+        """
+        return self.points + positive("cutter", radius, "m") * self.normals
+
+
+def cam_profile(event: Event, follower: Follower, *, count: int = 720, turn: Turn = 1) -> CamProfile:
+    """Return the profile of a cam at even cam angles.
+
+    Parameters
+    ----------
+    event
+        Lift of the follower.
+    follower
+        With the base circle.
+    count
+        Points per revolution, 12 or more.
+    turn
+        Sense of rotation: 1 counterclockwise, -1 clockwise.
+
+    Returns
+    -------
+    CamProfile
+        The profile.
+
+    Raises
+    ------
+    InputError
+        If the count is too small.
+
+    Examples
+    --------
+    >>> from flexcam.cam import FlatFollower
+    >>> from flexcam.motion import HarmonicLift
+    >>> eccentric = cam_profile(HarmonicLift(0.003, (-0.003,), (0.0,)), FlatFollower(0.018))
+    >>> float(np.ptp(eccentric.radius).round(12))
+    0.0
+    """
+    if count < 12:
+        raise refuse("count", count, "a whole number from 12")
+    return profile_at(event, follower, np.linspace(0.0, _REVOLUTION, count, endpoint=False), turn)
+
+
+def profile_at(event: Event, follower: Follower, angle: FloatArray, turn: Turn = 1) -> CamProfile:
+    """Return the profile of a cam at given cam angles.
+
+    Parameters
+    ----------
+    event, follower, turn
+        As for `cam_profile`.
+    angle
+        rad, shape (n,).
+
+    Returns
+    -------
+    CamProfile
+        The profile.
+    """
+    lift, velocity, acceleration = (event(angle, order) for order in range(3))
+    # A radius is infinite at a point of inflection, and where the pitch curve stands still.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        touch = follower.touch(lift, velocity, acceleration, turn)
+    return CamProfile(follower, turn, angle, lift, velocity, acceleration, touch)

@@ -1,0 +1,103 @@
+"""From a profile back to the lift: what a given cam does to a given follower."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexcam.cam.follower import Follower, Turn
+from flexcam.checks import finite_array, refuse
+from flexcam.linalg import ComplexArray, FloatArray
+
+_AT_ONCE = 2_000_000
+"""Pairs of angle and point looked at together."""
+
+_REFINEMENTS = 6
+
+
+def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *, turn: Turn = 1) -> FloatArray:
+    """Return the lift of a follower on a profile given by points.
+
+    The follower rests on the point that lifts it most. Between the points the profile is a periodic spline of degree 5
+    over the chord length, so that a roller too large for a hollow bridges it, as it would.
+
+    Parameters
+    ----------
+    points
+        Profile in the frame of the cam, m, shape (n, 2), in order, 12 or more, not closed by a repeated point.
+    follower
+        With the base circle the lift counts from.
+    angle
+        Cam angles, rad, any shape.
+    turn
+        Sense of rotation: 1 counterclockwise, -1 clockwise.
+
+    Returns
+    -------
+    ndarray
+        Lift, m, shape as `angle`.
+
+    Raises
+    ------
+    InputError
+        If points are too few or not finite, or the follower does not reach the profile.
+
+    Examples
+    --------
+    >>> from flexcam.cam import FlatFollower
+    >>> around = np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
+    >>> circle = 0.02 * np.column_stack([np.cos(around), np.sin(around)])
+    >>> lift_from_profile(circle, FlatFollower(0.018), [0.0, 1.0]).round(9)
+    array([0.002, 0.002])
+    """
+    from scipy.interpolate import make_interp_spline
+
+    xy = finite_array("points", points, (None, 2))
+    if len(xy) < 12:
+        raise refuse("points", f"{len(xy)} points", "12 or more")
+    closed = xy[:, 0] + 1j * xy[:, 1]
+    closed = np.append(closed, closed[0])
+    chord = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(closed)))])
+    if (np.diff(chord) <= 0.0).any():
+        raise refuse("points", "the same point twice", "different points, the first not repeated")
+    curve = make_interp_spline(chord, np.column_stack([closed.real, closed.imag]), k=5, bc_type="periodic")
+    turned = np.exp(1j * turn * np.asarray(angle, dtype=float).ravel())
+    length, spacing = float(chord[-1]), float(np.diff(chord).max())
+
+    def lift(at: FloatArray) -> FloatArray:
+        x, y = np.moveaxis(np.asarray(curve(np.mod(at, length)), dtype=float), -1, 0)
+        return follower.lift_at((x + 1j * y) * turned[:, None])
+
+    start = _highest(closed[:-1], chord[:-1], follower, turned)
+    if not np.isfinite(lift(start[:, None])).all():
+        raise refuse("points", "a profile the follower does not touch", "one within its reach", "", "check the unit")
+    return _refined(lift, start, spacing).reshape(np.shape(angle))
+
+
+def _highest(points: ComplexArray, chord: FloatArray, follower: Follower, turned: ComplexArray) -> FloatArray:
+    """Return the chord length of the given point that lifts most, per angle."""
+    rows = max(1, _AT_ONCE // len(points))
+    parts = [turned[i : i + rows, None] for i in range(0, len(turned), rows)]
+    return np.concatenate([chord[np.argmax(follower.lift_at(points * part), axis=1)] for part in parts])
+
+
+def _refined(lift: Callable[[FloatArray], FloatArray], start: FloatArray, spacing: float) -> FloatArray:
+    """Return the largest value near the starts, by parabolas through three places ever closer together."""
+    at, width = start, spacing
+    best = lift(at[:, None])[:, 0]
+    for _ in range(_REFINEMENTS):
+        around = at[:, None] + width * np.linspace(-1.0, 1.0, 5)
+        values = lift(around)
+        peak = np.clip(np.argmax(values, axis=1), 1, 3)
+        rows = np.arange(len(at))
+        left, middle, right = (values[rows, peak + k] for k in (-1, 0, 1))
+        bend = left - 2.0 * middle + right
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shift = np.where(np.isfinite(bend) & (bend < 0.0), 0.5 * (left - right) / bend, 0.0)
+        at = around[rows, peak] + 0.5 * width * np.clip(shift, -1.0, 1.0)
+        best = np.fmax(best, np.fmax(middle, lift(at[:, None])[:, 0]))
+        width *= 0.25
+    return np.where(np.isfinite(best), best, -math.inf)

@@ -1,0 +1,225 @@
+"""Lifts that are periodic by themselves: a spline on even knots, and a sum of harmonics."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from flexcam.checks import finite_array, refuse
+from flexcam.linalg import ComplexArray, FloatArray, IntArray
+from flexcam.motion.event import Event, distinct
+
+DEGREE = 5
+_REVOLUTION = 2.0 * math.pi
+_GRID = np.linspace(0.0, _REVOLUTION, 7201)
+
+# Column k: the cardinal B-spline of degree 5 on its k-th interval, powers of the place in the interval, times 120.
+_CARDINAL = (
+    np.array(
+        [
+            [1.0, 26.0, 66.0, 26.0, 1.0, 0.0],
+            [-5.0, -50.0, 0.0, 50.0, 5.0, 0.0],
+            [10.0, 20.0, -60.0, 20.0, 10.0, 0.0],
+            [-10.0, 20.0, 0.0, -20.0, 10.0, 0.0],
+            [5.0, -20.0, 30.0, -20.0, 5.0, 0.0],
+            [-1.0, 5.0, -10.0, 10.0, -5.0, 1.0],
+        ]
+    )
+    / 120.0
+)
+
+
+def spline_rows(angle: FloatArray, knots: int, order: int = 0) -> tuple[IntArray, FloatArray]:
+    """Return which coefficients of a periodic spline of degree 5 act at given angles, and by what weights.
+
+    Parameters
+    ----------
+    angle
+        rad, shape (m,).
+    knots
+        Even knots per revolution, as many as coefficients.
+    order
+        Of the derivative by the angle.
+
+    Returns
+    -------
+    index, weight : ndarray
+        Shape (m, 6) each.
+    """
+    width = _REVOLUTION / knots
+    place = np.mod(angle, _REVOLUTION) / width
+    interval = np.floor(place).astype(np.int64)
+    powers = _CARDINAL.copy()
+    for _ in range(order):
+        powers = np.arange(1, len(powers))[:, None] * powers[1:] / width
+    weight = (place - interval)[:, None] ** np.arange(len(powers)) @ powers
+    return (interval[:, None] + np.arange(DEGREE + 1)) % knots, weight
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicSpline:
+    """Lift over a revolution as a spline of degree 5 on even knots; its fourth derivative is continuous.
+
+    Parameters
+    ----------
+    coefficients
+        m, shape (n,), one per knot, 12 or more.
+
+    Raises
+    ------
+    InputError
+        If they are too few or not finite.
+
+    Examples
+    --------
+    >>> flat = PeriodicSpline(np.full(36, 0.002))
+    >>> flat(np.array([1.0])).round(9)
+    array([0.002])
+    """
+
+    coefficients: FloatArray
+
+    def __post_init__(self) -> None:
+        values = finite_array("coefficients", self.coefficients, (None,))
+        if len(values) < 2 * (DEGREE + 1):
+            raise refuse("coefficients", f"{len(values)} values", f"{2 * (DEGREE + 1)} or more")
+        object.__setattr__(self, "coefficients", values)
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Cam angles where a derivative up to the fourth may jump: none."""
+        return ()
+
+    @cached_property
+    def _height(self) -> float:
+        return highest(self)
+
+    @property
+    def height(self) -> float:
+        """Largest lift, m."""
+        return self._height
+
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order (0 to 4) by the cam angle, m/rad^order, shape as `angle`."""
+        angle = np.asarray(angle, dtype=float)
+        index, weight = spline_rows(angle.ravel(), len(self.coefficients), order)
+        return np.einsum("mk,mk->m", self.coefficients[index], weight).reshape(angle.shape)
+
+
+@dataclass(frozen=True)
+class HarmonicLift:
+    """Lift as a mean and a few harmonics of the cam angle: it excites nothing above the last of them.
+
+    C. Li, Cam motion simulation and optimization (2014), eq. 5.
+
+    Parameters
+    ----------
+    mean
+        m.
+    cosine, sine
+        Amplitudes a_n and b_n of cos(n angle) and sin(n angle), m, n from 1, as many of both.
+
+    Raises
+    ------
+    InputError
+        If the two differ in length, or a number is not finite.
+
+    Examples
+    --------
+    >>> HarmonicLift(0.003, (-0.003,), (0.0,))(np.array([0.0, math.pi]))
+    array([0.   , 0.006])
+    """
+
+    mean: float
+    cosine: tuple[float, ...]
+    sine: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.cosine) != len(self.sine) or not self.cosine:
+            given = f"{len(self.cosine)} and {len(self.sine)} values"
+            raise refuse("cosine, sine", given, "as many of both, one or more")
+        if not np.isfinite([self.mean, *self.cosine, *self.sine]).all():
+            raise refuse("mean, cosine, sine", "numbers that are not finite", "finite numbers")
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Cam angles where a derivative may jump: none."""
+        return ()
+
+    @cached_property
+    def _height(self) -> float:
+        return highest(self)
+
+    @property
+    def height(self) -> float:
+        """Largest lift, m."""
+        return self._height
+
+    @cached_property
+    def _amplitudes(self) -> tuple[FloatArray, ComplexArray]:
+        """Orders and complex amplitudes: lift = mean + Re sum c_n exp(i n angle)."""
+        n = np.linspace(1.0, len(self.cosine), len(self.cosine))
+        return n, np.array(self.cosine) - 1j * np.array(self.sine)
+
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order by the cam angle, m/rad^order, shape as `angle`."""
+        angle = np.asarray(angle, dtype=float)
+        n, amplitude = self._amplitudes
+        turned = np.exp(1j * angle[..., None] * n) @ ((1j * n) ** order * amplitude)
+        return np.asarray(turned.real + (self.mean if order == 0 else 0.0), dtype=float)
+
+
+def highest(event: Event) -> float:
+    """Return the largest lift of an event, m, to 1e-12 of it.
+
+    Parameters
+    ----------
+    event
+        A smooth event.
+
+    Returns
+    -------
+    float
+        m.
+    """
+    at = float(_GRID[np.argmax(event(_GRID))])
+    fine = at + np.linspace(-1.0, 1.0, 2001) * (_GRID[1] - _GRID[0])
+    return float(event(fine).max())
+
+
+def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
+    """Return the harmonics of an event's lift or of a derivative of it.
+
+    Parameters
+    ----------
+    event
+        The event.
+    count
+        How many.
+    order
+        Of the derivative, 0 to 4.
+
+    Returns
+    -------
+    ndarray
+        Complex amplitudes c_0 to c_count, shape (count + 1,): value = Re sum c_n exp(i n angle). By Gauss quadrature
+        between the joints.
+
+    Examples
+    --------
+    >>> harmonics(HarmonicLift(0.003, (-0.003,), (0.0,)), 1).real.round(12)
+    array([ 0.003, -0.003])
+    """
+    points, weights = np.polynomial.legendre.leggauss(8)
+    even = np.linspace(0.0, _REVOLUTION, max(361, 2 * count + 1))
+    edges = np.concatenate([distinct(np.concatenate([even[:-1], event.joints])), [_REVOLUTION]])
+    half = 0.5 * np.diff(edges)
+    angle = (edges[:-1] + half)[:, None] + half[:, None] * points
+    values = (half[:, None] * weights * event(angle, order)).ravel()
+    n = np.arange(count + 1)
+    amplitude = np.asarray(np.exp(-1j * np.outer(n, angle.ravel())) @ values / math.pi, dtype=np.complex128)
+    amplitude[0] *= 0.5
+    return amplitude

@@ -1,0 +1,91 @@
+"""Laws by name: those that are complete, those that need parameters, and those of other packages.
+
+A package adds laws by entry points of the group ``flexcam.laws``: a name and a class or function that returns a `Law`;
+its annotated parameters (numbers, or tuples of them) are what a case may give.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib.metadata import entry_points
+from types import MappingProxyType
+
+from flexcam.motion.bspline import BSplineLaw, through_points
+from flexcam.motion.cosine import PAVLOVIC_NEW, CosineSum
+from flexcam.motion.cycloidal import Cycloidal
+from flexcam.motion.fb2 import CompoundCycloid
+from flexcam.motion.harmonic import FREUDENSTEIN, GUTMAN, PAVLOVIC_TRIGONOMETRIC, Harmonic
+from flexcam.motion.harmonic_acceleration import harmonic_acceleration
+from flexcam.motion.law import Law
+from flexcam.motion.parabolic import Parabolic
+from flexcam.motion.polynomial import Polynomial, quinquinomial
+from flexcam.motion.scca import Scca
+from flexcam.motion.shm import SimpleHarmonic
+
+LawKind = Callable[..., Law]
+"""A class or function whose parameters are those of a law."""
+
+LAWS: Mapping[str, Law] = MappingProxyType(
+    {
+        "shm": SimpleHarmonic(),
+        "cos": SimpleHarmonic(),
+        "parabolic": Parabolic(),
+        "cycloidal": Cycloidal(),
+        "modified-trapezoid": Scca(0.25, 0.5, 0.25),
+        "modified-sine": Scca(0.25, 0.0, 0.75),
+        "2-3": Polynomial((2, 3)),
+        "3-4-5": Polynomial((3, 4, 5)),
+        "4-5-6-7": Polynomial((4, 5, 6, 7)),
+        "5-6-7-8-9": Polynomial((5, 6, 7, 8, 9)),
+        "gutman-1-3": GUTMAN,
+        "freudenstein-1-3": FREUDENSTEIN,
+        "pavlovic-trigonometric": PAVLOVIC_TRIGONOMETRIC,
+        "pavlovic-new": PAVLOVIC_NEW,
+        "quinquinomial": quinquinomial(1),
+        "quinquinomial-2": quinquinomial(2),
+        "quinquinomial-3": quinquinomial(3),
+        "quinquinomial-4": quinquinomial(4),
+        "harmonic-acceleration": harmonic_acceleration(),
+        "fb2": CompoundCycloid(),
+    }
+)
+"""Every law that is complete by its name. ``cos`` is what F. I. T. Petrescu calls the simple harmonic law."""
+
+KINDS: Mapping[str, LawKind] = MappingProxyType(
+    {
+        "scca": Scca,
+        "polynomial": Polynomial,
+        "quinquinomial": quinquinomial,
+        "harmonic": Harmonic,
+        "harmonic-acceleration": harmonic_acceleration,
+        "cosine": CosineSum,
+        "fb2": CompoundCycloid,
+        "bspline": BSplineLaw,
+        "table": through_points,
+    }
+)
+"""Every kind of law with parameters, by its id."""
+
+GROUP = "flexcam.laws"
+
+
+def plugged_in() -> dict[str, LawKind]:
+    """Return the kinds of law that other installed packages bring, by name.
+
+    Returns
+    -------
+    dict
+        Empty if there is none.
+    """
+    return {point.name: point.load() for point in entry_points(group=GROUP)}
+
+
+def law_kinds() -> dict[str, LawKind]:
+    """Return every kind of law that takes parameters, flexcam's own before those of other packages.
+
+    Returns
+    -------
+    dict
+        By id.
+    """
+    return {**plugged_in(), **KINDS}

@@ -1,0 +1,69 @@
+"""What no law at all can beat."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+
+def bound_over_all(weights: Mapping[str, float], limits: Mapping[str, float], *, free_ends: bool) -> float | None:
+    """Return a lower bound of the objective over all laws from rest to rest.
+
+    C_v >= 1 (the mean velocity), C_a >= 4 (the parabola), C_j >= 32 (three stretches of constant jerk), rms of s'' at
+    least sqrt(12) (the 2-3 polynomial), C_m >= 9/4 (s'^2 rises and falls linearly). With a bound J
+    on the jerk, C_a is at least that of the law whose acceleration is a trapezoid of slopes J, as bang-bang control
+    has it.
+
+    Parameters
+    ----------
+    weights
+        Of the criteria in the objective.
+    limits
+        Bounds on criteria.
+    free_ends
+        Whether the acceleration may step at the ends.
+
+    Returns
+    -------
+    float
+        None if the criteria are none of these.
+
+    Examples
+    --------
+    >>> bound_over_all({"Ca": 1.0}, {}, free_ends=False)
+    4.0
+    >>> round(bound_over_all({"Ca": 1.0}, {"Cj": 52.5}, free_ends=False), 4)
+    4.9234
+    """
+    least = {"Cv": 1.0, "Ca": 4.0, "Cj": 0.0 if free_ends else 32.0, "rms": math.sqrt(12.0), "Cm": 2.25}
+    if "Cj" in limits:
+        least["Ca"] = least_acceleration(limits["Cj"], free_ends=free_ends)
+    if any(name not in least for name in weights):
+        return None
+    return sum(weight * least[name] for name, weight in weights.items())
+
+
+def least_acceleration(jerk: float, *, free_ends: bool) -> float:
+    """Return the least C_a under a bound on the jerk.
+
+    Parameters
+    ----------
+    jerk
+        The bound J.
+    free_ends
+        Whether the acceleration may step at the ends; if not, the trapezoid rises from zero: A (1/2 - A/J) = 2, and
+        without, A/8 - A^3/(6 J^2) = 1/2.
+
+    Returns
+    -------
+    float
+        4 where nothing better is known.
+    """
+    if not free_ends:
+        return 4.0 if jerk < 32.0 else 8.0 / (1.0 + math.sqrt(1.0 - 32.0 / jerk))
+    acceleration = 4.0
+    for _ in range(100):
+        acceleration = 4.0 + 4.0 * acceleration**3 / (3.0 * jerk**2)
+        if acceleration > 0.5 * jerk:  # the slope fills the whole half: no trapezoid
+            return 4.0
+    return acceleration

@@ -1,0 +1,187 @@
+"""Families of laws that are linear in their coefficients, so that minimax is a linear program over them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from flexcam.checks import refuse
+from flexcam.linalg import FloatArray
+from flexcam.motion import BSplineLaw, Harmonic, Law
+
+
+class Family(Protocol):
+    """Laws s = offset(z) + rows(z) x with free coefficients x."""
+
+    @property
+    def size(self) -> int:
+        """Number of free coefficients."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """What it is, in words."""
+        ...
+
+    def rows(self, z: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+        """Return rows (m, size) and offset (m,) of a derivative at positions of shape (m,)."""
+        ...
+
+    def equalities(self) -> tuple[FloatArray, FloatArray]:
+        """Return what the coefficients must meet besides, A x = b."""
+        ...
+
+    def law(self, x: FloatArray) -> Law:
+        """Return the law of given coefficients."""
+        ...
+
+
+@dataclass(frozen=True)
+class SplineFamily:
+    """B-splines on even knots; with one piece they are the polynomials of their degree.
+
+    Parameters
+    ----------
+    degree
+        5 or more.
+    pieces
+        Intervals between knots.
+    rest
+        Derivatives that vanish at both ends: 1 for the velocity, 2 for the acceleration too, and so on.
+    symmetric
+        Whether s(z) + s(1 - z) = 1.
+
+    Raises
+    ------
+    InputError
+        If nothing is left to choose.
+
+    Examples
+    --------
+    >>> SplineFamily(degree=7, pieces=8).size
+    4
+    """
+
+    degree: int = 5
+    pieces: int = 24
+    rest: int = 2
+    symmetric: bool = True
+
+    def __post_init__(self) -> None:
+        if self.rest < 1 or self.degree < 5 or self.pieces < 1:
+            given = f"degree {self.degree}, {self.pieces} pieces, rest {self.rest}"
+            raise refuse("family", given, "degree from 5, one piece or more, rest from 1")
+        if self._count < 2 * (self.rest + 1) + 1:
+            given = f"{self._count} coefficients with {self.rest + 1} held at each end"
+            raise refuse("family", given, "some left to choose", "", "a higher degree or more pieces")
+
+    @property
+    def name(self) -> str:
+        """What it is, in words."""
+        if self.pieces == 1:
+            return f"polynomials of degree {self.degree}"
+        return f"B-splines of degree {self.degree} on {self.pieces} pieces"
+
+    @property
+    def _count(self) -> int:
+        return self.degree + self.pieces
+
+    @cached_property
+    def _map(self) -> tuple[FloatArray, FloatArray]:
+        """Matrix and offset from the free coefficients to all."""
+        n, held = self._count, self.rest + 1
+        offset = np.concatenate([np.zeros(held), np.zeros(n - 2 * held), np.ones(held)])
+        free = np.arange(held, n - held)
+        if not self.symmetric:
+            matrix = np.zeros((n, len(free)))
+            matrix[free, np.arange(len(free))] = 1.0
+            return matrix, offset
+        left = free[: len(free) // 2]
+        matrix = np.zeros((n, len(left)))
+        matrix[left, np.arange(len(left))] = 1.0
+        matrix[n - 1 - left, np.arange(len(left))] = -1.0
+        offset[n - 1 - left] = 1.0
+        if len(free) % 2:
+            offset[n // 2] = 0.5
+        return matrix, offset
+
+    @property
+    def size(self) -> int:
+        """Number of free coefficients."""
+        return self._map[0].shape[1]
+
+    def rows(self, z: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+        """Return rows and offset of a derivative."""
+        from scipy.interpolate import BSpline
+
+        ends = np.ones(self.degree + 1)
+        inner = np.linspace(0.0, 1.0, self.pieces + 1)[1:-1]
+        knots = np.concatenate([0.0 * ends, inner, ends])
+        spline = BSpline(knots, np.eye(self._count), self.degree)
+        basis = np.asarray(spline.derivative(order)(z) if order else spline(z), dtype=float)
+        matrix, offset = self._map
+        return basis @ matrix, basis @ offset
+
+    def equalities(self) -> tuple[FloatArray, FloatArray]:
+        """Ask nothing: ends and symmetry are built in."""
+        return np.zeros((0, self.size)), np.zeros(0)
+
+    def law(self, x: FloatArray) -> Law:
+        """Return the law of given coefficients."""
+        matrix, offset = self._map
+        return BSplineLaw(tuple((matrix @ x + offset).tolist()), self.degree)
+
+
+@dataclass(frozen=True)
+class HarmonicFamily:
+    """s = z - sum c_n sin(2 pi n z)/(2 pi n), at rest and without acceleration at the ends, symmetric.
+
+    Parameters
+    ----------
+    orders
+        The n, two or more, distinct, from 1.
+
+    Raises
+    ------
+    InputError
+        If they are not.
+
+    Examples
+    --------
+    >>> HarmonicFamily((1, 3)).name
+    'harmonic laws of orders 1, 3'
+    """
+
+    orders: tuple[int, ...] = (1, 2, 3, 4, 5)
+
+    def __post_init__(self) -> None:
+        if len(set(self.orders)) < max(2, len(self.orders)) or min(self.orders) < 1:
+            raise refuse("orders", list(self.orders), "two or more different whole numbers from 1")
+
+    @property
+    def name(self) -> str:
+        """What it is, in words."""
+        return f"harmonic laws of orders {', '.join(map(str, self.orders))}"
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return len(self.orders)
+
+    def rows(self, z: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+        """Return rows and offset of a derivative."""
+        w = 2.0 * math.pi * np.array(self.orders)
+        line = (z, np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
+        return -(w ** (order - 1.0)) * np.sin(np.multiply.outer(z, w) + order * math.pi / 2.0), line
+
+    def equalities(self) -> tuple[FloatArray, FloatArray]:
+        """Make the coefficients sum to 1, or the velocity would step at the ends."""
+        return np.ones((1, self.size)), np.ones(1)
+
+    def law(self, x: FloatArray) -> Law:
+        """Return the law of given coefficients."""
+        return Harmonic(tuple(zip(self.orders, x.tolist(), strict=True)))

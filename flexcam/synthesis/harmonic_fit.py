@@ -1,0 +1,156 @@
+"""A lift of a few harmonics that keeps to a wanted one: strictly where it dwells, closely where it moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.checks import positive, refuse
+from flexcam.linalg import FloatArray
+from flexcam.motion import Event, HarmonicLift
+from flexcam.synthesis.least_squares import constrained_least_squares
+
+_REVOLUTION = 2.0 * math.pi
+_POINTS_PER_HARMONIC, _LEAST_POINTS = 24, 720
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicFit:
+    """A finite-harmonic lift and how it keeps to the wanted one.
+
+    Parameters
+    ----------
+    event
+        The lift.
+    strict_deviation, deviation
+        Largest distance from the wanted lift on the strict sections and anywhere, m.
+    rms_deviation
+        Over the working sections, m.
+    """
+
+    event: HarmonicLift
+    strict_deviation: float
+    deviation: float
+    rms_deviation: float
+
+
+def harmonic_fit(
+    wanted: Event, count: int, *, strict: Sequence[tuple[float, float]] | None = None, tolerance: float,
+    bound: float | None = None,
+) -> HarmonicFit:  # fmt: skip
+    """Return the lift of so many harmonics with the least squared distance from a wanted one.
+
+    C. Li, Cam motion simulation and optimization (2014), eqs. 5-6, with its dwells as constraints instead of weights.
+
+    Parameters
+    ----------
+    wanted
+        The lift to keep to.
+    count
+        Harmonics; take fewer than first natural frequency over camshaft speed.
+    strict
+        Cam angles, rad, between which the lift must keep to `tolerance`; None for the dwells of the wanted lift.
+    tolerance
+        m.
+    bound
+        Largest distance anywhere else, m; None for no bound.
+
+    Returns
+    -------
+    HarmonicFit
+        The lift.
+
+    Raises
+    ------
+    InputError
+        If so few harmonics cannot meet tolerance and bound; the message says what they can.
+
+    Examples
+    --------
+    >>> from flexcam.motion import LAWS, LiftEvent
+    >>> fit = harmonic_fit(LiftEvent(LAWS["3-4-5"], 0.006, 1.5, 1.5), 12, tolerance=1e-4)
+    >>> fit.strict_deviation <= 1.0001e-4
+    True
+    """
+    positive("tolerance", tolerance, "m")
+    if count < 1:
+        raise refuse(
+            "count", count, "a whole number from 1", "", "a lower speed or a stiffer train leaves room for more"
+        )
+    points = max(_LEAST_POINTS, _POINTS_PER_HARMONIC * count)
+    angle = np.linspace(0.0, _REVOLUTION, points, endpoint=False)
+    target = wanted(angle)
+    held = _dwelling(wanted, angle) if strict is None else _inside(angle, strict)
+    rows = _rows(angle, count)
+    limit = np.where(held, tolerance, math.inf if bound is None else positive("bound", bound, "m"))
+    bounded = np.isfinite(limit)
+    G = np.vstack([rows[bounded], -rows[bounded]])
+    h = np.concatenate([(target - limit)[bounded], (-target - limit)[bounded]])
+    x = constrained_least_squares(rows, target, G, h)
+    if x is None:
+        reach = _least_deviation(rows[held], target[held])
+        given = f"{count} harmonics within {1e6 * tolerance:.4g} um on the strict sections"
+        remedy = f"allow {1e6 * reach:.4g} um there, a wider bound elsewhere, or more harmonics"
+        raise refuse("tolerance", given, "what they can hold", "the constraints leave no such lift", remedy)
+    event = HarmonicLift(float(x[0]), tuple(x[1 : count + 1].tolist()), tuple(x[count + 1 :].tolist()))
+    miss = np.abs(rows @ x - target)
+    moving = miss[~held]
+    return HarmonicFit(
+        event, float(miss[held].max(initial=0.0)), float(miss.max()),
+        float(np.sqrt(np.mean(moving**2))) if moving.size else 0.0,
+    )  # fmt: skip
+
+
+def harmonics_below(frequency: float, speed: float) -> int:
+    """Return how many harmonics of a cam stay below a natural frequency: n < w0/w.
+
+    Parameters
+    ----------
+    frequency
+        First natural frequency, rad/s.
+    speed
+        Camshaft speed, rad/s.
+
+    Returns
+    -------
+    int
+        May be zero.
+
+    Examples
+    --------
+    >>> harmonics_below(1000.0, 200.0)
+    4
+    """
+    return max(0, math.ceil(positive("frequency", frequency, "rad/s") / positive("speed", speed, "rad/s")) - 1)
+
+
+def _rows(angle: FloatArray, count: int) -> FloatArray:
+    turned = np.outer(angle, np.arange(1, count + 1))
+    return np.hstack([np.ones((len(angle), 1)), np.cos(turned), np.sin(turned)])
+
+
+def _dwelling(wanted: Event, angle: FloatArray) -> NDArray[np.bool_]:
+    still = np.abs(wanted(angle, 1)) + np.abs(wanted(angle, 2))
+    return still < 1e-9 * wanted.height
+
+
+def _inside(angle: FloatArray, sections: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
+    inside: NDArray[np.bool_] = np.zeros(len(angle), dtype=np.bool_)
+    for start, end in sections:
+        inside |= np.mod(angle - start, _REVOLUTION) <= (end - start)
+    return inside
+
+
+def _least_deviation(rows: FloatArray, target: FloatArray) -> float:
+    """Return the least of the largest distances: a linear program."""
+    from scipy.optimize import linprog
+
+    one = np.ones((len(rows), 1))
+    A = np.vstack([np.hstack([rows, -one]), np.hstack([-rows, -one])])
+    cost = np.append(np.zeros(rows.shape[1]), 1.0)
+    found = linprog(cost, A, np.concatenate([target, -target]), bounds=(None, None), method="highs")
+    return 0.0 if found.x is None else float(np.asarray(found.x, dtype=float)[-1])

@@ -1,0 +1,215 @@
+"""The law of a family whose largest velocity, acceleration or jerk is least: a linear program, with its proof.
+
+Between the places where the program looks, a curve may rise above its bound; such places are added until none is left
+(exchange, as E. Y. Remez's algorithm does). The dual solution of the last program bounds every law of the family from
+below, so the gap between both says how far from the optimum the law can be.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.checks import refuse
+from flexcam.linalg import FloatArray
+from flexcam.motion import Criteria, Law, criteria
+from flexcam.motion.criteria import stationary_points
+from flexcam.synthesis.bounds import bound_over_all
+from flexcam.synthesis.family import Family
+from flexcam.synthesis.program import CRITERIA, ORDERS, Condition, Cut, Program
+
+_START = np.linspace(0.0, 1.0, 161)
+_ROUNDS = 200
+_GAP = 1e-8
+"""Part of the objective by which a law may miss the bound before places are added."""
+
+
+@dataclass(frozen=True, eq=False)
+class Synthesized:
+    """A law found, and how good it is.
+
+    Parameters
+    ----------
+    law
+        The law.
+    objective
+        Weighted sum of its criteria.
+    bound
+        No law of the family under the same conditions has less; None where the problem is not convex.
+    bound_all
+        No law at all has less, as far as that is known; None where it is not.
+    criteria
+        Of the law.
+    family
+        In words.
+    """
+
+    law: Law
+    objective: float
+    bound: float | None
+    bound_all: float | None
+    criteria: Criteria
+    family: str
+
+    @property
+    def gap(self) -> float | None:
+        """Duality gap: objective less the family's bound."""
+        return None if self.bound is None else self.objective - self.bound
+
+
+def minimax(
+    family: Family, minimize: Mapping[str, float], *, bounds: Mapping[str, float] | None = None,
+    conditions: Sequence[Condition] = (), monotone: bool = True,
+) -> Synthesized:  # fmt: skip
+    """Return the law of a family with the least weighted sum of criteria.
+
+    ``Cv``, ``Ca``, ``Cj`` are linear; the root mean square ``rms`` of the acceleration is convex and met by its tangent
+    planes, so that the bound holds for it too. The operating moment ``Cm`` is neither: the law is then the best nearby,
+    found by linear programs within a shrinking trust region from the law of least acceleration, and has no bound.
+
+    Parameters
+    ----------
+    family
+        Where to look.
+    minimize
+        Weights of the criteria ``Cv``, ``Ca``, ``Cj``, ``rms``, ``Cm``.
+    bounds
+        Largest values allowed of ``Cv``, ``Ca``, ``Cj``.
+    conditions
+        Further values the law must take: position, order, value.
+    monotone
+        Whether the velocity must not be negative.
+
+    Returns
+    -------
+    Synthesized
+        The law, and the duality gap.
+
+    Raises
+    ------
+    InputError
+        If a criterion is unknown, a weight or bound not positive, or no law of the family meets the conditions.
+
+    Examples
+    --------
+    >>> from flexcam.synthesis import HarmonicFamily
+    >>> found = minimax(HarmonicFamily((1, 3)), {"Ca": 1.0})
+    >>> round(found.objective, 4), found.gap < 1e-6
+    (5.1302, True)
+    """
+    weights, limits = _checked("minimize", minimize, CRITERIA), _checked("bounds", bounds or {}, ORDERS)
+    if not weights:
+        raise refuse("minimize", "nothing", f"one or more of {', '.join(CRITERIA)}")
+    if "Cm" in weights:
+        x = _nearby(family, weights, Program(family, weights, limits, tuple(conditions), monotone))
+        bound = None
+    else:
+        x, bound = _exchanged(Program(family, weights, limits, tuple(conditions), monotone))
+    law = family.law(x)
+    found = criteria(law)
+    least = bound_over_all(weights, limits, free_ends=abs(found.ends[0][2]) > 1e-9)
+    return Synthesized(law, _objective(found, weights), bound, least, found, family.name)
+
+
+def _exchanged(program: Program) -> tuple[FloatArray, float]:
+    """Return the coefficients of the best law and the bound that proves it."""
+    places: dict[int, FloatArray] = dict.fromkeys((1, 2, 3), _START)
+    cuts = list[Cut]()
+    x, bound = program.solve(places, cuts)
+    for _ in range(_ROUNDS):
+        law = program.family.law(x)
+        if program.met(law, 0.0) and program.objective(law) - bound <= _GAP * abs(bound):
+            break
+        places = {order: _with(places[order], stationary_points(law, order)) for order in places}
+        cuts += [program.tangent(x)] if "rms" in program.weights else []
+        x, bound = program.solve(places, cuts)
+    return x, bound
+
+
+_SHRINK, _SMALLEST = 0.5, 1e-9
+
+
+def _nearby(family: Family, weights: Mapping[str, float], program: Program) -> FloatArray:
+    """Return the coefficients of a law that no small step improves."""
+    x, _ = _exchanged(replace(program, weights={"Ca": 1.0}))
+    law, radius = family.law(x), 0.1
+    best = program.objective(law)
+    places = dict.fromkeys((1, 2, 3), np.linspace(0.0, 1.0, 401))
+    while radius > _SMALLEST:
+        seen = {order: _with(places[order], stationary_points(law, order)) for order in places}
+        step, _ = program.solve(seen, [program.tangent(x)] if "rms" in weights else [], around=(x, radius))
+        tried = family.law(step)
+        value = program.objective(tried)
+        if value < best - 1e-10 * abs(best) and program.met(tried, 1e-6):
+            x, law, best = step, tried, value
+        else:
+            radius *= _SHRINK
+    return x
+
+
+def pareto(
+    family: Family, first: str, second: str, *, count: int = 9, conditions: Sequence[Condition] = (),
+    monotone: bool = True,
+) -> list[Synthesized]:  # fmt: skip
+    """Return laws of which none is better in both of two criteria than another: a front, from end to end.
+
+    Parameters
+    ----------
+    family
+        Where to look.
+    first, second
+        Two of ``Cv``, ``Ca``, ``Cj``.
+    count
+        Laws, 3 or more.
+    conditions, monotone
+        As for `minimax`.
+
+    Returns
+    -------
+    list
+        By the second criterion, ascending; each law minimizes the first under a bound on the second.
+
+    Raises
+    ------
+    InputError
+        If the criteria are unknown or the same, or the count is too small.
+    """
+    if first == second or count < 3:
+        raise refuse("pareto", f"{first}, {second}, {count} laws", "two different criteria and three laws or more")
+
+    def solve(minimize: Mapping[str, float], bounds: Mapping[str, float]) -> Synthesized:
+        return minimax(family, minimize, bounds=bounds, conditions=conditions, monotone=monotone)
+
+    least = solve({second: 1.0}, {})
+    best = solve({first: 1.0}, {})
+    # The best in one criterion alone leaves the other one open: it is made best among its equals.
+    low = _value(least.criteria, second) * (1.0 + 1e-6)
+    high = _value(solve({second: 1.0}, {first: best.objective * (1.0 + 1e-6)}).criteria, second) * (1.0 + 1e-6)
+    return [solve({first: 1.0}, {second: float(limit)}) for limit in np.geomspace(low, max(low, high), count)]
+
+
+def _checked(where: str, given: Mapping[str, float], known: Iterable[str]) -> dict[str, float]:
+    for name, value in given.items():
+        if name not in known:
+            raise refuse(where, repr(name), ", ".join(known))
+        if not (math.isfinite(value) and value > 0.0):
+            raise refuse(f"{where}.{name}", value, "a finite number above zero")
+    return dict(given)
+
+
+def _objective(found: Criteria, weights: Mapping[str, float]) -> float:
+    return sum(weight * _value(found, name) for name, weight in weights.items())
+
+
+def _value(found: Criteria, name: str) -> float:
+    if name == "rms":
+        return found.rms[1]
+    value: float | None = getattr(found, name)
+    return math.inf if value is None else value
+
+
+def _with(places: FloatArray, more: FloatArray) -> FloatArray:
+    return np.unique(np.concatenate([places, more]).round(13))

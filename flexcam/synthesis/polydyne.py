@@ -1,0 +1,191 @@
+"""Polydyne cams: the lift that makes what follows an elastic train do what was wanted, at one speed.
+
+Every harmonic of the wanted motion is divided by the train's answer to that harmonic. Source: D. A. Stoddart, Polydyne
+Cam Design, Machine Design 25 (1953), for one mass, where it gives s = y + (w/w0)^2 y''; here for any linear train.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.checks import positive, refuse
+from flexcam.linalg import ComplexArray, FloatArray
+from flexcam.motion import Event, HarmonicLift, harmonics
+
+Transfer = Callable[[FloatArray], ComplexArray]
+"""Motion of the follower's end per lift of the cam, by circular frequency (rad/s, zero included)."""
+
+_DEAF = 1e-9
+"""An answer smaller than this part of the static one cannot be asked for."""
+
+_GRID = np.linspace(0.0, 2.0 * math.pi, 1441)
+
+
+@dataclass(frozen=True)
+class SingleMass:
+    """A mass on a spring that the cam's lift drives: y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0.
+
+    Parameters
+    ----------
+    frequency
+        w0, rad/s.
+    damping
+        D, part of the critical damping.
+
+    Examples
+    --------
+    >>> SingleMass(100.0)(np.array([0.0])).real
+    array([1.])
+    """
+
+    frequency: float
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("frequency", self.frequency, "rad/s")
+        positive("damping", self.damping, "", zero=True)
+
+    def __call__(self, omega: FloatArray) -> ComplexArray:
+        """Return the motion per lift."""
+        r = omega / self.frequency
+        drive = 1.0 + 2j * self.damping * r
+        with np.errstate(divide="ignore", invalid="ignore"):
+            answer = drive / (drive - r**2)
+        return np.where(drive == r**2, np.inf, answer)
+
+
+@dataclass(frozen=True, eq=False)
+class Polydyne:
+    """A polydyne cam.
+
+    Parameters
+    ----------
+    event
+        Lift of the cam.
+    wanted
+        Motion it was made for, as harmonics.
+    left_out
+        Largest part of the wanted motion that so many harmonics do not hold, m.
+    """
+
+    event: HarmonicLift
+    wanted: HarmonicLift
+    left_out: float
+
+
+def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60) -> Polydyne:
+    """Return the cam that makes the end of a train move as wanted at a design speed.
+
+    Parameters
+    ----------
+    wanted
+        Motion of the train's end over the cam angle, m; smooth to the fourth derivative for a smooth cam.
+    transfer
+        Of the train.
+    speed
+        Design speed of the camshaft, rad/s.
+    count
+        Harmonics.
+
+    Returns
+    -------
+    Polydyne
+        The cam.
+
+    Raises
+    ------
+    InputError
+        If the train does not answer to a harmonic.
+
+    Examples
+    --------
+    >>> from flexcam.motion import LAWS, LiftEvent
+    >>> wanted = LiftEvent(LAWS["4-5-6-7"], 0.008, 1.5, 1.5)
+    >>> cam = polydyne(wanted, SingleMass(2000.0), 200.0).event
+    >>> exact = wanted(np.array([1.0])) + 0.01 * wanted(np.array([1.0]), 2)
+    >>> bool(abs(cam(np.array([1.0])) - exact) < 1e-6)
+    True
+    """
+    positive("speed", speed, "rad/s")
+    if count < 1:
+        raise refuse("count", count, "a whole number from 1")
+    amplitude = harmonics(wanted, count)
+    answer = transfer(speed * np.arange(count + 1.0))
+    deaf = np.flatnonzero(np.abs(answer) < _DEAF * abs(answer[0]))
+    if deaf.size or not np.isfinite(answer[0]):
+        given = f"a train that does not answer to harmonic {deaf[0] if deaf.size else 0} at {_rpm(speed):g} rpm"
+        raise refuse("speed", given, "one that answers to every harmonic", "", "another speed, or some damping")
+    goal = _lift(amplitude)
+    # A harmonic in resonance must not be in the cam at all.
+    resonant = ~np.isfinite(answer)
+    cam = np.where(resonant, 0.0, amplitude / np.where(resonant, 1.0, answer))
+    return Polydyne(_lift(cam), goal, float(np.abs(goal(_GRID) - wanted(_GRID)).max()))
+
+
+def motion_at(cam: Event, transfer: Transfer, speed: float, *, count: int = 60) -> HarmonicLift:
+    """Return the steady motion of the train's end on a cam at any speed.
+
+    Parameters
+    ----------
+    cam
+        Lift of the cam.
+    transfer
+        Of the train.
+    speed
+        Camshaft speed, rad/s.
+    count
+        Harmonics.
+
+    Returns
+    -------
+    HarmonicLift
+        The motion.
+
+    Raises
+    ------
+    InputError
+        If a harmonic of the cam is in resonance with an undamped train: there is no steady motion.
+    """
+    answer = transfer(positive("speed", speed, "rad/s") * np.arange(count + 1.0))
+    resonant = np.flatnonzero(~np.isfinite(answer))
+    if resonant.size:
+        given = f"{_rpm(speed):g} rpm, where harmonic {resonant[0]} is in resonance"
+        raise refuse(
+            "speed", given, "one with a steady motion", "the train has no damping", "another speed, or damping"
+        )
+    return _lift(harmonics(cam, count) * answer)
+
+
+def off_design(design: Polydyne, transfer: Transfer, speeds: Sequence[float]) -> FloatArray:
+    """Return the largest distance from the wanted motion at other speeds.
+
+    Parameters
+    ----------
+    design
+        The cam.
+    transfer
+        Of the train.
+    speeds
+        Camshaft speeds, rad/s, shape (n,).
+
+    Returns
+    -------
+    ndarray
+        m, shape (n,).
+    """
+    count = len(design.event.cosine)
+    moved = [motion_at(design.event, transfer, float(speed), count=count) for speed in speeds]
+    return np.array([float(np.abs(one(_GRID) - design.wanted(_GRID)).max()) for one in moved])
+
+
+def _rpm(speed: float) -> float:
+    return speed * 30.0 / math.pi
+
+
+def _lift(amplitude: ComplexArray) -> HarmonicLift:
+    cosine, sine = amplitude[1:].real.tolist(), (-amplitude[1:].imag).tolist()
+    return HarmonicLift(float(amplitude[0].real), tuple(cosine), tuple(sine))
