@@ -133,10 +133,12 @@ def profile_at(event: Event, follower: Follower, angle: FloatArray, turn: Turn =
 
     Parameters
     ----------
-    event, follower, turn
+    event, follower
         As for `cam_profile`.
     angle
         rad, shape (n,).
+    turn
+        As for `cam_profile`.
 
     Returns
     -------

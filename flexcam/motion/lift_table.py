@@ -177,8 +177,9 @@ def _with_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, Flo
     """Return the points with more on the base circle, where the table leaves it out."""
     ends, lifts = np.append(theta, theta[0] + _REVOLUTION), np.append(s, s[0])
     angles, heights = [theta], [s]
-    for i in np.flatnonzero(_wide(theta)):
-        new = np.linspace(ends[i], ends[i + 1], math.ceil((ends[i + 1] - ends[i]) / _STEP) + 1)[1:-1]
+    for i in np.flatnonzero(_wide(theta)).tolist():
+        start, end = float(ends[i]), float(ends[i + 1])
+        new = np.linspace(start, end, math.ceil((end - start) / _STEP) + 1)[1:-1]
         angles.append(new)
         heights.append(np.interp(new, ends[i : i + 2], lifts[i : i + 2]))
     return np.concatenate(angles), np.concatenate(heights)

@@ -36,7 +36,7 @@ METHODS = [
     if not name.startswith("_")
     and inspect.isfunction(item := inspect.unwrap(getattr(raw, "__func__", getattr(raw, "fget", raw))))
 ]
-COMMANDS = ("flexcam.cli", "flexcam.commands")
+COMMANDS = tuple(m.__name__ for m in MODULES if m.__name__ == "flexcam.cli" or ".commands" in m.__name__)
 """Commands document their parameters where cyclopts shows them: at the annotations."""
 
 

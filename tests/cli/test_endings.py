@@ -112,7 +112,7 @@ def in_process(monkeypatch, capsys, words, fault):
     def broken(*_, **__):
         raise fault
 
-    monkeypatch.setattr(commands, "prepare", broken)
+    monkeypatch.setattr(commands.cases, "prepare", broken)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     with pytest.raises(SystemExit) as end:
         cli.main(words)

@@ -1,11 +1,9 @@
-"""Tables and words of every command; `commands` prints what these functions return."""
+"""Tables and words about a case and its model."""
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from collections.abc import Iterable
 
 import numpy as np
 import tomli_w
@@ -13,13 +11,10 @@ from rich.table import Table
 
 from flexcam.case import Case
 from flexcam.fidelity import Claim, Comparison
-from flexcam.io import Result
 from flexcam.linalg import FloatArray
-from flexcam.motion import Criteria
-from flexcam.response import Response
 from flexcam.runner import Prepared
 from flexcam.terminal import bare, facts, table
-from flexcam.train import MemberStrength, ModelModes, member_masses
+from flexcam.train import ModelModes, member_masses
 
 COUPLINGS = {
     "published-load": (
@@ -44,74 +39,6 @@ def resolved(case: Case) -> str:
         TOML text.
     """
     return tomli_w.dumps(case.record.model_dump(mode="json", by_alias=True, exclude_none=True))
-
-
-def strength_table(members: Mapping[str, MemberStrength]) -> Table:
-    """Return the most stressed place of every member.
-
-    Parameters
-    ----------
-    members
-        From a `StrengthSink`.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
-    rows = [
-        (name, f"{one.von_mises / 1e6:.4g}", f"{one.mean / 1e6:.4g}", f"{one.alternating / 1e6:.4g}",
-         "not stated" if one.safety is None else f"{one.safety:.3g}", one.place)
-        for name, one in members.items()
-    ]  # fmt: skip
-    head = ("stress, MPa", "von Mises", "mean", "alternating", "fatigue safety", "at")
-    return table("Stresses at the saved instants", head, rows)
-
-
-def mac_table(likeness: FloatArray) -> Table:
-    """Return a table of the modal assurance criterion.
-
-    Parameters
-    ----------
-    likeness
-        Shape (modes here, modes there).
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
-    rows = [(str(i + 1), *(f"{value:.2f}" for value in row)) for i, row in enumerate(likeness)]
-    return table("Modal assurance criterion", ("here / there", *map(str, range(1, likeness.shape[1] + 1))), rows)
-
-
-def info_table(result: Result) -> Table:
-    """Return what a result file holds.
-
-    Parameters
-    ----------
-    result
-        The result.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
-    response = result.response
-    about = [(name, text) for name, text in result.about.items() if name not in ("case", "resolved", "overrides")]
-    rows = [
-        ("run", str(response.status)),
-        ("steps", f"{response.stats.steps} of {response.stats.unknowns} unknowns, {response.stats.seconds:.3g} s"),
-        ("saved", f"{len(response.time)} instants of the probes, {len(response.field_time)} of the fields"),
-        ("probes", ", ".join(name for name, _ in response.outline.probes) or "none"),
-        ("channels", ", ".join(f"{name} [{unit}]" for name, unit in response.outline.channels) or "none"),
-        ("fields", ", ".join([*result.field_names, *result.recovered])),
-        ("members", ", ".join(f"{name} ({len(line) - 1})" for name, line in result.mesh.lines.items())),
-        *about,
-        ("overrides", ", ".join(json.loads(result.about["overrides"])) or "none"),
-    ]
-    return facts("Result", rows)
 
 
 def couplings(case: Case) -> list[str]:
@@ -207,6 +134,23 @@ def rpm(case: Case) -> float:
     return round(case.speed * 30.0 / math.pi, 9)
 
 
+def mac_table(likeness: FloatArray) -> Table:
+    """Return a table of the modal assurance criterion.
+
+    Parameters
+    ----------
+    likeness
+        Shape (modes here, modes there).
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    rows = [(str(i + 1), *(f"{value:.2f}" for value in row)) for i, row in enumerate(likeness)]
+    return table("Modal assurance criterion", ("here / there", *map(str, range(1, likeness.shape[1] + 1))), rows)
+
+
 def mode_table(modes: ModelModes) -> Table:
     """Return frequencies, effective masses and what moves.
 
@@ -226,33 +170,6 @@ def mode_table(modes: ModelModes) -> Table:
         masses = [f"{m:.4f}" for m in modes.effective[i, :3]]
         made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * frequency:.0f}", *masses, modes.words(i))
     return made
-
-
-def run_table(case: Case, response: Response) -> Table:
-    """Return the extremes of every probe.
-
-    Parameters
-    ----------
-    case
-        The case.
-    response
-        Its response.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
-    rows: list[tuple[str, ...]] = []
-    for name, components in response.outline.probes:
-        for component in components:
-            full = name if len(components) == 1 else f"{name}.{component}"
-            moved = response[full].displacement
-            unit = "mrad" if component.startswith("r") else "mm"
-            if len(moved) and round(1e3 * float(np.abs(moved).max()), 4) > 0.0:
-                rows.append((full, *(f"{round(1e3 * x, 4) + 0.0:.4f} {unit}" for x in (moved.min(), moved.max()))))
-    title = f"{case.record.title or case.name}, {rpm(case):g} rpm"
-    return table(title, ("probe", "least", "largest"), rows or [("no probe moves", "", "")])
 
 
 def comparison_table(comparison: Comparison) -> Table:
@@ -327,81 +244,3 @@ def claim_table(claims: Iterable[Claim]) -> Table:
     for claim in claims:
         made.add_row(claim.statement, "yes" if claim.reproduced else "no", claim.finding)
     return made
-
-
-_CURVES = (("velocity", "s'"), ("acceleration", "s''"), ("jerk", "s'''"), ("moment", "s' s''"))
-
-
-def law_json(found: Criteria) -> dict[str, object]:
-    """Return the criteria of a law as ``--json`` prints them.
-
-    Parameters
-    ----------
-    found
-        The criteria.
-
-    Returns
-    -------
-    dict
-        Keys ``Cv Ca Cj Cm extremes end_conditions symmetric``; an infinite jerk is null.
-    """
-    ends = {f"z={z}": dict(zip(("s", "s'", "s''", "s'''"), end, strict=True)) for z, end in enumerate(found.ends)}
-    return {
-        "Cv": found.Cv, "Ca": found.Ca, "Cj": found.Cj, "Cm": found.Cm,
-        "extremes": {name: [asdict(one) for one in getattr(found, name)] for name, _ in _CURVES},
-        "jumps": list(found.jumps), "end_conditions": ends, "rest_at_ends": found.rest_at_ends,
-        "symmetric": found.symmetric,
-    }  # fmt: skip
-
-
-def law_facts(name: str, found: Criteria) -> Table:
-    """Return the facts of one law.
-
-    Parameters
-    ----------
-    name
-        Of the law.
-    found
-        Its criteria.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
-    rows = [
-        (f"{symbol} ({curve})", f"{low.value:.6g} at z = {low.at:.6f}, {high.value:.6g} at z = {high.at:.6f}")
-        for curve, symbol in _CURVES
-        for low, high in [getattr(found, curve)]
-    ]
-    steps = ", ".join(_CURVES[order - 1][0] for order in found.jumps)
-    ends = [", ".join(f"{value:.6g}" for value in end) for end in found.ends]
-    rows += [
-        ("steps inside", steps or "none"),
-        ("s, s', s'', s''' at z = 0", ends[0]),
-        ("s, s', s'', s''' at z = 1", ends[1]),
-        ("symmetric", "yes" if found.symmetric else "no"),
-    ]
-    return facts(f"Motion law {name}", rows)
-
-
-def laws_table(found: Mapping[str, Criteria]) -> Table:
-    """Return all laws side by side.
-
-    Parameters
-    ----------
-    found
-        Criteria by law.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
-    rest = ("none", "s'", "s' s''", "s' s'' s'''")
-    rows = [
-        (name, *(f"{x:.4f}" for x in (c.Cv, c.Ca)), "infinite" if c.Cj is None else f"{c.Cj:.3f}", f"{c.Cm:.4f}",
-         rest[c.rest_at_ends])
-        for name, c in found.items()
-    ]  # fmt: skip
-    return table("Motion laws, lift 1 over angle 1", ("law", "C_v", "C_a", "C_j", "C_m", "zero at both ends"), rows)

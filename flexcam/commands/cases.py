@@ -1,84 +1,29 @@
-"""The commands: read, call, print. Nothing is computed here; each returns the status of its run, or None."""
+"""Commands that work on a case: check, run, modes, compare."""
 
 from __future__ import annotations
 
-import json
-import platform
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from importlib.metadata import version
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
-from flexcam import __version__, console, fidelity
-from flexcam.case import Case, CaseRecord, build_model, read_case
-from flexcam.checks import did_you_mean, refuse
+from flexcam import console, fidelity
+from flexcam.case import Case, build_model, read_case
+from flexcam.checks import refuse
+from flexcam.commands.app import CaseFile, Folder, Json, Overrides, Overwrite, app, load, running
 from flexcam.integrate import solve
-from flexcam.io import made_folder, read_result, write_csv, write_mesh, write_modes, write_pvd
-from flexcam.motion import LAWS, criteria
+from flexcam.io import made_folder, write_modes
 from flexcam.response import Status
 from flexcam.runner import geometry_of, mode_likeness, prepare, result_file
 from flexcam.runner import modes as case_modes
 from flexcam.terminal import out, print_json, progress
 from flexcam.train import StrengthSink, build_structure, member_masses
 
-
-@dataclass
-class Running:
-    """What the signal handler and a running solution know of each other."""
-
-    signals: list[int] = field(default_factory=list[int])
-    solving: bool = False
-
-    def stopped(self) -> bool:
-        """Tell whether a signal asked the run to end."""
-        return bool(self.signals)
-
-
-running = Running()
-
-CaseFile = Annotated[Path, Parameter(help="Case file (TOML).")]
-ResultPath = Annotated[Path, Parameter(help="Result file (.vtkhdf).")]
-Overrides = Annotated[
-    list[str] | None,
-    Parameter("--set", negative=(), help="Lay a value over the case's: run.speed=4000rpm. May be repeated."),
-]
-Json = Annotated[bool, Parameter("--json", negative=(), help="Print one JSON object.")]
-Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]
-Overwrite = Annotated[bool, Parameter("--overwrite", negative=(), help="Replace existing results.")]
 Prestress = Annotated[
     Literal["rest", "equilibrium"] | None,
     Parameter("--prestress", help="Count in the axial forces as installed (rest), or under all loads (equilibrium)."),
 ]
-
-
-def _versions() -> str:
-    runs_on = ("numpy", "scipy", "h5py", "meshio", "pydantic", "cyclopts")
-    return f"flexcam {__version__}\npython {platform.python_version()}\n" + "\n".join(
-        f"{n} {version(n)}" for n in runs_on
-    )
-
-
-app = App(
-    name="flexcam",
-    version=_versions,
-    help_format="plaintext",
-    help="Flexible valve trains and cam mechanisms by finite elements.",
-    help_prologue="""\
-flexcam check cases/tayeb/model-3-shm.toml
-flexcam compare cases/tayeb/model-3-shm.toml --set run.speed=4000rpm
-flexcam run cases/tayeb/model-3-shm.toml -o results
-flexcam export results/model-3-shm.vtkhdf --format pvd
-""",
-    suppress_keyboard_interrupt=False,
-)
-app.register_install_completion_command()  # pyright: ignore[reportUnknownMemberType]
-
-
-def _load(path: Path, overrides: Sequence[str] | None) -> Case:
-    return read_case(path, overrides or ())
 
 
 @app.command(
@@ -89,7 +34,7 @@ flexcam check case.toml --set run.speed=4000rpm --json
 )
 def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False) -> None:
     """Check a case, say what its model contains, and print it with every default filled in."""
-    ready = prepare(_load(case, overrides))
+    ready = prepare(load(case, overrides))
     found = case_modes(ready.case)
     if as_json:
         mesh, system = ready.model.mesh, ready.problem.system
@@ -122,7 +67,7 @@ def run(
     as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Solve a case in time and write its result file."""
-    ready = prepare(_load(case, overrides))
+    ready = prepare(load(case, overrides))
     sink = result_file(ready, folder, overwrite=overwrite)
     strength = StrengthSink(build_structure(ready.model))
     running.solving = True
@@ -171,7 +116,7 @@ def modes(
     """
     if count < 1:
         raise refuse("--count", count, "a whole number from 1")
-    read = _load(case, overrides)
+    read = load(case, overrides)
     found = case_modes(read, count, prestress=prestress)
     likeness = None
     if mac is not None:
@@ -212,7 +157,7 @@ def compare(case: CaseFile, *, probe: str | None = None, overrides: Overrides = 
     probe
         Point or component to compare at; by default the probe that is a rocker's point, or the first one.
     """
-    read = _load(case, overrides)
+    read = load(case, overrides)
     at = probe or _default_probe(read)
     found = fidelity.deviation(read, at)
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
@@ -235,87 +180,6 @@ def compare(case: CaseFile, *, probe: str | None = None, overrides: Overrides = 
         out().print()
         out().print(console.claim_table(claims))
     return found.status
-
-
-@app.command(
-    help_prologue="""\
-flexcam export results/case.vtkhdf --format pvd --every 5 --field displacement
-flexcam export results/case.vtkhdf --format csv --probe valve
-flexcam export case.toml --format msh -o meshes
-"""
-)
-def export(
-    source: Annotated[Path, Parameter(help="Result file, or a case file for --format msh.")], *,
-    form: Annotated[Literal["pvd", "csv", "msh"], Parameter("--format", help="pvd: ParaView; msh: Gmsh 2.2.")] = "pvd",
-    folder: Annotated[Path | None, Parameter(["-o", "--output"], help="Folder; that of the source by default.")] = None,
-    every: Annotated[int, Parameter("--every", help="Take every so many of the saved instants or steps.")] = 1,
-    fields: Annotated[list[str] | None, Parameter("--field", negative=(), help="pvd: only these point data.")] = None,
-    probes: Annotated[list[str] | None, Parameter("--probe", negative=(), help="csv: only these probes.")] = None,
-    overwrite: Overwrite = False, as_json: Json = False,
-) -> None:  # fmt: skip
-    """Write a result as a ParaView collection or CSV table, or a case's mesh as a Gmsh file."""
-    target = made_folder(folder or source.parent) / f"{source.stem}.{form}"
-    if form == "msh":
-        write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
-        files = [target]
-    elif form == "csv":
-        files = [write_csv(read_result(source).response, target, probes=probes, every=every, overwrite=overwrite)]
-    else:
-        files = write_pvd(read_result(source), target, every=every, fields=fields, overwrite=overwrite)
-    if as_json:
-        print_json({"status": "ok", "files": [str(path) for path in files]})
-    else:
-        out().print(f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0]))
-
-
-@app.command(help_prologue="flexcam info results/case.vtkhdf\n")
-def info(result: ResultPath, *, as_json: Json = False) -> None:
-    """Say what a result file holds: how its run ended, what computed it, what was saved."""
-    read = read_result(result)
-    response = read.response
-    if as_json:
-        print_json({
-            "status": "ok", "run": str(response.status.cause), "message": response.status.text,
-            "stats": asdict(response.stats),
-            "saved_steps": len(response.time), "saved_fields": len(response.field_time),
-            "probes": {name: list(components) for name, components in response.outline.probes},
-            "channels": dict(response.outline.channels), "fields": [*read.field_names, *read.recovered],
-            "about": {name: text for name, text in read.about.items() if name not in ("case", "resolved")},
-            "case": json.loads(read.about["resolved"]),
-        })  # fmt: skip
-    else:
-        out().print(console.info_table(read))
-
-
-@app.command(help_prologue="flexcam law 4-5-6-7\nflexcam law modified-sine --json\n")
-def law(name: Annotated[str, Parameter(help="Name of a motion law.")], *, as_json: Json = False) -> None:
-    """Say what a motion law does: its criteria, extremes, ends and symmetry, normalized to lift 1 over angle 1."""
-    if name not in LAWS:
-        raise refuse("law", repr(name), ", ".join(LAWS), remedy=did_you_mean(name, LAWS))
-    found = criteria(LAWS[name])
-    if as_json:
-        print_json({"status": "ok", "law": name, **console.law_json(found)})
-    else:
-        out().print(console.law_facts(name, found))
-
-
-@app.command(help_prologue="flexcam laws\n")
-def laws(*, as_json: Json = False) -> None:
-    """List all motion laws with their criteria side by side."""
-    found = {name: criteria(one) for name, one in LAWS.items()}
-    if as_json:
-        print_json({"status": "ok", "laws": {name: console.law_json(one) for name, one in found.items()}})
-    else:
-        out().print(console.laws_table(found))
-
-
-@app.command(help_prologue="flexcam schema > case.schema.json\n")
-def schema(*, as_json: Json = False) -> None:
-    """Print the JSON Schema of case files, which editors use for completion and checks; it is JSON either way."""
-    del as_json
-    print_json(
-        {"$schema": "https://json-schema.org/draft/2020-12/schema", **CaseRecord.model_json_schema(by_alias=True)}
-    )
 
 
 def _default_probe(case: Case) -> str:

@@ -1,0 +1,9 @@
+"""The commands: read, call, print. Nothing is computed here; each returns the status of its run, or None.
+
+May import everything below the command line. A new command is a function in the file of its kind.
+"""
+
+from flexcam.commands import cases, files, laws
+from flexcam.commands.app import app, running
+
+__all__ = ["app", "cases", "files", "laws", "running"]

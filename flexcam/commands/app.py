@@ -1,0 +1,68 @@
+"""What all commands share: the application, its options, and what a signal handler and a running solution share."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from flexcam import __version__
+from flexcam.case import Case, read_case
+
+
+@dataclass
+class Running:
+    """What the signal handler and a running solution know of each other."""
+
+    signals: list[int] = field(default_factory=list[int])
+    solving: bool = False
+
+    def stopped(self) -> bool:
+        """Tell whether a signal asked the run to end."""
+        return bool(self.signals)
+
+
+running = Running()
+
+CaseFile = Annotated[Path, Parameter(help="Case file (TOML).")]
+ResultPath = Annotated[Path, Parameter(help="Result file (.vtkhdf).")]
+Overrides = Annotated[
+    list[str] | None,
+    Parameter("--set", negative=(), help="Lay a value over the case's: run.speed=4000rpm. May be repeated."),
+]
+Json = Annotated[bool, Parameter("--json", negative=(), help="Print one JSON object.")]
+Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]
+Overwrite = Annotated[bool, Parameter("--overwrite", negative=(), help="Replace existing results.")]
+
+
+def _versions() -> str:
+    runs_on = ("numpy", "scipy", "h5py", "meshio", "pydantic", "cyclopts")
+    return f"flexcam {__version__}\npython {platform.python_version()}\n" + "\n".join(
+        f"{n} {version(n)}" for n in runs_on
+    )
+
+
+app = App(
+    name="flexcam",
+    version=_versions,
+    help_format="plaintext",
+    help="Flexible valve trains and cam mechanisms by finite elements.",
+    help_prologue="""\
+flexcam check cases/tayeb/model-3-shm.toml
+flexcam compare cases/tayeb/model-3-shm.toml --set run.speed=4000rpm
+flexcam run cases/tayeb/model-3-shm.toml -o results
+flexcam export results/model-3-shm.vtkhdf --format pvd
+""",
+    suppress_keyboard_interrupt=False,
+)
+app.register_install_completion_command()  # pyright: ignore[reportUnknownMemberType]
+
+
+def load(path: Path, overrides: Sequence[str] | None) -> Case:
+    """Read a case with the values of ``--set`` laid over it."""
+    return read_case(path, overrides or ())

@@ -1,0 +1,75 @@
+"""Commands that work on files: export, info, schema."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from flexcam import console
+from flexcam.case import CaseRecord, build_model, read_case
+from flexcam.commands.app import Json, Overwrite, ResultPath, app
+from flexcam.io import made_folder, read_result, write_csv, write_mesh, write_pvd
+from flexcam.terminal import out, print_json
+
+
+@app.command(
+    help_prologue="""\
+flexcam export results/case.vtkhdf --format pvd --every 5 --field displacement
+flexcam export results/case.vtkhdf --format csv --probe valve
+flexcam export case.toml --format msh -o meshes
+"""
+)
+def export(
+    source: Annotated[Path, Parameter(help="Result file, or a case file for --format msh.")], *,
+    form: Annotated[Literal["pvd", "csv", "msh"], Parameter("--format", help="pvd: ParaView; msh: Gmsh 2.2.")] = "pvd",
+    folder: Annotated[Path | None, Parameter(["-o", "--output"], help="Folder; that of the source by default.")] = None,
+    every: Annotated[int, Parameter("--every", help="Take every so many of the saved instants or steps.")] = 1,
+    fields: Annotated[list[str] | None, Parameter("--field", negative=(), help="pvd: only these point data.")] = None,
+    probes: Annotated[list[str] | None, Parameter("--probe", negative=(), help="csv: only these probes.")] = None,
+    overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Write a result as a ParaView collection or CSV table, or a case's mesh as a Gmsh file."""
+    target = made_folder(folder or source.parent) / f"{source.stem}.{form}"
+    if form == "msh":
+        write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
+        files = [target]
+    elif form == "csv":
+        files = [write_csv(read_result(source).response, target, probes=probes, every=every, overwrite=overwrite)]
+    else:
+        files = write_pvd(read_result(source), target, every=every, fields=fields, overwrite=overwrite)
+    if as_json:
+        print_json({"status": "ok", "files": [str(path) for path in files]})
+    else:
+        out().print(f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0]))
+
+
+@app.command(help_prologue="flexcam info results/case.vtkhdf\n")
+def info(result: ResultPath, *, as_json: Json = False) -> None:
+    """Say what a result file holds: how its run ended, what computed it, what was saved."""
+    read = read_result(result)
+    response = read.response
+    if as_json:
+        print_json({
+            "status": "ok", "run": str(response.status.cause), "message": response.status.text,
+            "stats": asdict(response.stats),
+            "saved_steps": len(response.time), "saved_fields": len(response.field_time),
+            "probes": {name: list(components) for name, components in response.outline.probes},
+            "channels": dict(response.outline.channels), "fields": [*read.field_names, *read.recovered],
+            "about": {name: text for name, text in read.about.items() if name not in ("case", "resolved")},
+            "case": json.loads(read.about["resolved"]),
+        })  # fmt: skip
+    else:
+        out().print(console.info_table(read))
+
+
+@app.command(help_prologue="flexcam schema > case.schema.json\n")
+def schema(*, as_json: Json = False) -> None:
+    """Print the JSON Schema of case files, which editors use for completion and checks; it is JSON either way."""
+    del as_json
+    print_json(
+        {"$schema": "https://json-schema.org/draft/2020-12/schema", **CaseRecord.model_json_schema(by_alias=True)}
+    )

@@ -1,0 +1,34 @@
+"""Tables and words of every command; `commands` prints what these functions return.
+
+A new table is a function in the file of its kind.
+"""
+
+from flexcam.console.cases import (
+    claim_table,
+    comparison_table,
+    comparison_words,
+    couplings,
+    mac_table,
+    mode_table,
+    model_table,
+    resolved,
+)
+from flexcam.console.laws import law_facts, law_json, laws_table
+from flexcam.console.results import info_table, run_table, strength_table
+
+__all__ = [
+    "claim_table",
+    "comparison_table",
+    "comparison_words",
+    "couplings",
+    "info_table",
+    "law_facts",
+    "law_json",
+    "laws_table",
+    "mac_table",
+    "mode_table",
+    "model_table",
+    "resolved",
+    "run_table",
+    "strength_table",
+]

@@ -1,0 +1,88 @@
+"""Tables about motion laws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+
+from rich.table import Table
+
+from flexcam.motion import Criteria
+from flexcam.terminal import facts, table
+
+_CURVES = (("velocity", "s'"), ("acceleration", "s''"), ("jerk", "s'''"), ("moment", "s' s''"))
+
+
+def law_json(found: Criteria) -> dict[str, object]:
+    """Return the criteria of a law as ``--json`` prints them.
+
+    Parameters
+    ----------
+    found
+        The criteria.
+
+    Returns
+    -------
+    dict
+        Keys ``Cv Ca Cj Cm extremes end_conditions symmetric``; an infinite jerk is null.
+    """
+    ends = {f"z={z}": dict(zip(("s", "s'", "s''", "s'''"), end, strict=True)) for z, end in enumerate(found.ends)}
+    return {
+        "Cv": found.Cv, "Ca": found.Ca, "Cj": found.Cj, "Cm": found.Cm,
+        "extremes": {name: [asdict(one) for one in getattr(found, name)] for name, _ in _CURVES},
+        "jumps": list(found.jumps), "end_conditions": ends, "rest_at_ends": found.rest_at_ends,
+        "symmetric": found.symmetric,
+    }  # fmt: skip
+
+
+def law_facts(name: str, found: Criteria) -> Table:
+    """Return the facts of one law.
+
+    Parameters
+    ----------
+    name
+        Of the law.
+    found
+        Its criteria.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    rows = [
+        (f"{symbol} ({curve})", f"{low.value:.6g} at z = {low.at:.6f}, {high.value:.6g} at z = {high.at:.6f}")
+        for curve, symbol in _CURVES
+        for low, high in [getattr(found, curve)]
+    ]
+    steps = ", ".join(_CURVES[order - 1][0] for order in found.jumps)
+    ends = [", ".join(f"{value:.6g}" for value in end) for end in found.ends]
+    rows += [
+        ("steps inside", steps or "none"),
+        ("s, s', s'', s''' at z = 0", ends[0]),
+        ("s, s', s'', s''' at z = 1", ends[1]),
+        ("symmetric", "yes" if found.symmetric else "no"),
+    ]
+    return facts(f"Motion law {name}", rows)
+
+
+def laws_table(found: Mapping[str, Criteria]) -> Table:
+    """Return all laws side by side.
+
+    Parameters
+    ----------
+    found
+        Criteria by law.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    rest = ("none", "s'", "s' s''", "s' s'' s'''")
+    rows = [
+        (name, *(f"{x:.4f}" for x in (c.Cv, c.Ca)), "infinite" if c.Cj is None else f"{c.Cj:.3f}", f"{c.Cm:.4f}",
+         rest[c.rest_at_ends])
+        for name, c in found.items()
+    ]  # fmt: skip
+    return table("Motion laws, lift 1 over angle 1", ("law", "C_v", "C_a", "C_j", "C_m", "zero at both ends"), rows)
