@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 from pathlib import Path
 
 from flexcam.case import CaseRecord
+from flexcam.motion import KINDS, LAWS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs/case-format.md"
@@ -36,6 +38,12 @@ def kind(schema: dict, definitions: dict) -> str:
         return f"`{schema['const']}`"
     if "enum" in schema:
         return ", ".join(f"`{value}`" for value in schema["enum"])
+    if schema.get("type") == "object" and "properties" in schema:
+        return (
+            "table of "
+            + ", ".join(f"`{key}`" for key in schema["properties"])
+            + (" …" if "id" in schema["properties"] else "")
+        )
     inner = next(iter(schema.get("patternProperties", {}).values()), schema.get("additionalProperties"))
     if schema.get("type") == "object" and isinstance(inner, dict):
         return f"by name: {kind(inner, definitions)}"
@@ -82,7 +90,28 @@ def page() -> str:
     parts = [HEAD + example + "```\n", "## Case", "", *rows(schema, definitions), ""]
     for name, record in definitions.items():
         parts += [f"## {title(name)}", "", record.get("description", "").strip(), "", *rows(record, definitions), ""]
-    return "\n".join(parts)
+    return "\n".join([*parts, *laws()])
+
+
+def laws() -> list[str]:
+    """Return the laws by name and the kinds with their parameters."""
+    lines = ["## Motion laws", "", "By name alone: " + ", ".join(f"`{name}`" for name in LAWS) + ".", ""]
+    lines += ["With parameters, `law = { id = ..., ... }`:", "", "| id | parameters | |", "|---|---|---|"]
+    for name, make in KINDS.items():
+        parameters = [
+            f"`{p.name}`" + ("" if p.default is p.empty else f" = {p.default}")
+            for p in inspect.signature(make, eval_str=True).parameters.values()
+        ]
+        first = (inspect.getdoc(make) or "").splitlines()[0]
+        lines.append(f"| `{name}` | {', '.join(parameters)} | {first} |")
+    return [
+        *lines,
+        "",
+        "Other packages add kinds by entry points of the group `flexcam.laws`. A law in a file of its own,",
+        '`law = "NAME.toml"`, is a table `[law]` with the same keys; a lift in a file, `lift_table = "NAME.toml"`, is a',
+        "table `[lift]` with `mean`, `cosine` and `sine`, the harmonics in m.",
+        "",
+    ]
 
 
 if __name__ == "__main__":

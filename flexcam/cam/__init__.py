@@ -13,12 +13,13 @@ from flexcam.cam.follower import (
     Touch,
     Turn,
 )
-from flexcam.cam.limits import Finding, findings, minimum_base_radius
+from flexcam.cam.limits import PRESSURE_ANGLE, Finding, findings, minimum_base_radius
 from flexcam.cam.petrescu import petrescu_efficiency, petrescu_profile, relaxed_arm
 from flexcam.cam.profile import CamProfile, cam_profile, profile_at
 from flexcam.cam.reading import lift_from_profile
 
 __all__ = [
+    "PRESSURE_ANGLE",
     "CamProfile",
     "Finding",
     "FlatFollower",

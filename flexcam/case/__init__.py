@@ -5,7 +5,19 @@ A new key is a field in `records`, acted on in `build` (or in `flexcam.run`), an
 """
 
 from flexcam.case.build import build_model
-from flexcam.case.read import Case, read_case
-from flexcam.case.records import CaseRecord
+from flexcam.case.motions import GivenLaw, GivenLift, given_law, law_file
+from flexcam.case.read import Case, read_cams, read_case
+from flexcam.case.records import CamsRecord, CaseRecord
 
-__all__ = ["Case", "CaseRecord", "build_model", "read_case"]
+__all__ = [
+    "CamsRecord",
+    "Case",
+    "CaseRecord",
+    "GivenLaw",
+    "GivenLift",
+    "build_model",
+    "given_law",
+    "law_file",
+    "read_cams",
+    "read_case",
+]

@@ -6,13 +6,13 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 from pydantic import ValidationError
 
 from flexcam.case.lines import Path as KeyPath
 from flexcam.case.lines import Places
-from flexcam.case.records import CaseRecord
+from flexcam.case.records import CamsRecord, CaseRecord, Record
 from flexcam.case.references import References
 from flexcam.case.report import faults
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
@@ -92,22 +92,33 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     ``read_case("cases/tayeb/model-3-shm.toml", ["run.speed=4000rpm"])`` is the published case at another speed.
     """
     source = Path(path)
-    text = _text(source)
-    try:
-        raw = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as fault:
-        remedy = "strings need quotes, tables need [brackets]"
-        raise refuse(str(source), str(fault), "a TOML document", "", remedy) from None
-    places, found = Places.of_text(text), list[Fault]()
-    for override in overrides:
-        found += _lay_over(raw, override)
-        places = places.overridden(_key(override), override)
+    text, raw = _parsed(source)
+    places, found = _overridden(raw, text, overrides)
     mesh, mesh_faults = _mesh(raw, source, places)
-    record, record_faults = _record(raw, places)
+    record, record_faults = _record(CaseRecord, raw, places, source.parent)
     found += [*record_faults, *mesh_faults, *References(raw, mesh, places).faults(), *_either_or(raw, places)]
     if found or record is None:
         raise InputError(found)
     return Case(source, text, tuple(overrides), record, mesh, places)
+
+
+def _parsed(source: Path) -> tuple[str, dict[str, Any]]:
+    """Return the text of a file and its tables."""
+    text = _text(source)
+    try:
+        return text, tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as fault:
+        remedy = "strings need quotes, tables need [brackets]"
+        raise refuse(str(source), str(fault), "a TOML document", "", remedy) from None
+
+
+def _overridden(raw: dict[str, Any], text: str, overrides: Sequence[str]) -> tuple[Places, list[Fault]]:
+    """Lay overrides over the tables; return where every key was given, and what is wrong with them."""
+    places, found = Places.of_text(text), list[Fault]()
+    for override in overrides:
+        found += _lay_over(raw, override)
+        places = places.overridden(_key(override), override)
+    return places, found
 
 
 def _text(path: Path) -> str:
@@ -164,11 +175,68 @@ def _mesh(raw: Mapping[str, Any], source: Path, places: Places) -> tuple[Mesh | 
         return None, [replace(f, where=f"{where}{f.where.removeprefix('mesh')}") for f in refusal.faults]
 
 
-def _record(raw: Mapping[str, Any], places: Places) -> tuple[CaseRecord | None, list[Fault]]:
+AnyRecord = TypeVar("AnyRecord", bound=Record)
+
+
+def _record(
+    kind: type[AnyRecord], raw: Mapping[str, Any], places: Places, folder: Path
+) -> tuple[AnyRecord | None, list[Fault]]:
+    """Return the checked record; files beside the case are found from its folder."""
     try:
-        return CaseRecord.model_validate(raw), []
+        return kind.model_validate(raw, context={"folder": folder}), []
     except ValidationError as refusal:
         return None, faults(refusal.errors(include_url=False), places)
+
+
+def holds_mechanism(path: Path) -> bool:
+    """Tell whether a file describes a whole mechanism, or cams alone.
+
+    Parameters
+    ----------
+    path
+        The TOML file.
+
+    Returns
+    -------
+    bool
+        Whether it has members.
+
+    Raises
+    ------
+    InputError
+        If it is no readable TOML document.
+    """
+    return "members" in _parsed(path)[1]
+
+
+def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
+    """Read and check a file with cams alone.
+
+    Parameters
+    ----------
+    path
+        The TOML file.
+    overrides
+        Values laid over the file's, such as ``"cams.intake.lift=7 mm"``.
+
+    Returns
+    -------
+    CamsRecord
+        With every default filled in, in SI.
+
+    Raises
+    ------
+    InputError
+        With all faults of the file at once.
+    """
+    source = Path(path)
+    text, raw = _parsed(source)
+    places, found = _overridden(raw, text, overrides)
+    record, record_faults = _record(CamsRecord, raw, places, source.parent)
+    found += [*record_faults, *References(raw, None, places).faults()]
+    if found or record is None:
+        raise InputError(found)
+    return record
 
 
 def _either_or(raw: Mapping[str, Any], places: Places) -> list[Fault]:

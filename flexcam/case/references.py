@@ -9,7 +9,6 @@ from typing import Any, cast
 from flexcam.case.lines import Path, Places
 from flexcam.checks import Fault, did_you_mean
 from flexcam.fem import Mesh
-from flexcam.motion import LAWS
 
 Table = Mapping[str, Any]
 
@@ -34,7 +33,7 @@ class References:
 
     def faults(self) -> list[Fault]:
         """Return the references that lead nowhere, or to several nodes where one is meant."""
-        found = [*self._parts(), *self._laws(), *self._member_nodes()]
+        found = [*self._parts(), *self._lifts(), *self._member_nodes()]
         if self.mesh is not None:
             found += [*self._groups(self.mesh)]
         if self.mesh is not None or "nodes" in self.raw:
@@ -60,9 +59,17 @@ class References:
             for name, table in self._each(kind):
                 yield from self._known((kind, name, key), table.get(key), list(self._table(target)), what)
 
-    def _laws(self) -> Iterator[Fault]:
+    def _lifts(self) -> Iterator[Fault]:
+        """Return the keys of cams that miss, or that stand beside the whole lift of a file."""
         for name, table in self._each("cams"):
-            yield from self._known(("cams", name, "law"), table.get("law"), list(LAWS), "a motion law")
+            for key in _OF_A_LAW if "lift_table" not in table else ():
+                if key not in table:
+                    where, why = self.places.place(("cams", name, key)), "the key is required without a lift_table"
+                    yield Fault(where, "nothing", _OF_A_LAW[key], why, f"add {key!r}")
+            for key in (*_OF_A_LAW, "dwell", "return_law", "ramps", "single_dwell") if "lift_table" in table else ():
+                if key in table and not (key == "law" and table[key] == "table"):
+                    why = "the lift table says all of it"
+                    yield Fault(self.places.place(("cams", name, key)), key, "nothing", why, "remove one of them")
 
     def _member_nodes(self) -> Iterator[Fault]:
         named = list(self._table("nodes"))
@@ -121,6 +128,12 @@ _PARTS = (
     ("loads", "member", "members", "a member"),
 )
 """Table, key, the table it refers to, what stands there."""
+
+_OF_A_LAW = {
+    "law": "a motion law", "lift": "a length such as '6 mm'", "rise": "an angle such as '65 deg'",
+    "return": "an angle such as '65 deg'",
+}  # fmt: skip
+"""Keys of a cam without a lift table, and what may stand there."""
 
 _AT = (
     ("masses", "at", True),

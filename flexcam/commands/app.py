@@ -36,6 +36,7 @@ Overrides = Annotated[
     Parameter("--set", negative=(), help="Lay a value over the case's: run.speed=4000rpm. May be repeated."),
 ]
 Json = Annotated[bool, Parameter("--json", negative=(), help="Print one JSON object.")]
+Picture = Annotated[Path | None, Parameter("--plot", help="Also draw it (.svg, .png or .pdf).")]
 Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]
 Overwrite = Annotated[bool, Parameter("--overwrite", negative=(), help="Replace existing results.")]
 

@@ -2,34 +2,92 @@
 
 from __future__ import annotations
 
+import tomllib
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from flexcam import console
+from flexcam.case import given_law, law_file
 from flexcam.checks import did_you_mean, refuse
-from flexcam.commands.app import Json, app
-from flexcam.motion import LAWS, criteria
+from flexcam.commands.app import Json, Overwrite, Picture, app
+from flexcam.motion import KINDS, LAWS, Law, criteria, residual_spectrum
 from flexcam.terminal import out, print_json
 
+_RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0)
 
-@app.command(help_prologue="flexcam law 4-5-6-7\nflexcam law modified-sine --json\n")
-def law(name: Annotated[str, Parameter(help="Name of a motion law.")], *, as_json: Json = False) -> None:
+Ratios = Annotated[
+    list[float] | None,
+    Parameter("--residual", negative=(), help="Rise time over the period of an oscillator. May be repeated."),
+]
+
+
+def find_law(name: str, parameters: list[str] | None = None) -> Law:
+    """Return the law of a name with parameters, or of a file."""
+    if name.endswith(".toml"):
+        return law_file(Path(name)).law
+    if not parameters and name not in LAWS and name not in KINDS:
+        known = list(dict.fromkeys([*LAWS, *KINDS]))
+        raise refuse("law", repr(name), ", ".join(known) + ", or a law file (.toml)", "", did_you_mean(name, known))
+    given: dict[str, object] = {"id": name}
+    for one in parameters or ():
+        key, equals, value = one.partition("=")
+        if not equals:
+            raise refuse("--with", repr(one), "key=value, such as b=0.25")
+        try:
+            given[key.strip()] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            raise refuse("--with", repr(one), "a number or a list, such as exponents=[3,4,5]") from None
+    return given_law(given).law
+
+
+@app.command(
+    help_prologue="""\
+flexcam law 4-5-6-7
+flexcam law scca --with b=0.25 --with c=0.5 --with d=0.25 --json
+flexcam law best.toml --residual 1.5 --plot best.svg
+"""
+)
+def law(
+    name: Annotated[str, Parameter(help="Name of a motion law, or a law file (.toml).")], *,
+    parameters: Annotated[list[str] | None, Parameter("--with", negative=(), help="A parameter of the law.")] = None,
+    residual: Ratios = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
     """Say what a motion law does: its criteria, extremes, ends and symmetry, normalized to lift 1 over angle 1."""
-    if name not in LAWS:
-        raise refuse("law", repr(name), ", ".join(LAWS), remedy=did_you_mean(name, LAWS))
-    found = criteria(LAWS[name])
+    one = find_law(name, parameters)
+    found, ratios = criteria(one), tuple(residual or _RATIOS)
+    spectrum = residual_spectrum(one, ratios).tolist()
+    if plot is not None:
+        from flexcam.view import law_figure, save_figure
+
+        save_figure(law_figure({name: one}), plot, overwrite=overwrite)
     if as_json:
-        print_json({"status": "ok", "law": name, **console.law_json(found)})
-    else:
-        out().print(console.law_facts(name, found))
+        pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, spectrum, strict=True)]
+        print_json({"status": "ok", "law": name, **console.law_json(found), "residual": pairs})
+        return
+    out().print(console.law_facts(name, found))
+    out().print()
+    out().print(console.spectrum_table({name: spectrum}, ratios))
 
 
-@app.command(help_prologue="flexcam laws\n")
-def laws(*, as_json: Json = False) -> None:
-    """List all motion laws with their criteria side by side."""
+@app.command(help_prologue="flexcam laws\nflexcam laws --plot laws.svg\n")
+def laws(*, residual: Ratios = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False) -> None:
+    """List all motion laws that are complete by their name, with their criteria side by side."""
     found = {name: criteria(one) for name, one in LAWS.items()}
+    ratios = tuple(residual or _RATIOS)
+    spectra = {name: residual_spectrum(one, ratios).tolist() for name, one in LAWS.items()}
+    if plot is not None:
+        from flexcam.view import law_figure, save_figure
+
+        save_figure(law_figure(LAWS), plot, overwrite=overwrite)
     if as_json:
-        print_json({"status": "ok", "laws": {name: console.law_json(one) for name, one in found.items()}})
-    else:
-        out().print(console.laws_table(found))
+        print_json({
+            "status": "ok", "ratios": list(ratios), "kinds": list(KINDS),
+            "laws": {name: {**console.law_json(one), "residual": spectra[name]} for name, one in found.items()},
+        })  # fmt: skip
+        return
+    out().print(console.laws_table(found))
+    out().print()
+    out().print(console.spectrum_table(spectra, ratios))
+    out().print(f"\nKinds with parameters (flexcam law KIND --with key=value): {', '.join(KINDS)}")

@@ -3,6 +3,19 @@
 A new table is a function in the file of its kind.
 """
 
+from flexcam.cams import CamFacts
+from flexcam.console.cams import (
+    cam_json,
+    cam_table,
+    harmonic_table,
+    overlap_table,
+    pareto_table,
+    polydyne_table,
+    smoothing_table,
+    spectrum_table,
+    synthesis_json,
+    synthesis_table,
+)
 from flexcam.console.cases import (
     claim_table,
     comparison_table,
@@ -17,10 +30,14 @@ from flexcam.console.laws import law_facts, law_json, laws_table
 from flexcam.console.results import info_table, run_table, strength_table
 
 __all__ = [
+    "CamFacts",
+    "cam_json",
+    "cam_table",
     "claim_table",
     "comparison_table",
     "comparison_words",
     "couplings",
+    "harmonic_table",
     "info_table",
     "law_facts",
     "law_json",
@@ -28,7 +45,14 @@ __all__ = [
     "mac_table",
     "mode_table",
     "model_table",
+    "overlap_table",
+    "pareto_table",
+    "polydyne_table",
     "resolved",
     "run_table",
+    "smoothing_table",
+    "spectrum_table",
     "strength_table",
+    "synthesis_json",
+    "synthesis_table",
 ]

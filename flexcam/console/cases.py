@@ -86,7 +86,7 @@ def model_table(ready: Prepared, modes: ModelModes) -> Table:
             (f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
             for n, r in model.rockers.items()
         ),
-        *((f"cam {n}", f"at {c.at}, lift {1e3 * c.event.lift:g} mm") for n, c in model.cams.items()),
+        *((f"cam {n}", f"at {c.at}, lift {1e3 * c.event.height:g} mm") for n, c in model.cams.items()),
         *(
             (f"contact {n}", f"{c.cam} lifts {c.follower} along {_vector(c.direction)}")
             for n, c in model.contacts.items()

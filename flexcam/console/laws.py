@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 from rich.table import Table
 
-from flexcam.motion import Criteria
+from flexcam.motion import Criteria, Extreme
 from flexcam.terminal import facts, table
 
 _CURVES = (("velocity", "s'"), ("acceleration", "s''"), ("jerk", "s'''"), ("moment", "s' s''"))
@@ -31,7 +31,8 @@ def law_json(found: Criteria) -> dict[str, object]:
         "Cv": found.Cv, "Ca": found.Ca, "Cj": found.Cj, "Cm": found.Cm,
         "extremes": {name: [asdict(one) for one in getattr(found, name)] for name, _ in _CURVES},
         "jumps": list(found.jumps), "end_conditions": ends, "rest_at_ends": found.rest_at_ends,
-        "symmetric": found.symmetric,
+        "symmetric": found.symmetric, "broken": list(found.broken), "rms": list(found.rms),
+        "harmonics": list(found.harmonics),
     }  # fmt: skip
 
 
@@ -50,8 +51,10 @@ def law_facts(name: str, found: Criteria) -> Table:
     Table
         For rich.
     """
-    rows = [
-        (f"{symbol} ({curve})", f"{low.value:.6g} at z = {low.at:.6f}, {high.value:.6g} at z = {high.at:.6f}")
+    criteria = (("C_v", found.Cv), ("C_a", found.Ca), ("C_j", found.Cj), ("C_m", found.Cm))
+    rows = [("criteria", ", ".join(f"{n} {'infinite' if x is None else f'{x:.6g}'}" for n, x in criteria))]
+    rows += [
+        (f"{symbol} ({curve})", f"{_place(low)}, {_place(high)}")
         for curve, symbol in _CURVES
         for low, high in [getattr(found, curve)]
     ]
@@ -62,8 +65,15 @@ def law_facts(name: str, found: Criteria) -> Table:
         ("s, s', s'', s''' at z = 0", ends[0]),
         ("s, s', s'', s''' at z = 1", ends[1]),
         ("symmetric", "yes" if found.symmetric else "no"),
+        ("rms of s', s'', s'''", ", ".join(f"{value:.6g}" for value in found.rms)),
+        ("harmonics of s''", ", ".join(f"{value:.3g}" for value in found.harmonics)),
+        *(("not met between dwells", said) for said in found.broken),
     ]
     return facts(f"Motion law {name}", rows)
+
+
+def _place(extreme: Extreme) -> str:
+    return f"{extreme.value:.6g} at z = {', '.join(f'{z:.6f}' for z in (extreme.at, *extreme.also))}"
 
 
 def laws_table(found: Mapping[str, Criteria]) -> Table:

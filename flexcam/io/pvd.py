@@ -1,11 +1,10 @@
 """ParaView collections: a ``.pvd`` file that names one ``.vtp`` per instant, for ParaView up to 5.11.
 
-The point data are those of the result file; XML with base64 data, as VTK's XML file formats describe it.
+The point data are those of the result file.
 """
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,9 +17,8 @@ from flexcam.fem import Mesh
 from flexcam.io.result import Result
 from flexcam.io.target import free_to_write, made_folder
 from flexcam.io.vtkhdf import VECTORS
+from flexcam.io.vtp import write_polylines
 from flexcam.linalg import FloatArray, IntArray
-
-_TYPES = {"float64": "Float64", "int64": "Int64"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,23 +114,6 @@ def write_vtp(path: Path, frame: Frame) -> None:
     frame
         What is in it.
     """
-    ends = np.cumsum([len(line) for line in frame.mesh.lines.values()])
-    count = len(frame.node)
-    path.write_text("\n".join([
-        '<?xml version="1.0"?>',
-        '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
-        f'<PolyData><Piece NumberOfPoints="{count}" NumberOfLines="{len(ends)}">',
-        "<PointData>", *(_array(name, values) for name, values in frame.data.items()), "</PointData>",
-        "<CellData>", _array("member", np.arange(len(ends))), "</CellData>",
-        "<Points>", _array("Points", frame.mesh.nodes[frame.node]), "</Points>",
-        "<Lines>", _array("connectivity", np.arange(count)), _array("offsets", ends), "</Lines>",
-        "</Piece></PolyData></VTKFile>", "",
-    ]), encoding="ascii")  # fmt: skip
-
-
-def _array(name: str, values: FloatArray | IntArray) -> str:
-    data = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
-    width = data.shape[1] if data.ndim == 2 else 1
-    raw = np.array([data.nbytes], dtype="<u8").tobytes() + data.tobytes()
-    head = f'<DataArray type="{_TYPES[values.dtype.name]}" Name="{name}" NumberOfComponents="{width}" format="binary">'
-    return f"{head}{base64.b64encode(raw).decode('ascii')}</DataArray>"
+    lengths = [len(line) for line in frame.mesh.lines.values()]
+    points = frame.mesh.nodes[frame.node]
+    write_polylines(path, points, lengths, point_data=frame.data, cell_data={"member": np.arange(len(lengths))})

@@ -8,7 +8,7 @@ from flexcam.motion.bspline import BSplineLaw, through_points
 from flexcam.motion.cosine import CosineSum
 from flexcam.motion.criteria import Criteria, Extreme, criteria
 from flexcam.motion.cycloidal import Cycloidal
-from flexcam.motion.event import Event, LiftEvent
+from flexcam.motion.event import Event, LiftEvent, Shifted
 from flexcam.motion.fb2 import CompoundCycloid
 from flexcam.motion.harmonic import Harmonic
 from flexcam.motion.harmonic_acceleration import harmonic_acceleration
@@ -49,6 +49,7 @@ __all__ = [
     "Polynomial",
     "Ramp",
     "Scca",
+    "Shifted",
     "SimpleHarmonic",
     "Turned",
     "ValveEvent",

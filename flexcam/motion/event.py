@@ -231,6 +231,42 @@ class LiftEvent:
         return value
 
 
+@dataclass(frozen=True, eq=False)
+class Shifted:
+    """An event that happens later.
+
+    Parameters
+    ----------
+    event
+        The event.
+    phase
+        Cam angle by which it is later, rad.
+
+    Examples
+    --------
+    >>> from flexcam.motion import HarmonicLift
+    >>> Shifted(HarmonicLift(0.003, (-0.003,), (0.0,)), math.pi)(np.array([math.pi])).round(9)
+    array([0.])
+    """
+
+    event: Event
+    phase: float
+
+    @property
+    def height(self) -> float:
+        """Largest lift, m."""
+        return self.event.height
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Cam angles, rad from 0 to 2 pi, where a derivative may jump."""
+        return distinct(np.array(self.event.joints) + self.phase) if self.event.joints else ()
+
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order by the cam angle, m/rad^order, shape as `angle`."""
+        return self.event(np.asarray(angle, dtype=float) - self.phase, order)
+
+
 def distinct(angles: FloatArray) -> tuple[float, ...]:
     """Return angles within a revolution, ascending, each once.
 

@@ -9,7 +9,8 @@ from flexcam.train.loads import element_loads
 from flexcam.train.model import Cam, GivenLoad, MassAt, Model, PublishedLoad, Rocker, Spring
 from flexcam.train.modes import ModelModes, model_modes
 from flexcam.train.strength import MemberStrength, StrengthSink
-from flexcam.train.structure import Structure, build_structure, member_masses
+from flexcam.train.structure import Structure, build_structure, member_masses, valve_ratio
+from flexcam.train.transfer import lift_transfer
 
 __all__ = [
     "Cam",
@@ -27,6 +28,8 @@ __all__ = [
     "build_structure",
     "build_system",
     "element_loads",
+    "lift_transfer",
     "member_masses",
     "model_modes",
+    "valve_ratio",
 ]

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from flexcam.cam import Follower, Turn
 from flexcam.fem import Damping, Member, Mesh, PointMass
 from flexcam.linalg import FloatArray
-from flexcam.motion import LiftEvent
+from flexcam.motion import Event
 
 
 @dataclass(frozen=True)
@@ -107,10 +108,19 @@ class Cam:
         Named node of the camshaft.
     event
         Lift over the cam angle.
+    follower
+        What touches it; None where nothing is said of it.
+    turn
+        Sense of rotation in the plane of the profile: 1 counterclockwise, -1 clockwise.
+    width
+        Along the shaft, m.
     """
 
     at: str
-    event: LiftEvent
+    event: Event
+    follower: Follower | None = None
+    turn: Turn = 1
+    width: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -191,3 +191,26 @@ def member_masses(model: Model) -> dict[str, float]:
     """
     beams = fem.beams(model.mesh, model.members)
     return {n: float((beams.rho_A * beams.length)[part].sum()) for n, part in model.mesh.element_ranges().items()}
+
+
+def valve_ratio(model: Model, cam: str) -> float:
+    """Return how far the valve moves per lift of a cam, by the rocker on the train of its follower.
+
+    Parameters
+    ----------
+    model
+        The model.
+    cam
+        Name of the cam.
+
+    Returns
+    -------
+    float
+        1 where there is no rocker or no contact.
+    """
+    for contact in model.contacts.values():
+        if contact.cam == cam:
+            train = model.mesh.connected(find_node(model, contact.follower, "follower"))
+            ratios = [r.ratio for r in model.rockers.values() if find_node(model, r.start, "from") in train]
+            return ratios[0] if ratios else 1.0
+    return 1.0

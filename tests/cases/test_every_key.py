@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 from pydantic import BaseModel
 
 from flexcam import read_case, run
-from flexcam.case import CaseRecord
+from flexcam.cams import cam_facts, load_cams
+from flexcam.case import CaseRecord, read_cams
 
 ROOT = Path(__file__).parents[2]
 EVERY = ROOT / "tests/data/every-key.toml"
+EVERY_CAM = ROOT / "tests/data/every-cam.toml"
 MESHED = ROOT / "cases/tayeb/model-1-shm.toml"
 
 WAYS = {
@@ -51,6 +54,14 @@ def test_runs(way):
     assert run(read_case(path, overrides)).status.ok
 
 
+def test_cams_alone():
+    cams = load_cams(EVERY_CAM)
+    assert set(cams.cams) == {"intake", "single", "swing", "measured"}
+    assert {name: cam_facts(cam).cam.event.height > 0.0 for name, cam in cams.cams.items()} == dict.fromkeys(
+        cams.cams, True
+    )
+
+
 def test_restart_from_a_result_and_a_step_in_seconds(tmp_path):
     from flexcam.integrate import solve
     from flexcam.runner import prepare, result_file
@@ -61,7 +72,9 @@ def test_restart_from_a_result_and_a_step_in_seconds(tmp_path):
     text = EVERY.read_text(encoding="utf-8").replace("steps_per_revolution = 720", 'step = "20 us"')
     text = text.replace('speed = "1000 rpm"', 'crank_speed = "2000 rpm"')
     (tmp_path / "next.toml").write_text(text, encoding="utf-8")
+    shutil.copy(EVERY.with_name("lift.csv"), tmp_path)
     case = read_case(tmp_path / "next.toml", ['run.start={ result = "every-key.vtkhdf" }'])
     assert run(case).status.ok
     given = keys_in(case.record).union(*(keys_in(read_case(p, o).record) for p, o in WAYS.values()))
+    given |= keys_in(read_cams(EVERY_CAM))
     assert all_keys() - given == set()

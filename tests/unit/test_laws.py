@@ -16,9 +16,13 @@ from flexcam.motion import LAWS, Polynomial, Scca
 PRINTED = 5e-5
 """Of a number printed with five digits."""
 
+FB2 = 1.0 / (0.3**2 / math.pi + 4 * 0.3 * 0.7 / math.pi**2)
+"""Peak acceleration of half a sine up to 0.3 and a quarter of a cosine after it: its velocity encloses an area of 1."""
+
 PEAKS = {
     "parabolic": ((2.0, 4.0, None), 1e-12),
     "shm": ((math.pi / 2, math.pi**2 / 2, math.pi**3 / 2), 1e-12),
+    "cos": ((math.pi / 2, math.pi**2 / 2, math.pi**3 / 2), 1e-12),
     "cycloidal": ((2.0, 2 * math.pi, 4 * math.pi**2), 1e-12),
     "modified-trapezoid": ((2.0, 4.8881, 61.426), PRINTED),
     "modified-sine": ((1.7596, 5.5280, 69.466), PRINTED),
@@ -28,11 +32,32 @@ PEAKS = {
     "gutman-1-3": ((2.0, 5.1302, 59.218), PRINTED),
     "freudenstein-1-3": ((2.0, 5.3856, 50.758), PRINTED),
     "5-6-7-8-9": ((315 / 128, None, None), 1e-12),  # the derivative is 630 z^4 (1 - z)^4
+    "pavlovic-trigonometric": ((91 / 48, 5.98019, 53 * math.pi**2 / 12), 1e-6),  # 15/16 + 1/6 of 4 pi^2 at z = 0
+    "pavlovic-new": ((1.39843, math.pi**2, None), PRINTED),
+    "quinquinomial": ((1.9568, 6.3374, 35.859), PRINTED),
+    "quinquinomial-2": ((1.8601, 8.3866, 75.520), PRINTED),
+    "quinquinomial-3": ((1.8476, 10.7692, 138.087), PRINTED),
+    "quinquinomial-4": ((1.8505, 13.2266, 220.250), PRINTED),
+    "harmonic-acceleration": ((2.0, 2 * math.pi, 4 * math.pi**2), 1e-12),
+    "fb2": ((0.6 * FB2 / math.pi, FB2, FB2 * math.pi / 0.3), 1e-12),
 }
 """C_v, C_a, C_j with a tolerance (closed forms: the peak lies between grid points); None: infinite or not held."""
 
-JERK_SPAN = {name: 4 * math.pi if name.startswith("modified") else 2 * math.pi for name in PEAKS}
-"""Growth of a derivative over the one below, for the error of differences: that of the fastest harmonic."""
+SPAN = {name: 4 * math.pi if name.startswith("modified") else 2 * math.pi for name in PEAKS} | {
+    "pavlovic-new": 8 * math.pi,
+    "fb2": math.pi / 0.3,
+    "quinquinomial": 14.0,
+    "quinquinomial-2": 26.0,
+    "quinquinomial-3": 38.0,
+    "quinquinomial-4": 50.0,
+}
+"""Growth of a derivative over the one below, for the error of differences: fastest harmonic or highest exponent."""
+
+UNSYMMETRIC = {"pavlovic-new": 0.498047, "fb2": None} | {f"quinquinomial{row}": None for row in ("", "-2", "-3", "-4")}
+"""Laws that are not their own mirror image, with s(1/2) where it is given."""
+
+UNREST = {"pavlovic-trigonometric": 1 / 48}
+"""Velocity at both ends, where it is not zero."""
 
 Z = np.linspace(0.0, 1.0, 2001)
 FINE = np.linspace(0.0, 1.0, 200_001)
@@ -44,8 +69,8 @@ def name(request):
 
 
 def test_ends(name):
-    np.testing.assert_allclose(LAWS[name](np.array([0.0, 0.5, 1.0])), [0.0, 0.5, 1.0], atol=1e-14)
-    np.testing.assert_allclose(LAWS[name](np.array([0.0, 1.0]), 1), 0.0, atol=1e-12)
+    np.testing.assert_allclose(LAWS[name](np.array([0.0, 1.0])), [0.0, 1.0], atol=1e-14)
+    np.testing.assert_allclose(LAWS[name](np.array([0.0, 1.0]), 1), UNREST.get(name, 0.0), atol=1e-12)
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
@@ -115,24 +140,43 @@ def test_refused_exponents(exponents):
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_derivatives(name, order):
-    # Central differences of the derivative below, h = 1e-5: error h^2/6 of the third derivative above, and eps/h.
+    # Central differences of the derivative below, h = 1e-5: error h^2/6 of the second derivative above, and eps/h.
     h = 1e-5
     law = LAWS[name]
     smooth = np.all([np.abs(Z - jump) > 2 * h for jump in (0.0, 1.0, *law.breaks)], axis=0)
     z = Z[smooth]
     difference = (law(z + h, order - 1) - law(z - h, order - 1)) / (2 * h)
-    assert np.abs(law(z, order) - difference).max() <= 4e-6 * JERK_SPAN[name] ** order
+    assert np.abs(law(z, order) - difference).max() <= 4e-6 * SPAN[name] ** order
 
 
+@pytest.mark.parametrize("name", sorted(set(LAWS) - set(UNSYMMETRIC)))
 def test_symmetry(name):
     law = LAWS[name]
     np.testing.assert_allclose(law(Z) + law(1 - Z), 1.0, atol=1e-13)
+    assert law(np.array([0.5]))[0] == pytest.approx(0.5, abs=1e-14)
+
+
+@pytest.mark.parametrize("name", sorted(UNSYMMETRIC))
+def test_the_others_are_not_symmetric(name):
+    middle = LAWS[name](np.array([0.5]))[0]
+    assert abs(middle - 0.5) > 1e-3
+    if UNSYMMETRIC[name] is not None:
+        assert middle == pytest.approx(UNSYMMETRIC[name], abs=5e-7)  # six decimals given
 
 
 def test_jump_takes_the_right_side():
     law = LAWS["parabolic"]
     assert law.breaks == (0.5,)
     np.testing.assert_array_equal(law(np.array([np.nextafter(0.5, 0), 0.5]), 2), [4.0, -4.0])
+
+
+def test_the_jerk_of_fb2_jumps_at_the_split():
+    """From -A pi/p, where half a sine ends, to -B pi/(2 q), where a quarter of a cosine begins; B = A p/q."""
+    law = LAWS["fb2"]
+    assert law.breaks == (0.3,)
+    p, q = 0.3, 0.7
+    found = law(np.array([np.nextafter(p, 0), p]), 3)
+    np.testing.assert_allclose(found, [-FB2 * math.pi / p, -FB2 * p / q * math.pi / (2 * q)], rtol=1e-12)
 
 
 @pytest.mark.parametrize("order", [0, 1, 2, 3, 4])

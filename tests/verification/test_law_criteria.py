@@ -6,20 +6,25 @@ Values and places as recomputed from the printed formulas; the trigonometric law
 from __future__ import annotations
 
 import math
+import re
 
+import numpy as np
 import pytest
 
-from flexcam.motion import LAWS, Harmonic, Polynomial, criteria
+from flexcam.motion import LAWS, Polynomial, criteria
+from flexcam.motion.criteria import stationary_points
 
 SOURCE = "Pavlovic and Lutovac, New class of camshaft transfer functions"
-AS_PRINTED = Harmonic(((1, 15.0 / 16.0), (2, 1.0 / 24.0)))
+AS_PRINTED = LAWS["pavlovic-trigonometric"]
 """z - 15 sin(2 pi z)/(32 pi) - sin(4 pi z)/(96 pi)."""
 
 ROWS = {
     "4-5-6-7 polynomial": (LAWS["4-5-6-7"], (2.1875, 0.5), (7.51319, 0.276393), (10.7502, 0.349244)),
     "trigonometric as computed in print": (AS_PRINTED, (1.89583, 0.5), (5.98019, 0.223172), (7.04106, 0.311711)),
-    "Gutman 1-3": (LAWS["gutman-1-3"], (2.0, 0.5), (5.13020, None), (8.12486, 0.383302)),
+    "Gutman 1-3": (LAWS["gutman-1-3"], (2.0, 0.5), (5.13020, 0.152043), (8.12486, 0.383302)),
+    "new, equation (21)": (LAWS["pavlovic-new"], (1.39843, 0.766805), (math.pi**2, 0.0), (6.69869, 0.109312)),
 }
+"""Largest f', f'' and f' f'' with their places."""
 
 
 @pytest.mark.parametrize("case", ROWS)
@@ -31,16 +36,85 @@ def test_published_extremes(case, record):
     ):
         record(source=SOURCE, case=case, quantity=f"max {name}", unit="1", reference=value, computed=extremes[1].value,
                tolerance=5e-6, reason="six digits given")  # fmt: skip
-        if place is not None:
-            record(source=SOURCE, case=case, quantity=f"place of max {name}", unit="1", reference=place,
-                   computed=extremes[1].at, tolerance=6e-7, absolute=True, reason="six decimals given")  # fmt: skip
+        record(source=SOURCE, case=case, quantity=f"place of max {name}", unit="1", reference=place,
+               computed=extremes[1].at, tolerance=6e-7, absolute=True, reason="six decimals given")  # fmt: skip
 
 
-def test_the_printed_trigonometric_law_does_not_come_to_rest(record):
-    start = criteria(AS_PRINTED).ends[0]
-    record(source=SOURCE, case="trigonometric as computed in print", quantity="f'(0)", unit="1", reference=1 / 48,
-           computed=start[1], tolerance=1e-12, reason="exact")  # fmt: skip
-    assert criteria(AS_PRINTED).rest_at_ends == 0
+def test_gutman_has_its_largest_acceleration_twice(record):
+    """Where sin^2(2 pi z) = 2/3, at 0.152043 and 0.347957: 2 pi sqrt(2/3)."""
+    found = criteria(LAWS["gutman-1-3"]).acceleration[1]
+    record(source=SOURCE, case="Gutman 1-3", quantity="second place of max f''", unit="1", reference=0.347957,
+           computed=found.also[0], tolerance=6e-7, absolute=True, reason="six decimals given")  # fmt: skip
+    assert len(found.also) == 1
+    assert found.value == pytest.approx(2 * math.pi * math.sqrt(2 / 3), rel=1e-12)
+
+
+class TestNewLaw:
+    """Equation (21): what the print says of it, and what it does not."""
+
+    def test_the_moment_is_larger_on_the_way_down(self, record):
+        found = criteria(LAWS["pavlovic-new"])
+        for quantity, reference, computed in [("max |f' f''|", 6.70167, found.Cm),
+                                              ("place of max |f' f''|", 0.890559, found.moment[0].at)]:  # fmt: skip
+            record(source=SOURCE, case="new, equation (21)", quantity=quantity, unit="1", reference=reference,
+                   computed=computed, tolerance=8e-7, reason="six digits given")  # fmt: skip
+        assert found.moment[0].value == -found.Cm
+
+    def test_the_printed_peak_velocity_is_a_local_maximum(self, record):
+        """Printed as the largest: f' = 1.39414 at 0.23139."""
+        law = LAWS["pavlovic-new"]
+        at = stationary_points(law, 1)
+        near = at[np.argmin(np.abs(at - 0.23139))]
+        around = law(near + np.array([-1e-3, 0.0, 1e-3]), 1)
+        assert around.argmax() == 1
+        assert criteria(law).Cv > around[1] + 0.004
+        for quantity, reference, computed, tolerance in [("local maximum of f'", 1.39414, around[1], 5e-6),
+                                                         ("its place", 0.23139, near, 6e-6)]:  # fmt: skip
+            record(source=SOURCE, case="new, equation (21)", quantity=quantity, unit="1", reference=reference,
+                   computed=computed, tolerance=tolerance, absolute=True, reason="as printed")  # fmt: skip
+
+    def test_it_breaks_the_conditions_of_the_paper(self, record):
+        """Neither (5), f(1/2) = 1/2, nor (9), f(z) = 1 - f(1 - z); its acceleration steps at both ends."""
+        found = criteria(LAWS["pavlovic-new"])
+        rows = [("f(1/2)", 0.498047, found.middle, 5e-7, "six decimals given"),
+                ("f''(0)", math.pi**2, found.ends[0][2], 1e-12, "exact"),
+                ("f''(1)", -(math.pi**2), found.ends[1][2], 1e-12, "exact")]  # fmt: skip
+        for quantity, reference, computed, tolerance, reason in rows:
+            record(source=SOURCE, case="new, equation (21)", quantity=quantity, unit="1", reference=reference,
+                   computed=computed, tolerance=tolerance, absolute=True, reason=reason)  # fmt: skip
+        assert not found.symmetric
+        assert found.rest_at_ends == 1
+        steps, middle = found.broken
+        assert re.match(r"the acceleration steps .* 9.8696 at z = 0 and by -?9.8696 at z = 1$", steps)
+        assert middle == "not symmetric: s(1/2) = 0.498047"
+
+    def test_the_printed_products_and_the_plain_sum_are_one(self):
+        """Equation (21) with its products of cosines, term by term."""
+        z = np.linspace(0.0, 1.0, 501)
+        c1, c2, c3, c4 = (np.cos(k * math.pi * z) for k in (1, 2, 3, 4))
+        printed = (
+            0.462615966796875 - 0.4375 * c1 + 0.095703125 * c1**2 - 0.059814453125 * c2 - 0.02392578125 * c2**2
+            - 0.0625 * c3 + 0.02734375 * c1 * c3 + 0.001953125 * c3**2 - 0.00213623046875 * c4
+            - 0.001708984375 * c2 * c4 - 0.000030517578125 * c4**2
+        )  # fmt: skip
+        np.testing.assert_allclose(LAWS["pavlovic-new"](z), printed, atol=1e-14)
+
+
+@pytest.mark.parametrize(("law", "m"), [("pavlovic-trigonometric", 4), ("gutman-1-3", 6)])
+def test_the_printed_sums(law, m):
+    """Both laws differ in one number: z - 15 sin(2 pi z)/(32 pi) - sin(m pi z)/(96 pi)."""
+    z = np.linspace(0.0, 1.0, 501)
+    printed = z - 15 * np.sin(2 * math.pi * z) / (32 * math.pi) - np.sin(m * math.pi * z) / (96 * math.pi)
+    np.testing.assert_allclose(LAWS[law](z), printed, atol=1e-15)
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_the_printed_trigonometric_law_does_not_come_to_rest(record, end):
+    found = criteria(AS_PRINTED)
+    record(source=SOURCE, case="trigonometric as computed in print", quantity=f"f'({end})", unit="1", reference=1 / 48,
+           computed=found.ends[end][1], tolerance=1e-12, reason="exact")  # fmt: skip
+    assert found.rest_at_ends == 0
+    assert re.match(r"the velocity steps .* 0.0208333 at z = 0 and by -?0.0208333 at z = 1$", found.broken[0])
 
 
 @pytest.mark.parametrize(
@@ -51,10 +125,13 @@ def test_rest_at_the_ends(name, order):
     assert criteria(LAWS[name]).rest_at_ends == order
 
 
+UNSYMMETRIC = {"pavlovic-new", "fb2", "quinquinomial", "quinquinomial-2", "quinquinomial-3", "quinquinomial-4"}
+
+
 @pytest.mark.parametrize("name", sorted(LAWS))
-def test_every_law_listed_is_symmetric_and_bounded(name):
+def test_every_law_listed_is_bounded(name):
     found = criteria(LAWS[name])
-    assert found.symmetric
+    assert found.symmetric == (name not in UNSYMMETRIC)
     assert found.Ca >= 4.0 - 1e-12  # no law from rest to rest stays below the parabola
     assert (found.Cj is None) == (name == "parabolic")
 

@@ -1,0 +1,289 @@
+"""Motion laws and lift curves as a case gives them: by name, as a table of parameters, or in a file."""
+
+from __future__ import annotations
+
+import inspect
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, cast
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationError,
+    ValidationInfo,
+    create_model,
+)
+from pydantic_core import CoreSchema, core_schema
+
+from flexcam.case import quantity as q
+from flexcam.checks import InputError, did_you_mean, refuse
+from flexcam.io import read_lift
+from flexcam.motion import KINDS, LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, law_kinds, lift_table
+
+Table = Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class GivenLaw:
+    """A law and how it was given.
+
+    Parameters
+    ----------
+    given
+        A name, or ``id`` with parameters; what a file holds stands here instead of its name.
+    law
+        The law.
+    """
+
+    given: str | dict[str, Any]
+    law: Law
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return _from_file_or_value(_given_law)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        table = {"type": "object", "properties": {"id": {"enum": sorted(KINDS)}}, "required": ["id"]}
+        return {"anyOf": [{"type": "string"}, table]}
+
+
+@dataclass(frozen=True, eq=False)
+class GivenLift:
+    """A lift over the whole revolution from a file, and what smoothing it changed.
+
+    Parameters
+    ----------
+    given
+        As written.
+    event
+        The lift.
+    report
+        None for harmonics, which nothing changes.
+    """
+
+    given: str | dict[str, Any]
+    event: Event
+    report: LiftReport | None
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return _from_file_or_value(_given_lift)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        table = _LiftFile.model_json_schema()
+        return {
+            "anyOf": [{"type": "string"}, {"type": "object", "properties": table["properties"], "required": ["file"]}]
+        }
+
+
+class _LiftFile(BaseModel):
+    """A lift table with what its head does not say."""
+
+    model_config = ConfigDict(extra="forbid")
+    file: str = Field(description="CSV with angle and lift, or TOML with harmonics; relative to the case file")
+    angle: Literal["cam", "crank"] | None = Field(None, description="of which shaft the angles are")
+    unit: Literal["mm", "um", "m", "in"] | None = Field(None, description="of the lift")
+    tolerance: Annotated[float, q.Unit("length")] | None = Field(
+        None,
+        description="rms of what smoothing may change, 0 for nothing; by default as the noise is",
+    )
+
+
+def _from_file_or_value(make: Callable[[object, Path], object]) -> CoreSchema:
+    """Return the schema of a value that may name a file beside the case, and is written as it was given."""
+
+    def validate(value: object, info: ValidationInfo) -> object:
+        folder = cast("Mapping[str, Path]", info.context or {}).get("folder", Path())
+        try:
+            return make(value, folder)
+        except InputError as refusal:
+            # A fault of the value itself has no place inside it.
+            raise q.passed_on(refusal, inside=refusal.faults[0].where != "law") from None
+
+    written = core_schema.plain_serializer_function_ser_schema(lambda made: made.given)
+    return core_schema.with_info_plain_validator_function(validate, serialization=written)
+
+
+def _given_law(value: object, folder: Path) -> GivenLaw:
+    if isinstance(value, str) and value.endswith(".toml"):
+        return law_file(folder / value)
+    if isinstance(value, (str, dict)):
+        return given_law(cast("str | dict[str, Any]", value))
+    raise refuse("law", repr(value), "the name of a law, a table { id = ..., ... } or a law file")
+
+
+def given_law(value: str | Table) -> GivenLaw:
+    """Return the law of a name or of a table with its parameters.
+
+    Parameters
+    ----------
+    value
+        Such as ``"4-5-6-7"`` or ``{"id": "scca", "b": 0.25, "c": 0.5, "d": 0.25}``.
+
+    Returns
+    -------
+    GivenLaw
+        The law.
+
+    Raises
+    ------
+    InputError
+        If there is no such law, or a parameter is missing or not possible.
+
+    Examples
+    --------
+    >>> given_law({"id": "polynomial", "exponents": [3, 4, 5]}).law.coefficients
+    (10.0, -15.0, 6.0)
+    """
+    if isinstance(value, str):
+        if value in LAWS:
+            return GivenLaw(value, LAWS[value])
+        return GivenLaw(value, _of_kind(value, {}))
+    table = dict(value)
+    name = table.pop("id", None)
+    if not isinstance(name, str):
+        raise refuse("id", repr(name), ", ".join(KINDS), "the kind of law is required")
+    if name in LAWS and not table:
+        return GivenLaw(dict(value), LAWS[name])
+    return GivenLaw(dict(value), _of_kind(name, table))
+
+
+def _of_kind(name: str, parameters: Table) -> Law:
+    kinds = law_kinds()
+    if name not in kinds:
+        known = list(dict.fromkeys([*LAWS, *kinds]))
+        hint = "it takes no parameters" if name in LAWS else did_you_mean(name, known)
+        raise refuse("law", repr(name), ", ".join(known), "", hint)
+    parameters = _checked(_record(kinds[name]), parameters, f"a parameter of {name}", "law")
+    return kinds[name](**parameters)
+
+
+def _checked(record: type[BaseModel], table: object, what: str, example: str) -> dict[str, Any]:
+    """Return the checked values of a table, or refuse it by its first fault."""
+    try:
+        checked = record.model_validate(table)
+    except ValidationError as refusal:
+        error = refusal.errors(include_url=False)[0]
+        if error["type"] == "flexcam":
+            raise q.refused(**error.get("ctx", {})) from None
+        key = ".".join(map(str, error["loc"])) or example
+        allowed = f"{what}: {', '.join(record.model_fields)}"
+        if error["type"] == "missing":
+            raise refuse(key, "nothing", allowed, "the key is required", f"add {key} to the table") from None
+        raise refuse(key, repr(error["input"]), allowed, error["msg"], did_you_mean(key, record.model_fields)) from None
+    return {key: getattr(checked, key) for key in record.model_fields}
+
+
+@cache
+def _record(kind: LawKind) -> type[BaseModel]:
+    """Return a record of a law's parameters, made from its signature."""
+    fields: dict[str, Any] = {}
+    for name, parameter in inspect.signature(kind, eval_str=True).parameters.items():
+        default = ... if parameter.default is inspect.Parameter.empty else parameter.default
+        fields[name] = (parameter.annotation, default)
+    return create_model("Parameters", __config__=ConfigDict(extra="forbid"), **fields)
+
+
+def law_file(path: Path) -> GivenLaw:
+    """Read a law file: TOML with a table ``[law]``.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    GivenLaw
+        The law; its `given` is the table, not the file's name.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or holds no law.
+    """
+    table = toml_table(path, "law")
+    try:
+        return given_law(table)
+    except InputError as refusal:
+        raise _in_file(path, "law", refusal) from None
+
+
+def toml_table(path: Path, name: str) -> dict[str, Any]:
+    """Return one table of a TOML file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    name
+        Of the table.
+
+    Returns
+    -------
+    dict
+        Its keys.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or has no such table.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as fault:
+        raise refuse(str(path), "no TOML document", f"a readable file with a table [{name}]", str(fault)) from None
+    table = content.get(name)
+    if not isinstance(table, dict):
+        raise refuse(str(path), ", ".join(content) or "nothing", f"a table [{name}]")
+    return cast("dict[str, Any]", table)
+
+
+def _given_lift(value: object, folder: Path) -> GivenLift:
+    table = {"file": value} if isinstance(value, str) else value
+    record = _LiftFile(**_checked(_LiftFile, table, "a file name, or a table of", "lift_table"))
+    path = folder / record.file
+    if path.suffix == ".toml":
+        return GivenLift(cast("str | dict[str, Any]", value), harmonic_file(path), None)
+    columns = read_lift(path, angle=record.angle, unit=record.unit)
+    event, report = lift_table(columns.angle, columns.lift, tolerance=record.tolerance)
+    return GivenLift(cast("str | dict[str, Any]", value), event, report)
+
+
+def harmonic_file(path: Path) -> HarmonicLift:
+    """Read a lift given by its harmonics: TOML with a table ``[lift]`` of ``mean``, ``cosine`` and ``sine``.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    HarmonicLift
+        The lift.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or holds no such lift.
+    """
+    table = toml_table(path, "lift")
+    try:
+        return HarmonicLift(**_checked(_record(HarmonicLift), table, "a number or list in m", "lift"))
+    except InputError as refusal:
+        raise _in_file(path, "lift", refusal) from None
+
+
+def _in_file(path: Path, table: str, refusal: InputError) -> InputError:
+    fault = refusal.faults[0]
+    return refuse(f"{path.name}: {table}.{fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)

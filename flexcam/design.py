@@ -1,0 +1,179 @@
+"""Cams designed for the train of a case: few harmonics below its first mode, and polydyne cams.
+
+May import `case` and everything below it; `flexcam synthesize` prints what stands here.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.case import Case, build_model
+from flexcam.checks import did_you_mean, refuse
+from flexcam.linalg import ComplexArray, FloatArray
+from flexcam.runner import modes
+from flexcam.synthesis import (
+    HarmonicFit,
+    Polydyne,
+    Transfer,
+    harmonic_fit,
+    harmonics_below,
+    off_design,
+    polydyne,
+)
+from flexcam.train import Model, lift_transfer, valve_ratio
+
+OFF_DESIGN = (0.25, 0.5, 0.75, 0.9, 1.0, 1.1)
+"""Parts of the design speed at which a polydyne cam is looked at."""
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicCam:
+    """A cam of few harmonics for a train.
+
+    Parameters
+    ----------
+    fit
+        The lift, and how it keeps to the wanted one.
+    count
+        Harmonics.
+    frequency
+        First natural frequency of the train, rad/s.
+    limit
+        Harmonics below it at the case's speed.
+    """
+
+    fit: HarmonicFit
+    count: int
+    frequency: float
+    limit: int
+
+
+@dataclass(frozen=True, eq=False)
+class PolydyneCam:
+    """A polydyne cam for a train.
+
+    Parameters
+    ----------
+    design
+        The cam.
+    speed
+        It was made for, rad/s.
+    speeds
+        Others, rad/s, shape (n,).
+    plain, compensated
+        Largest distance from the wanted motion at these speeds, m, shape (n,): of the cam as it was and of this one.
+    """
+
+    design: Polydyne
+    speed: float
+    speeds: FloatArray
+    plain: FloatArray
+    compensated: FloatArray
+
+
+def harmonic_cam(
+    case: Case, cam: str | None, *, tolerance: float, count: int | None = None, bound: float | None = None
+) -> HarmonicCam:
+    """Return a lift of harmonics below the first mode of a case's train.
+
+    Parameters
+    ----------
+    case
+        The case; its speed and its cam's lift are taken.
+    cam
+        Name of the cam; None for the only one.
+    tolerance
+        Largest distance in the dwells, m.
+    count
+        Harmonics; None for as many as lie below the first mode.
+    bound
+        Largest distance elsewhere, m; None for no bound.
+
+    Returns
+    -------
+    HarmonicCam
+        The lift.
+
+    Raises
+    ------
+    InputError
+        If no harmonic lies below the first mode, or they cannot hold the tolerance.
+    """
+    model = build_model(case)
+    found = modes(case)
+    frequency = float(found.modes.omegas[found.modes.rigid])
+    limit = harmonics_below(frequency, case.speed)
+    if count is None and limit < 1:
+        given = f"{frequency / (2.0 * math.pi):.4g} Hz at {case.speed * 30.0 / math.pi:.6g} rpm"
+        why = "not one harmonic lies below the first mode"
+        raise refuse("count", given, "a lower speed, a stiffer train, or a number of harmonics", why, "give --count")
+    number = count or limit
+    fit = harmonic_fit(model.cams[_which(model, cam)].event, number, tolerance=tolerance, bound=bound)
+    return HarmonicCam(fit, number, frequency, limit)
+
+
+def polydyne_cam(
+    case: Case, cam: str | None, *, speed: float | None = None, transfer: Transfer | None = None, count: int = 60
+) -> PolydyneCam:
+    """Return the cam that makes the valve of a case follow the lift which the case's cam would give it if rigid.
+
+    Parameters
+    ----------
+    case
+        The case.
+    cam
+        Name of the cam; None for the only one.
+    speed
+        Design speed of the camshaft, rad/s; None for the case's.
+    transfer
+        Of a simpler train, such as `flexcam.synthesis.SingleMass`; None for the case's own.
+    count
+        Harmonics.
+
+    Returns
+    -------
+    PolydyneCam
+        The cam, and what it does at other speeds.
+
+    Raises
+    ------
+    InputError
+        If no contact drives the train, or the train does not answer to a harmonic.
+    """
+    model = build_model(case)
+    name, at = _which(model, cam), speed or case.speed
+    answer = transfer or _train(model, name, at)
+    wanted = model.cams[name].event
+    design = polydyne(wanted, answer, at, count=count)
+    plain = Polydyne(design.wanted, design.wanted, 0.0)
+    speeds = at * np.array(OFF_DESIGN)
+    return PolydyneCam(design, at, speeds, off_design(plain, answer, speeds.tolist()),
+        off_design(design, answer, speeds.tolist()))  # fmt: skip
+
+
+def _train(model: Model, cam: str, speed: float) -> Transfer:
+    """Return the motion of the valve over the one it would have if rigid."""
+    contact = next((n for n, c in model.contacts.items() if c.cam == cam), None)
+    if contact is None:
+        raise refuse(f"cams.{cam}", "no contact", "a contact that drives a train", "", "add one under [contacts]")
+    follower = model.mesh.connected(model.mesh.node(model.contacts[contact].follower))
+    points = [rocker.point for rocker in model.rockers.values() if model.mesh.node(rocker.start) in follower]
+    answer = lift_transfer(model, contact, points[0] if points else model.contacts[contact].follower, speed)
+    ratio = valve_ratio(model, cam)
+
+    def relative(omega: FloatArray) -> ComplexArray:
+        return answer(omega) / ratio
+
+    return relative
+
+
+def _which(model: Model, cam: str | None) -> str:
+    if cam is None and len(model.cams) == 1:
+        return next(iter(model.cams))
+    if cam is None or cam not in model.cams:
+        given, known = "no name" if cam is None else repr(cam), ", ".join(model.cams)
+        raise refuse("--cam", given, known or "a cam in the case", "", did_you_mean(cam or "", model.cams))
+    return cam

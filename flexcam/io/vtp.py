@@ -1,0 +1,52 @@
+"""VTK PolyData XML: polylines with data, base64, as VTK's XML file formats describe it."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from flexcam.linalg import FloatArray, IntArray
+
+_TYPES = {"float64": "Float64", "int64": "Int64"}
+
+Data = Mapping[str, FloatArray | IntArray]
+
+
+def write_polylines(
+    path: Path, points: FloatArray, lengths: Sequence[int], *, point_data: Data, cell_data: Data
+) -> None:
+    """Write polylines whose points follow each other.
+
+    Parameters
+    ----------
+    path
+        The ``.vtp`` file.
+    points
+        Shape (n, 3), m.
+    lengths
+        Points per line, n together.
+    point_data, cell_data
+        Arrays by name, a row per point and per line.
+    """
+    count = len(points)
+    path.write_text("\n".join([
+        '<?xml version="1.0"?>',
+        '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
+        f'<PolyData><Piece NumberOfPoints="{count}" NumberOfLines="{len(lengths)}">',
+        "<PointData>", *(_array(name, values) for name, values in point_data.items()), "</PointData>",
+        "<CellData>", *(_array(name, values) for name, values in cell_data.items()), "</CellData>",
+        "<Points>", _array("Points", points), "</Points>",
+        "<Lines>", _array("connectivity", np.arange(count)), _array("offsets", np.cumsum(lengths)), "</Lines>",
+        "</Piece></PolyData></VTKFile>", "",
+    ]), encoding="ascii")  # fmt: skip
+
+
+def _array(name: str, values: FloatArray | IntArray) -> str:
+    data = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
+    width = data.shape[1] if data.ndim == 2 else 1
+    raw = np.array([data.nbytes], dtype="<u8").tobytes() + data.tobytes()
+    head = f'<DataArray type="{_TYPES[values.dtype.name]}" Name="{name}" NumberOfComponents="{width}" format="binary">'
+    return f"{head}{base64.b64encode(raw).decode('ascii')}</DataArray>"

@@ -1,0 +1,66 @@
+"""How the linear train answers to the lift of a cam, frequency by frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flexcam.checks import refuse
+from flexcam.integrate import static_displacement
+from flexcam.linalg import ComplexArray, FloatArray
+from flexcam.train.build import build_system
+from flexcam.train.model import Model
+from flexcam.train.published import series_stiffness
+from flexcam.train.structure import build_structure
+
+_MOST = 3000
+"""Unknowns up to which the dense solution per harmonic is reasonable."""
+
+
+def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Callable[[FloatArray], ComplexArray]:
+    """Return the motion of a point per lift of a cam, as a function of the circular frequency.
+
+    Parameters
+    ----------
+    model
+        The model.
+    contact
+        Name of the contact that the cam drives.
+    probe
+        Point with one component, such as a rocker's.
+    speed
+        Camshaft speed, rad/s; only a preload depends on it.
+
+    Returns
+    -------
+    Callable
+        From frequencies, rad/s, shape (n,), to complex motions, m/m.
+
+    Raises
+    ------
+    InputError
+        If there is no such contact or point, or the model is too large.
+    """
+    system = build_system(model, speed)
+    if contact not in model.contacts:
+        raise refuse("contact", repr(contact), f"one of {', '.join(model.contacts)}")
+    if system.size > _MOST:
+        raise refuse("model", f"{system.size} unknowns", f"up to {_MOST} for a polydyne cam", "", "fewer elements")
+    structure, part = build_structure(model), model.contacts[contact]
+    where = f"contacts.{contact}.follower"
+    lift = part.direction
+    push = structure.row(part.follower, lift) - structure.row(model.cams[part.cam].at, lift)
+    force = series_stiffness(structure, part, where) * push
+    row = structure.row(probe, np.zeros(6) if model.rocker_at(probe) else lift, "probe")
+    M, C, K = (np.asarray(matrix.dense()) for matrix in (system.mass, system.damping, system.stiffness))
+    still = float(row @ static_displacement(system.stiffness, force, system.names, system.free))
+
+    def answer(omega: FloatArray) -> ComplexArray:
+        found: ComplexArray = np.full(omega.shape, still, dtype=np.complex128)
+        for i in np.flatnonzero(omega > 0.0).tolist():
+            w = float(omega[i])
+            found[i] = row @ np.linalg.solve(K + 1j * w * C - w**2 * M, force)
+        return found
+
+    return answer

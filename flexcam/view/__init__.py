@@ -1,0 +1,23 @@
+"""Pictures: curves of laws, lifts and cams.
+
+May import `cam`, `motion` and what is below them; owns matplotlib, of which only `Figure` is used (no window).
+A new picture is a function that draws into given axes, and one that makes its figure.
+"""
+
+from flexcam.view.curves import (
+    law_figure,
+    lift_figure,
+    pressure_figure,
+    profile_figure,
+    save_figure,
+    spectrum_figure,
+)
+
+__all__ = [
+    "law_figure",
+    "lift_figure",
+    "pressure_figure",
+    "profile_figure",
+    "save_figure",
+    "spectrum_figure",
+]

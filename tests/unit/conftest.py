@@ -1,0 +1,148 @@
+"""Cam followers of every kind, and the plain geometry by which their cams are checked.
+
+The geometry is written anew from the words of the followers: a translating follower moves up; the pivot of a swinging
+one lies at (distance, 0), its arm at an angle to the line of centres, above it where ``side`` is 1.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam.cam import FlatFollower, RollerFollower, SwingFlatFollower, SwingRollerFollower
+from flexcam.motion import LAWS, HarmonicLift, LiftEvent
+
+FOLLOWERS = {
+    "flat": FlatFollower(0.018),
+    "roller": RollerFollower(0.018, 0.008),
+    "roller right of the axis": RollerFollower(0.018, 0.008, 0.006),
+    "roller left of the axis": RollerFollower(0.018, 0.008, -0.006),
+    "swinging roller above": SwingRollerFollower(0.020, 0.009, 0.055, 0.060, 1),
+    "swinging roller below": SwingRollerFollower(0.020, 0.009, 0.055, 0.060, -1),
+    "swinging face above, pivot behind it": SwingFlatFollower(0.018, 0.050, 0.055, 0.004, 1),
+    "swinging face below, pivot before it": SwingFlatFollower(0.018, 0.050, 0.055, -0.003, -1),
+}
+
+
+@pytest.fixture(scope="session", params=FOLLOWERS.values(), ids=FOLLOWERS.keys())
+def follower(request):
+    return request.param
+
+
+@pytest.fixture(scope="session", params=[1, -1], ids=["counterclockwise", "clockwise"])
+def turn(request):
+    return request.param
+
+
+@pytest.fixture(scope="session")
+def smooth_event():
+    """Return a lift whose rise and return differ, so that a mirrored answer is wrong; no cam of it is undercut."""
+    return LiftEvent(LAWS["4-5-6-7"], lift=0.003, rise=1.5, fall=1.7, dwell=0.4, phase=0.3)
+
+
+@pytest.fixture(scope="session")
+def harmonic_event():
+    """Return a lift without joints and without symmetry: its curves have exact derivatives by Fourier series."""
+    return HarmonicLift(0.003, (-0.0015, 0.0004, -0.0001), (0.0010, -0.0003, 0.0002))
+
+
+@pytest.fixture(scope="session")
+def slope():
+    """Return the derivative of a periodic curve by its Fourier series; values at even angles of one revolution."""
+
+    def of(values):
+        order = np.fft.fftfreq(len(values), 1.0 / len(values))
+        derived = np.fft.ifft(1j * order * np.fft.fft(values))
+        return derived if np.iscomplexobj(values) else derived.real
+
+    return of
+
+
+def _arm_angle(follower, lift):
+    """Return the angle of the arm or face to the line of centres: on the base circle, and what the lift adds."""
+    a, r, arm = follower.distance, follower.base_radius, follower.arm
+    if isinstance(follower, SwingFlatFollower):
+        # The cam's centre is the base radius away from the face and the pivot its offset: a sin psi = r - e.
+        return math.asin((r - follower.face) / a) + lift / arm
+    pitch = r + follower.roller_radius  # the cosine law
+    return math.acos((a**2 + arm**2 - pitch**2) / (2 * a * arm)) + lift / arm
+
+
+def _centre(follower, lift):
+    """Return the centre of the roller in the fixed frame."""
+    if isinstance(follower, RollerFollower):
+        reach = follower.base_radius + follower.roller_radius
+        return follower.offset + 1j * (math.sqrt(reach**2 - follower.offset**2) + lift)
+    psi = _arm_angle(follower, lift)
+    return follower.distance - follower.arm * np.cos(psi) + 1j * follower.side * follower.arm * np.sin(psi)
+
+
+def _face_normal(follower, lift):
+    """Return the unit normal of a flat face, away from the cam."""
+    if isinstance(follower, FlatFollower):
+        return 1j * np.ones_like(lift)
+    psi = _arm_angle(follower, lift)
+    return np.sin(psi) + 1j * follower.side * np.cos(psi)
+
+
+@pytest.fixture(scope="session")
+def arm_angle():
+    """Return the angle of a swinging follower to the line of centres, rad."""
+    return _arm_angle
+
+
+@pytest.fixture(scope="session")
+def centre():
+    """Return the roller's centre in the fixed frame."""
+    return _centre
+
+
+@pytest.fixture(scope="session")
+def gap():
+    """Return how far points of the fixed frame are from the follower, m; negative inside of it."""
+
+    def of(follower, lift, point):
+        if isinstance(follower, RollerFollower | SwingRollerFollower):
+            return np.abs(point - _centre(follower, lift)) - follower.roller_radius
+        normal = _face_normal(follower, lift)
+        if isinstance(follower, FlatFollower):
+            return follower.base_radius + lift - (point * np.conj(normal)).real
+        return follower.face - ((point - follower.distance) * np.conj(normal)).real
+
+    return of
+
+
+@pytest.fixture(scope="session")
+def outward():
+    """Return the unit normal from the cam into the follower at points where they touch, fixed frame."""
+
+    def of(follower, lift, point):
+        if isinstance(follower, RollerFollower | SwingRollerFollower):
+            return (_centre(follower, lift) - point) / follower.roller_radius
+        return _face_normal(follower, lift)
+
+    return of
+
+
+@pytest.fixture(scope="session")
+def lift_on_circle():
+    """Return the lift of a follower on a circle, by closed form, from where its centre is in the fixed frame."""
+
+    def of(follower, middle, radius):
+        if isinstance(follower, FlatFollower):
+            return middle.imag + radius - follower.base_radius
+        if isinstance(follower, RollerFollower):
+            reach = np.sqrt((radius + follower.roller_radius) ** 2 - (follower.offset - middle.real) ** 2)
+            return middle.imag + reach - _centre(follower, 0.0).imag
+        away = follower.distance - middle.real + 1j * follower.side * middle.imag
+        if isinstance(follower, SwingRollerFollower):
+            reach = radius + follower.roller_radius
+            cosine = (follower.arm**2 + np.abs(away) ** 2 - reach**2) / (2 * follower.arm * np.abs(away))
+            psi = np.angle(away) + np.arccos(cosine)
+        else:
+            psi = np.angle(away) + np.arcsin((radius - follower.face) / np.abs(away))
+        return follower.arm * (psi - _arm_angle(follower, 0.0))
+
+    return of

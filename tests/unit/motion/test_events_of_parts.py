@@ -1,0 +1,166 @@
+"""Events whose return differs from their rise, of one dwell, in any phase; and those that are refused."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexcam.checks import InputError
+from flexcam.motion import LAWS, LiftEvent, Ramp, Turned, quinquinomial
+from flexcam.motion.event import Segment
+
+TURN = 2 * math.pi
+RISE, DWELL, FALL, PHASE, LIFT = 1.0, 0.3, 1.6, 0.7, 0.008
+NAMES = st.sampled_from(["cycloidal", "3-4-5", "fb2", "modified-trapezoid", "quinquinomial", "pavlovic-new"])
+ANGLE = st.floats(0.3, 1.4)
+
+
+def event(rise="3-4-5", fall="modified-sine", **changes):
+    given = {"dwell": DWELL, "phase": PHASE, "fall_law": LAWS[fall]} | changes
+    return LiftEvent(LAWS[rise], LIFT, RISE, FALL, **given)
+
+
+@settings(max_examples=40, deadline=None)
+@given(NAMES, NAMES, ANGLE, ANGLE, st.floats(0.0, 1.0), st.floats(-20.0, 20.0), st.integers(0, 4))
+def test_rise_and_return_are_their_laws(up, down, rise, fall, dwell, phase, order):
+    """The return is the law run backwards: h u(1 - z), derivatives with the sign of (-1)^order."""
+    one = LiftEvent(LAWS[up], LIFT, rise, fall, dwell=dwell, phase=phase, fall_law=LAWS[down])
+    z = np.linspace(0.013, 0.987, 41)
+    for law, start, span in ((LAWS[up], phase, rise), (LAWS[down], phase + rise + dwell, fall)):
+        sign, place = (1.0, z) if span == rise and start == phase else (-1.0, 1.0 - z)
+        clear = np.all([np.abs(place - at) > 1e-6 for at in law.breaks], axis=0) if law.breaks else np.full(41, True)
+        found, expected = one(start + z * span, order), sign**order * LIFT * law(place, order) / span**order
+        # The angle rounds by 1e-15 of 20 rad; the next derivative is at most 50 times as large.
+        np.testing.assert_allclose(found[clear], expected[clear], rtol=0, atol=1e-11 * np.abs(expected).max() + 1e-30)
+
+
+def test_the_law_of_the_rise_returns_where_no_other_is_given():
+    grid = np.linspace(0.0, TURN, 721)
+    np.testing.assert_array_equal(event(fall_law=None)(grid, 2), event(fall_law=LAWS["3-4-5"])(grid, 2))
+
+
+def test_unequal_angles_scale_the_acceleration():
+    """Same law up in 1.0 and down in 1.6 rad: peaks as the squares of the angles."""
+    one = event(fall_law=None)
+    up = one(PHASE + np.linspace(0, RISE, 2001), 2)
+    down = one(PHASE + RISE + DWELL + np.linspace(0, FALL, 2001), 2)
+    assert np.abs(up).max() / np.abs(down).max() == pytest.approx((FALL / RISE) ** 2, rel=1e-6)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-50.0, 50.0), st.floats(-10.0, 10.0), st.integers(0, 3))
+def test_phase_only_moves_the_event(phase, angle, order):
+    moved, still = event(phase=phase), event(phase=0.0)
+    here, there = moved(np.array([angle + phase]), order)[0], still(np.array([angle]), order)[0]
+    # Rounding of the angle, 1e-14, times the next derivative; a place within the snap of a joint may differ.
+    if min(abs((angle - at + math.pi) % TURN - math.pi) for at in still.joints) > 1e-8:
+        assert here == pytest.approx(there, abs=1e-11 * LIFT * 60.0)
+
+
+@pytest.mark.parametrize("phase", [0.0, -0.4, 6.1, 100.0])
+def test_joints_lie_within_a_revolution_and_ascend(phase):
+    found = event(phase=phase, ramp=Ramp(1e-4, 0.2)).joints
+    assert all(0.0 <= at < TURN for at in found)
+    assert list(found) == sorted(found)
+    # Start, take-off, rise, dwell; two inner ones of the modified sine each side, closing ramp's and end.
+    assert len(found) == 11
+
+
+def test_segments_follow_each_other():
+    parts = event(ramp=Ramp(1e-4, 0.2), closing_ramp=Ramp(2e-4, 0.3)).segments
+    assert all(isinstance(one, Segment) for one in parts)
+    assert [one.backwards for one in parts] == [False, False, False, True, True]
+    assert [one.law is None for one in parts] == [False, False, True, False, False]
+    for one, other in zip(parts[:-1], parts[1:], strict=True):
+        assert one.start + one.span == pytest.approx(other.start, abs=1e-15)
+    assert sum(one.span for one in parts) == pytest.approx(0.2 + RISE + DWELL + FALL + 0.3)
+
+
+def test_a_segment_by_itself():
+    """From 2 mm up by 3 mm within 0.5 rad, and back."""
+    up = Segment(1.0, 0.5, 0.002, 0.003, LAWS["3-4-5"])
+    down = Segment(1.0, 0.5, 0.002, 0.003, LAWS["3-4-5"], backwards=True)
+    at = np.array([1.0, 1.25, 1.5])
+    np.testing.assert_allclose(up(at, 0), [0.002, 0.0035, 0.005], atol=1e-17)
+    np.testing.assert_allclose(down(at, 0), [0.005, 0.0035, 0.002], atol=1e-17)
+    np.testing.assert_allclose(up(at, 1), [0.0, 0.003 / 0.5 * 15 / 8, 0.0], atol=1e-15)
+    np.testing.assert_allclose(down(at, 1), [0.0, -0.003 / 0.5 * 15 / 8, 0.0], atol=1e-15)
+    np.testing.assert_allclose(Segment(0.0, 1.0, 0.004)(at, 0), 0.004)
+    assert not Segment(0.0, 1.0, 0.004)(at, 2).any()
+
+
+class TestSingleDwell:
+    LAW = quinquinomial(1)
+
+    def test_low_turns_both_laws(self):
+        one = LiftEvent(self.LAW, LIFT, RISE, FALL, single_dwell="low", fall_law=quinquinomial(2))
+        z = np.linspace(0.01, 0.99, 50)
+        np.testing.assert_allclose(one(z * RISE), LIFT * Turned(self.LAW)(z), atol=1e-16)
+        np.testing.assert_allclose(one(RISE + z * FALL), LIFT * Turned(quinquinomial(2))(1 - z), atol=1e-16)
+
+    def test_high_leaves_the_law_as_it_is(self):
+        one = LiftEvent(self.LAW, LIFT, RISE, FALL, dwell=TURN - RISE - FALL, single_dwell="high")
+        z = np.linspace(0.01, 0.99, 50)
+        np.testing.assert_allclose(one(z * RISE), LIFT * self.LAW(z), atol=1e-16)
+        assert one(np.array([0.0]))[0] == 0.0  # no stretch on the base circle, one point of it
+        assert one(np.array([1e-3, TURN - 1e-3])).min() > 0.0
+
+    def test_low_rests_below(self):
+        one = LiftEvent(self.LAW, LIFT, RISE, FALL, single_dwell="low")
+        for order in range(5):
+            assert not one(np.linspace(RISE + FALL, TURN - 1e-6, 50), order).any()
+
+    @pytest.mark.parametrize(
+        ("given", "where", "reason"),
+        [
+            ({"single_dwell": "low", "dwell": 0.1}, "dwell", "has no upper dwell"),
+            ({"single_dwell": "high", "dwell": 1.0}, "rise . dwell . return", "has no lower dwell"),
+            ({"single_dwell": "high"}, "rise . dwell . return", "has no lower dwell"),
+            ({"single_dwell": "high", "dwell": TURN - RISE - FALL - 0.2, "ramp": Ramp(1e-4, 0.1)}, "ramps",
+             "no lower dwell to ramp from"),
+        ],
+    )  # fmt: skip
+    def test_misuse(self, given, where, reason):
+        with pytest.raises(InputError, match=f"^{where}.*{reason}"):
+            LiftEvent(self.LAW, LIFT, RISE, FALL, **given)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"dwell": TURN - RISE - FALL + 1e-6},
+        {"dwell": TURN - RISE - FALL - 0.3, "ramp": Ramp(1e-4, 0.2)},  # the same ramp closes: 0.4 in all
+        {"dwell": TURN - RISE - FALL - 0.3, "ramp": Ramp(1e-4, 0.1), "closing_ramp": Ramp(1e-4, 0.25)},
+        {"dwell": TURN - RISE - FALL, "closing_ramp": Ramp(1e-4, 0.05)},
+    ],
+)
+def test_more_than_a_revolution(given):
+    with pytest.raises(InputError, match=r"deg in all; allowed: up to 360 deg, ramps included; .* write '180 deg'"):
+        event(**given)
+
+
+def test_a_full_revolution_is_taken():
+    """Rounding of the sum must not refuse it, and no angle falls into a crack at the end."""
+    for pieces in (7, 11, 13):
+        one = LiftEvent(LAWS["cycloidal"], LIFT, TURN * 3 / pieces, TURN * 2 / pieces, dwell=TURN * (pieces - 5) / pieces)
+        assert one(np.linspace(0.1, TURN - 0.1, 9001)).min() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "where"),
+    [({"phase": math.nan}, "phase"), ({"phase": math.inf}, "phase"), ({"dwell": -0.1}, "dwell")],
+)
+def test_refused(changes, where):
+    with pytest.raises(InputError, match=f"^{where}:"):
+        event(**changes)
+
+
+def test_argument_untouched_and_shape_kept(readonly):
+    one = event(ramp=Ramp(1e-4, 0.2))
+    grid = readonly(np.linspace(-10.0, 10.0, 24).reshape(2, 3, 4))
+    for order in range(5):
+        assert one(grid, order).shape == (2, 3, 4)

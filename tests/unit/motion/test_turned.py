@@ -1,0 +1,66 @@
+"""Laws turned about their middle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexcam.motion import LAWS, CompoundCycloid, Scca, Turned
+
+Z = np.linspace(0.0, 1.0, 1001)
+LAWS_AND_MORE = dict(LAWS) | {"fb2, dyadic split": CompoundCycloid(0.375), "trapezoid": Scca(0.5, 0.5, 0.0)}
+
+
+def away(law):
+    """Places not next to a jump, where a bit decides."""
+    return np.array([z for z in Z if all(abs(z - at) > 1e-9 for at in law.breaks)])
+
+
+@pytest.mark.parametrize("order", range(5))
+@pytest.mark.parametrize("name", sorted(LAWS_AND_MORE))
+def test_turned_is_one_minus_the_law_from_the_other_end(name, order):
+    law = LAWS_AND_MORE[name]
+    z = away(Turned(law))
+    expected = (order == 0) - (-1.0) ** order * law(1.0 - z, order)
+    np.testing.assert_allclose(Turned(law)(z, order), expected, atol=1e-15 * (1 + np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("order", range(5))
+@pytest.mark.parametrize("name", sorted(LAWS_AND_MORE))
+def test_turned_twice_is_the_law(name, order):
+    law = LAWS_AND_MORE[name]
+    z = away(law)
+    expected = law(z, order)
+    # 1 - (1 - z) differs from z by half a bit of 1, which the next derivative multiplies, and sums of powers cancel.
+    np.testing.assert_allclose(Turned(Turned(law))(z, order), expected, rtol=0, atol=5e-14 * (1 + np.abs(expected).max()))
+    np.testing.assert_allclose(Turned(Turned(law)).breaks, law.breaks, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["fb2, dyadic split", "parabolic", "trapezoid", "modified-trapezoid"])
+def test_turned_twice_is_the_law_at_its_jumps_too(name):
+    """Breaks of few binary digits turn without rounding: there the value is that to the right, before and after."""
+    law = LAWS_AND_MORE[name]
+    at = np.array(law.breaks)
+    for order in range(5):
+        size = np.abs(law(Z, order)).max()
+        np.testing.assert_allclose(Turned(Turned(law))(at, order), law(at, order), rtol=0, atol=1e-14 * size)
+
+
+@pytest.mark.parametrize("name", ["cycloidal", "modified-sine", "3-4-5", "shm"])
+def test_a_symmetric_law_is_its_own(name):
+    for order in range(4):
+        expected = LAWS[name](Z, order)
+        np.testing.assert_allclose(Turned(LAWS[name])(Z, order), expected, atol=1e-12 * (1 + np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("split", [0.3, 0.35, 0.1, 0.77])
+def test_the_side_at_a_turned_jump(split):
+    """Right of the turned break is what the law has left of its own, with the jerk's sign kept: -A pi/p."""
+    law = CompoundCycloid(split)
+    turned = Turned(law)
+    (at,) = turned.breaks
+    assert at == pytest.approx(1.0 - split)
+    right, left = turned(np.array([at, np.nextafter(at, 0.0)]), 3)
+    below, above = law(np.array([np.nextafter(split, 0.0), split]), 3)
+    assert right == pytest.approx(below, rel=1e-12)
+    assert left == pytest.approx(above, rel=1e-12)

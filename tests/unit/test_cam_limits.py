@@ -1,0 +1,164 @@
+"""Findings and the smallest base circle, on lifts whose limits have a closed form."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexcam.cam import (
+    FlatFollower,
+    RollerFollower,
+    SwingFlatFollower,
+    SwingRollerFollower,
+    cam_profile,
+    findings,
+    minimum_base_radius,
+)
+from flexcam.checks import InputError
+from flexcam.motion import LAWS, HarmonicLift, LiftEvent
+
+M = 0.002
+TWICE = HarmonicLift(M, (0.0, -M), (0.0, 0.0))
+"""s = m (1 - cos 2 theta): s'' = 4 m below, at 0 and 180 deg, and -4 m above, at 90 and 270 deg."""
+
+ONCE = HarmonicLift(M, (-M,), (0.0,))
+"""s = m (1 - cos theta): the cam is a circle m off its axis under a flat face, and under a roller nearly so."""
+
+STEEP = math.radians(89.0)
+"""No limit of the pressure angle."""
+
+
+def undercuts(profile):
+    return [one for one in findings(profile, pressure_angle=STEEP) if "undercut" in one.what]
+
+
+@pytest.mark.parametrize(("base", "cut"), [(2 * M * 0.999, True), (2 * M * 1.001, False)])
+def test_undercut_under_a_flat_face(base, cut, turn):
+    """The radius r0 + m + 3 m cos 2 theta is least above, r0 - 2 m."""
+    found = undercuts(cam_profile(TWICE, FlatFollower(base), turn=turn))
+    assert bool(found) == cut
+    for one in found:
+        assert min(abs(one.angle - at) for at in (math.pi / 2, 3 * math.pi / 2)) < 1e-12
+        assert one.value == pytest.approx(base - 2 * M, rel=1e-9)
+        assert one.limit == 0.0
+
+
+@pytest.mark.parametrize(("part", "cut"), [(1.001, True), (0.999, False)])
+def test_undercut_under_a_roller(part, cut, turn):
+    """Above, at rest, the pitch curve bends with (R + s)^2/(R + s - s''); the roller must be smaller."""
+    reach = 0.020
+    pitch = (reach + 2 * M) ** 2 / (reach + 6 * M)
+    follower = RollerFollower(reach - part * pitch, part * pitch)
+    found = undercuts(cam_profile(TWICE, follower, turn=turn))
+    assert bool(found) == cut
+    for one in found:
+        assert min(abs(one.angle - at) for at in (math.pi / 2, 3 * math.pi / 2)) < 1e-12
+        assert one.value == pytest.approx(pitch * (1 - part), rel=1e-6)
+
+
+def test_a_hollow_is_no_undercut_for_a_roller_but_is_for_a_face(turn):
+    """In the hollow the pitch curve bends with R^2/(4 m - R) about the other side: any roller fits."""
+    deep = HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0))
+    made = cam_profile(deep, RollerFollower(0.016, 0.004), turn=turn)
+    assert made.radius.min() < -0.02
+    assert not undercuts(made)
+    assert undercuts(cam_profile(deep, FlatFollower(0.010), turn=turn))
+
+
+@pytest.mark.parametrize(("part", "steep"), [(0.999, True), (1.001, False)])
+def test_pressure_angle_of_an_eccentric(part, steep, turn):
+    """The ratio s'/(R + s) = m sin t/(R + m - m cos t) is largest where cos t = m/(R + m): sin phi = m/(R + m)."""
+    follower, k = RollerFollower(0.002, 0.004), M / (0.006 + M)
+    made = cam_profile(ONCE, follower, turn=turn, count=3600)
+    found = findings(made, pressure_angle=part * math.asin(k))
+    assert [one.what.split(";")[0] for one in found] == ["pressure angle too large"] * steep
+    for one in found:
+        # On rise or return, as far before and behind the top; the grid has 0.1 deg.
+        assert min(one.angle, 2 * math.pi - one.angle) == pytest.approx(math.acos(k), abs=math.radians(0.1))
+        assert one.value == pytest.approx(math.asin(k), rel=1e-5)
+        assert one.limit == part * math.asin(k)
+
+
+@pytest.mark.parametrize(("part", "large"), [(1.001, True), (0.999, False)])
+def test_cutter_in_a_hollow(part, large, turn):
+    """The hollow lies below; its radius is R^2/(4 m - R) and the roller."""
+    deep = HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0))
+    hollow = 0.020**2 / (0.024 - 0.020) + 0.004
+    made = cam_profile(deep, RollerFollower(0.016, 0.004), turn=turn)
+    found = findings(made, pressure_angle=STEEP, cutter=part * hollow)
+    assert [one.what.split(";")[0] for one in found] == [
+        "the cutter is larger than the hollow it would have to cut"
+    ] * large
+    for one in found:
+        assert min(abs(one.angle - at) for at in (0.0, math.pi)) < 1e-12
+        assert one.value == pytest.approx(hollow, rel=1e-9)
+        assert one.limit == part * hollow
+
+
+def test_any_cutter_fits_a_convex_cam():
+    assert not findings(cam_profile(ONCE, FlatFollower(0.018)), cutter=10.0)
+
+
+@pytest.mark.parametrize("cutter", [0.0, -0.01, math.nan])
+def test_refused_cutters(cutter):
+    with pytest.raises(InputError, match="cutter"):
+        findings(cam_profile(ONCE, FlatFollower(0.018)), cutter=cutter)
+
+
+@given(m=st.floats(0.0005, 0.003), n=st.integers(2, 4), radius=st.floats(0.0002, 0.01))
+@settings(max_examples=10, deadline=None)
+def test_smallest_base_circle_of_a_flat_face(m, n, radius):
+    """The radius is r0 + s + s'': r0 = radius - min(s + s''), here n^2 m - 2 m at the top, which the grid holds."""
+    event = HarmonicLift(m, (0.0,) * (n - 1) + (m,), (0.0,) * n)
+    least = radius + (n**2 - 2) * m
+    assert minimum_base_radius(event, FlatFollower(0.018), radius=radius) == pytest.approx(least, rel=1e-12)
+
+
+def test_smallest_base_circle_of_a_flat_face_that_takes_its_time():
+    event = LiftEvent(LAWS["3-4-5"], lift=0.006, rise=1.2, fall=1.5)
+    angle = np.arange(1440) * (2 * math.pi / 1440)
+    least = 0.003 - (event(angle) + event(angle, 2)).min()
+    assert minimum_base_radius(event, FlatFollower(0.018), radius=0.003) == pytest.approx(least, rel=1e-12)
+
+
+@pytest.mark.parametrize("limit", [10.0, 15.0, 25.0])
+def test_smallest_base_circle_by_the_pressure_angle(limit, turn):
+    """Of the eccentric, sin phi = m/(R + m)."""
+    alpha = math.radians(limit)
+    reach = M / math.sin(alpha) - M
+    found = minimum_base_radius(ONCE, RollerFollower(0.018, 0.001), pressure_angle=alpha, turn=turn)
+    assert found == pytest.approx(reach - 0.001, rel=1e-5)  # the grid of 0.25 deg may miss the steepest angle
+
+
+KINDS = {
+    "flat": FlatFollower(0.018),
+    "roller beside the axis": RollerFollower(0.018, 0.006, 0.003),
+    "swinging roller": SwingRollerFollower(0.020, 0.009, 0.055, 0.060, 1),
+    "swinging roller below": SwingRollerFollower(0.020, 0.009, 0.055, 0.060, -1),
+    "swinging face": SwingFlatFollower(0.018, 0.050, 0.055, 0.002, 1),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_smallest_base_circle_fits_and_no_smaller_one(kind, turn, smooth_event):
+    follower, limit, radius = KINDS[kind], math.radians(28.0), 0.004
+
+    def fits(base):
+        made = cam_profile(smooth_event, follower.with_base(base), count=1440, turn=turn)
+        convex = made.radius[made.radius > 0.0]
+        return not findings(made, pressure_angle=limit) and convex.min() >= radius
+
+    least = minimum_base_radius(smooth_event, follower, pressure_angle=limit, radius=radius, turn=turn)
+    assert fits(least)
+    assert not fits(0.999 * least)
+
+
+def test_no_base_circle_is_large_enough():
+    with pytest.raises(InputError, match="longer event or wider limits"):
+        minimum_base_radius(ONCE, RollerFollower(0.018, 0.004), radius=1.0)
+    with pytest.raises(InputError, match="base_radius"):
+        minimum_base_radius(ONCE, RollerFollower(0.018, 0.004), pressure_angle=1e-4)

@@ -1,0 +1,172 @@
+"""Profiles: points, normals and curvature against Fourier series, circles and closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexcam.cam import FlatFollower, RollerFollower, SwingFlatFollower, SwingRollerFollower, cam_profile, profile_at
+from flexcam.checks import InputError
+from flexcam.motion import HarmonicLift
+
+COUNT = 256
+"""Points of a Fourier series: the coefficients of all curves here fall below rounding before half of them."""
+
+SERIES = 1e-9
+"""Relative: two derivatives of a Fourier series of 256 terms round by 128^2 eps."""
+
+# Circles that every follower of the fixture can follow.
+CIRCLES = {
+    "shift": st.floats(0.0005, 0.004), "at": st.floats(0.0, 2 * math.pi), "radius": st.floats(0.016, 0.022),
+}  # fmt: skip
+
+
+def as_complex(points):
+    return points[:, 0] + 1j * points[:, 1]
+
+
+def harmonic(samples):
+    """Lift through samples at even angles of one revolution."""
+    c = np.fft.rfft(samples) / len(samples)
+    return HarmonicLift(float(c[0].real), tuple((2 * c[1:64].real).tolist()), tuple((-2 * c[1:64].imag).tolist()))
+
+
+def test_curvature_and_normal_by_fourier_series(follower, turn, harmonic_event, slope, outward):
+    made = cam_profile(harmonic_event, follower, count=COUNT, turn=turn)
+    own = np.exp(-1j * turn * made.angle)
+    normal = outward(follower, made.lift, made.touch.point) * own
+    z = as_complex(made.points)
+    first, second = slope(z), slope(slope(z))
+    # The curve bends away from its outward normal where it is convex: z'' . n = -|z'|^2/radius.
+    radius = -(np.abs(first) ** 2) / (second * np.conj(normal)).real
+    np.testing.assert_allclose(as_complex(made.normals), normal, atol=1e-12)
+    np.testing.assert_allclose((first * np.conj(normal)).real, 0.0, atol=SERIES * np.abs(first).max())
+    np.testing.assert_allclose(made.radius, radius, rtol=SERIES)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.003, -0.003])
+def test_hollows_have_a_negative_radius(offset, turn, slope):
+    """Up and down by 12 mm twice a revolution, under a roller of 3 mm: hollow below, convex above."""
+    follower = RollerFollower(0.018, 0.003, offset)
+    made = cam_profile(HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0)), follower, count=1024, turn=turn)
+    z = as_complex(made.points)
+    first, second = slope(z), slope(slope(z))
+    curvature = -turn * (np.conj(first) * second).imag / np.abs(first) ** 3  # it is run through against the rotation
+    assert (curvature < 0).any()
+    assert (curvature > 0).any()
+    # Of the largest curvature: where the curve is almost straight the radius itself has no meaning.
+    np.testing.assert_allclose(1 / made.radius, curvature, atol=1e-7 * np.abs(curvature).max())
+
+
+def test_base_circle_in_the_dwell(follower, turn, smooth_event):
+    angle = np.linspace(4.0, 6.5, 101)
+    assert np.all(smooth_event(angle) == 0.0)
+    made = profile_at(smooth_event, follower, angle, turn)
+    np.testing.assert_allclose(np.linalg.norm(made.points, axis=1), follower.base_radius, rtol=1e-14)
+    np.testing.assert_allclose(made.radius, follower.base_radius, rtol=1e-13)
+    np.testing.assert_allclose(made.normals * follower.base_radius, made.points, atol=1e-16)
+
+
+def test_upper_dwell_is_a_circle_about_the_axis_too(follower, turn, smooth_event, gap):
+    angle = np.linspace(1.81, 2.19, 51)
+    made = profile_at(smooth_event, follower, angle, turn)
+    distance = np.linalg.norm(made.points, axis=1)
+    assert np.ptp(distance) < 1e-16
+    assert gap(follower, 0.003, np.zeros(1))[0] == pytest.approx(distance[0], rel=1e-12)  # cam's centre to follower
+    np.testing.assert_allclose(made.radius, distance, rtol=1e-12)
+
+
+def test_a_flat_face_touches_s_prime_beside_the_axis(turn, smooth_event):
+    made = cam_profile(smooth_event, FlatFollower(0.018), turn=turn)
+    np.testing.assert_allclose(made.offset, turn * smooth_event(made.angle, 1), atol=1e-17)
+    np.testing.assert_allclose(made.touch.point.real, turn * smooth_event(made.angle, 1), atol=1e-17)
+    # On the rise the contact lies where the cam's surface moves up: to the right of a counterclockwise cam's axis.
+    assert turn * made.offset[np.argmax(made.velocity)] > 0.0
+
+
+@given(
+    mean=st.floats(0.0, 0.01), first=st.tuples(*[st.floats(-0.002, 0.002)] * 2),
+    second=st.tuples(*[st.floats(-0.001, 0.001)] * 2), base=st.floats(0.005, 0.1),
+)  # fmt: skip
+@settings(max_examples=25, deadline=None)
+def test_radius_under_a_flat_face_is_base_plus_lift_plus_acceleration(mean, first, second, base):
+    event = HarmonicLift(mean, (first[0], second[0]), (first[1], second[1]))
+    made = cam_profile(event, FlatFollower(base), count=48)
+    # r0 + s + s'': the first harmonic drops out, the second enters with 1 - 4.
+    only_second = HarmonicLift(0.0, (0.0, second[0]), (0.0, second[1]))
+    np.testing.assert_allclose(made.radius, base + mean - 3 * only_second(made.angle), atol=1e-16, rtol=1e-13)
+
+
+@pytest.mark.parametrize("shift", [0.001, 0.003, 0.006])
+def test_an_eccentric_circle_under_a_flat_face_has_constant_curvature(shift, turn):
+    made = cam_profile(HarmonicLift(shift, (-shift,), (0.0,)), FlatFollower(0.018), turn=turn)
+    np.testing.assert_allclose(made.radius, 0.018 + shift, rtol=1e-13)
+    np.testing.assert_allclose(np.linalg.norm(made.points + np.array([0.0, shift]), axis=1), 0.018 + shift, rtol=1e-13)
+
+
+@given(**CIRCLES)
+@settings(max_examples=10, deadline=None)
+def test_the_lift_of_a_circle_gives_the_circle_back(follower, turn, lift_on_circle, shift, at, radius):
+    even = np.arange(COUNT) * (2 * math.pi / COUNT)
+    middle = shift * np.exp(1j * at)
+    event = harmonic(lift_on_circle(follower, middle * np.exp(1j * turn * even), radius))
+    made = profile_at(event, follower, np.linspace(0.0, 6.0, 61), turn)
+    spoke = as_complex(made.points) - middle
+    np.testing.assert_allclose(np.abs(spoke), radius, rtol=1e-11)
+    np.testing.assert_allclose(as_complex(made.normals), spoke / radius, atol=1e-9)
+    np.testing.assert_allclose(made.radius, radius, rtol=1e-7)  # two derivatives of a sum of rounded harmonics
+
+
+def test_pitch_and_cutter_paths_keep_their_distance(follower, turn, smooth_event, centre):
+    made = cam_profile(smooth_event, follower, turn=turn)
+    path = made.cutter_path(0.005)
+    np.testing.assert_allclose(np.linalg.norm(path - made.points, axis=1), 0.005, rtol=1e-12)
+    # Outside, and square to the profile: no other point of the profile is nearer.
+    everywhere = np.abs(as_complex(path)[:, None] - as_complex(made.points))
+    assert everywhere.min() > 0.005 - 1e-12
+    if math.isinf(follower.roller_radius):
+        np.testing.assert_array_equal(made.pitch, made.points)
+    else:  # a cutter as large as the roller runs where the roller does
+        np.testing.assert_allclose(made.cutter_path(follower.roller_radius), made.pitch, atol=1e-16)
+        own = centre(follower, made.lift) * np.exp(-1j * turn * made.angle)
+        np.testing.assert_allclose(as_complex(made.pitch), own, atol=1e-16)
+
+
+@pytest.mark.parametrize("radius", [0.0, -0.005, math.nan])
+def test_refused_cutters(radius, smooth_event):
+    with pytest.raises(InputError, match="cutter"):
+        cam_profile(smooth_event, FlatFollower(0.018), count=24).cutter_path(radius)
+
+
+def test_refused_counts(smooth_event):
+    assert len(cam_profile(smooth_event, FlatFollower(0.018), count=12).points) == 12
+    with pytest.raises(InputError, match="12"):
+        cam_profile(smooth_event, FlatFollower(0.018), count=11)
+
+
+REFUSED = {
+    "base circle of no size": lambda: FlatFollower(0.0),
+    "roller of no size": lambda: RollerFollower(0.018, 0.0),
+    "roller that misses the cam": lambda: RollerFollower(0.018, 0.008, 0.026),
+    "arm too short for the triangle": lambda: SwingRollerFollower(0.018, 0.008, 0.030, 0.060),
+    "pitch circle too large for it": lambda: SwingRollerFollower(0.100, 0.020, 0.050, 0.060),
+    "roller that reaches the cam's axis": lambda: SwingRollerFollower.from_angle(0.016, 0.1, 0.1, 0.1),
+    "face beyond the base circle": lambda: SwingFlatFollower(0.018, 0.04, 0.045, face=-0.028),
+    "arm of no length": lambda: SwingFlatFollower(0.018, 0.0, 0.045),
+}
+
+
+@pytest.mark.parametrize("make", REFUSED.values(), ids=REFUSED.keys())
+def test_refused_followers(make):
+    with pytest.raises(InputError, match=r"follower|base_radius"):
+        make()
+
+
+def test_another_base_circle_changes_nothing_else(follower):
+    other = follower.with_base(0.019)
+    assert other.base_radius == 0.019
+    assert other.with_base(follower.base_radius) == follower

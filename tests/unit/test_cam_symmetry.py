@@ -1,0 +1,83 @@
+"""A mirrored mechanism has the mirrored cam; a larger one has a larger cam."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from flexcam.cam import (
+    FlatFollower,
+    RollerFollower,
+    SwingFlatFollower,
+    cam_profile,
+    findings,
+    lift_from_profile,
+    minimum_base_radius,
+)
+
+ANGLES = np.linspace(0.0, 6.2, 63)
+
+
+def mirrored(follower):
+    """Return the follower in a mirror, and the mirror: across the line of motion, or of centres."""
+    if isinstance(follower, FlatFollower):
+        return follower, np.array([-1.0, 1.0])
+    if isinstance(follower, RollerFollower):
+        return replace(follower, offset=-follower.offset), np.array([-1.0, 1.0])
+    return replace(follower, side=-follower.side), np.array([1.0, -1.0])
+
+
+def scaled(follower, factor):
+    lengths = [field.name for field in fields(follower) if field.name != "side"]
+    return replace(follower, **{name: factor * getattr(follower, name) for name in lengths})
+
+
+def test_mirror(follower, turn, smooth_event):
+    other, mirror = mirrored(follower)
+    made = cam_profile(smooth_event, follower, turn=turn)
+    image = cam_profile(smooth_event, other, turn=-turn)
+    np.testing.assert_allclose(image.points, made.points * mirror, atol=1e-16)
+    np.testing.assert_allclose(image.pitch, made.pitch * mirror, atol=1e-16)
+    np.testing.assert_allclose(image.normals, made.normals * mirror, atol=1e-14)
+    np.testing.assert_allclose(image.radius, made.radius, rtol=1e-13)
+    np.testing.assert_allclose(image.pressure_angle, -made.pressure_angle, atol=1e-14)
+    np.testing.assert_allclose(image.touch.sliding, -made.touch.sliding, rtol=1e-13)
+    np.testing.assert_allclose(
+        lift_from_profile(image.points, other, ANGLES, turn=-turn),
+        lift_from_profile(made.points, follower, ANGLES, turn=turn),
+        atol=1e-15,
+    )
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+def test_scale(factor, follower, turn, smooth_event):
+    event, large = replace(smooth_event, lift=factor * smooth_event.lift), scaled(follower, factor)
+    made = cam_profile(smooth_event, follower, turn=turn)
+    other = cam_profile(event, large, turn=turn)
+    np.testing.assert_allclose(other.points, factor * made.points, atol=1e-16 * factor)
+    np.testing.assert_allclose(other.radius, factor * made.radius, rtol=1e-12)
+    np.testing.assert_allclose(other.touch.sliding, factor * made.touch.sliding, rtol=1e-12)
+    np.testing.assert_allclose(other.normals, made.normals, atol=1e-14)
+    np.testing.assert_allclose(other.pressure_angle, made.pressure_angle, atol=1e-14)
+    np.testing.assert_allclose(
+        lift_from_profile(other.points, large, ANGLES, turn=turn),
+        factor * lift_from_profile(made.points, follower, ANGLES, turn=turn),
+        atol=1e-15 * factor,
+    )
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+@pytest.mark.parametrize("kind", [FlatFollower(0.018), SwingFlatFollower(0.018, 0.05, 0.055)], ids=["flat", "swing"])
+def test_scale_of_limits(factor, kind, smooth_event):
+    event, large = replace(smooth_event, lift=factor * smooth_event.lift), scaled(kind, factor)
+    small = minimum_base_radius(smooth_event, kind, radius=0.004)
+    assert minimum_base_radius(event, large, radius=0.004 * factor) == pytest.approx(factor * small, rel=1e-12)
+    # Half that base circle is undercut in either size.
+    found = [
+        findings(cam_profile(e, f.with_base(0.3 * size)))
+        for e, f, size in ((smooth_event, kind, small), (event, large, factor * small))
+    ]
+    assert [(one.what, one.angle) for one in found[0]] == [(one.what, one.angle) for one in found[1]] != []
+    assert found[1][0].value == pytest.approx(factor * found[0][0].value, rel=1e-9)

@@ -1,0 +1,158 @@
+"""Lifts of a few harmonics: as close as they can be, within the tolerance where the wanted lift dwells."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam.checks import InputError
+from flexcam.motion import LAWS, HarmonicLift, LiftEvent
+from flexcam.synthesis import harmonic_fit, harmonics_below
+
+WANTED = LiftEvent(LAWS["3-4-5"], lift=0.006, rise=1.5, fall=1.3, dwell=1.0, phase=0.4)
+GRID = np.linspace(0.0, 2 * math.pi, 7201)[:-1]
+STEP = 2 * math.pi / 720
+"""The fit looks at 720 angles up to 30 harmonics."""
+
+TIGHT = [(8, 1.5e-5), (10, 1e-5), (16, 2e-6)]
+"""Counts and tolerances (m) that plain least squares misses."""
+
+
+def on_grid(event):
+    return event(GRID) - WANTED(GRID)
+
+
+def between(event, where):
+    """Return what a deviation may rise above its values a step apart: step^2/8 of its second derivative."""
+    return STEP**2 / 8 * np.abs(event(GRID[where], 2) - WANTED(GRID[where], 2)).max()
+
+
+def dwelling(angle):
+    return (np.abs(WANTED(angle, 1)) + np.abs(WANTED(angle, 2))) < 1e-12
+
+
+def plain(count):
+    """Return the least-squares lift without constraints, by the Fourier series on the fit's own grid."""
+    samples = np.fft.rfft(WANTED(np.arange(720) * STEP)) / 720
+    return HarmonicLift(
+        float(samples[0].real), tuple((2 * samples[1 : count + 1].real).tolist()),
+        tuple((-2 * samples[1 : count + 1].imag).tolist()),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("count", "tolerance"), TIGHT)
+def test_the_tolerance_holds_between_the_angles_looked_at(count, tolerance):
+    """A dwell begins and ends between two angles: there one step of the slope comes on top."""
+    fit = harmonic_fit(WANTED, count, tolerance=tolerance)
+    held = dwelling(GRID)
+    excess = between(fit.event, held) + STEP * np.abs(fit.event(GRID[held], 1)).max()
+    assert np.abs(on_grid(fit.event))[held].max() <= tolerance + excess
+    assert np.abs(on_grid(fit.event))[held].max() <= 1.05 * tolerance  # in all it is small
+    assert fit.strict_deviation <= tolerance * (1 + 1e-7)
+    assert np.abs(on_grid(plain(count)))[held].max() > 1.2 * tolerance  # the constraint was needed
+
+
+@pytest.mark.parametrize(("count", "tolerance"), TIGHT)
+def test_deviations_are_those_of_the_lift(count, tolerance):
+    fit = harmonic_fit(WANTED, count, tolerance=tolerance)
+    miss = np.abs(on_grid(fit.event))
+    assert len(fit.event.cosine) == count
+    assert miss.max() == pytest.approx(fit.deviation, rel=2e-3)
+    assert miss[dwelling(GRID)].max() == pytest.approx(fit.strict_deviation, rel=5e-2)
+    assert np.sqrt((miss[~dwelling(GRID)] ** 2).mean()) == pytest.approx(fit.rms_deviation, rel=5e-3)
+    assert fit.rms_deviation < fit.deviation
+
+
+@pytest.mark.parametrize("count", [6, 16, 29])
+def test_a_wide_tolerance_leaves_the_fourier_series(count):
+    fit = harmonic_fit(WANTED, count, tolerance=1e-3).event
+    np.testing.assert_allclose(fit(GRID), plain(count)(GRID), atol=1e-15)
+
+
+def test_more_harmonics_come_closer():
+    fits = [harmonic_fit(WANTED, count, tolerance=2e-5) for count in (8, 10, 14, 20, 30)]
+    rms = [fit.rms_deviation for fit in fits]
+    assert rms == sorted(rms, reverse=True)
+    assert rms[-1] < rms[0] / 20
+    for fit in fits:
+        assert fit.strict_deviation <= 2e-5 * (1 + 1e-7)
+
+
+def test_a_lift_of_few_harmonics_is_met_exactly():
+    wanted = HarmonicLift(0.003, (-0.002, 0.0005, -0.0001), (0.001, -0.0002, 0.0003))
+    fit = harmonic_fit(wanted, 5, tolerance=1e-6)
+    np.testing.assert_allclose(fit.event.cosine, (*wanted.cosine, 0.0, 0.0), atol=1e-16)
+    np.testing.assert_allclose(fit.event.sine, (*wanted.sine, 0.0, 0.0), atol=1e-16)
+    assert fit.deviation < 1e-15
+    assert fit.strict_deviation == 0.0  # it has no dwell to be strict on
+
+
+@pytest.mark.parametrize("section", [(35.0, 70.0), (345.0, 395.0)], ids=["inside", "across the turn"])
+def test_strict_sections_of_ones_own(section):
+    """Both ends are angles that the fit looks at."""
+    start, end = map(math.radians, section)
+    fit = harmonic_fit(WANTED, 6, strict=[(start - 1e-9, end + 1e-9)], tolerance=1e-6)
+    inside = np.mod(GRID - start + 1e-9, 2 * math.pi) <= end - start + 2e-9
+    miss = np.abs(on_grid(fit.event))
+    assert miss[inside].max() <= 1e-6 + between(fit.event, inside) < 1.1e-6
+    assert np.abs(on_grid(plain(6)))[inside].max() > 5e-6
+    assert miss[~inside].max() > 5e-6
+
+
+def test_two_strict_sections():
+    sections = [(math.radians(35.0) - 1e-9, math.radians(50.0)), (math.radians(200.0) - 1e-9, math.radians(215.0))]
+    fit = harmonic_fit(WANTED, 6, strict=sections, tolerance=1e-6)
+    for start, end in sections:
+        assert np.abs(on_grid(fit.event))[(start <= GRID) & (end >= GRID)].max() <= 1.02e-6  # between angles, as above
+    assert fit.deviation > 5e-6
+
+
+def test_a_bound_on_all_the_rest():
+    free = harmonic_fit(WANTED, 8, tolerance=2e-5)
+    bound = 0.9 * free.deviation
+    fit = harmonic_fit(WANTED, 8, tolerance=2e-5, bound=bound)
+    assert fit.deviation <= bound * (1 + 1e-7)
+    # What is least is the sum of squares over the whole revolution.
+    assert np.square(on_grid(fit.event)).mean() > np.square(on_grid(free.event)).mean()
+
+
+def test_too_few_harmonics_are_refused_with_what_they_can_hold():
+    """What they can is told, as a tolerance that is then accepted, and a little less is not."""
+    strict = [(0.5, 1.8)]
+    with pytest.raises(InputError, match="more harmonics") as refusal:
+        harmonic_fit(WANTED, 2, strict=strict, tolerance=1e-6)
+    fault = refusal.value.faults[0]
+    assert fault.given == "2 harmonics within 1 um on the strict sections"
+    least = 1e-6 * float(fault.remedy.split()[1])
+    assert least > 1e-6
+    fit = harmonic_fit(WANTED, 2, strict=strict, tolerance=1.001 * least)
+    assert fit.strict_deviation == pytest.approx(least, rel=2e-3)
+    with pytest.raises(InputError):
+        harmonic_fit(WANTED, 2, strict=strict, tolerance=0.999 * least)
+
+
+@pytest.mark.parametrize(
+    ("count", "tolerance", "bound", "says"),
+    [(0, 1e-4, None, "count"), (8, 0.0, None, "tolerance"), (8, 1e-4, -1.0, "bound"), (8, math.nan, None, "tolerance")],
+)
+def test_refused(count, tolerance, bound, says):
+    with pytest.raises(InputError, match=says):
+        harmonic_fit(WANTED, count, tolerance=tolerance, bound=bound)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "speed", "count"), [(1000.0, 200.0, 4), (1001.0, 200.0, 5), (999.0, 200.0, 4), (200.0, 200.0, 0),
+                                      (100.0, 200.0, 0), (7.5, 1.0, 7)],
+)  # fmt: skip
+def test_harmonics_below_a_frequency(frequency, speed, count):
+    """Strictly below: n w < w0 (C. Li, 2014)."""
+    assert harmonics_below(frequency, speed) == count
+    assert count * speed < frequency <= (count + 1) * speed
+
+
+@pytest.mark.parametrize(("frequency", "speed"), [(0.0, 1.0), (1.0, 0.0), (-1.0, 1.0), (math.inf, 1.0)])
+def test_refused_frequencies(frequency, speed):
+    with pytest.raises(InputError):
+        harmonics_below(frequency, speed)

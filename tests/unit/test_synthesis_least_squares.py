@@ -1,0 +1,82 @@
+"""Least squares under inequalities against another solver and against the conditions of an optimum."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexcam.synthesis.least_squares import constrained_least_squares
+
+
+def problem(seed):
+    """Return a random problem of 2 to 6 unknowns, and a feasible point where it has one."""
+    from scipy.optimize import linprog
+
+    rng = np.random.default_rng(seed)
+    n, k = rng.integers(2, 7), rng.integers(3, 16)
+    E = rng.normal(size=(n + rng.integers(0, 8), n))
+    f, G, h = rng.normal(size=len(E)), rng.normal(size=(k, n)), rng.normal(size=k)
+    inside = linprog(np.zeros(n), -G, -h, bounds=(None, None), method="highs")
+    return E, f, G, h, inside.x
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_random_problems(seed):
+    """SLSQP from a feasible point; a convex problem has one optimum. No feasible point by a linear program: None."""
+    from scipy.optimize import minimize
+
+    E, f, G, h, inside = problem(seed)
+    x = constrained_least_squares(E, f, G, h)
+    if inside is None:
+        assert x is None
+        return
+    found = minimize(
+        lambda y: ((E @ y - f) ** 2).sum(), inside, jac=lambda y: 2 * E.T @ (E @ y - f), method="SLSQP",
+        constraints={"type": "ineq", "fun": lambda y: G @ y - h, "jac": lambda y: G},
+        options={"ftol": 1e-13, "maxiter": 500},
+    )  # fmt: skip
+    assert (G @ x - h).min() > -1e-9
+    assert ((E @ x - f) ** 2).sum() == pytest.approx(found.fun, rel=1e-7)
+    np.testing.assert_allclose(x, found.x, atol=1e-5 * (1 + np.abs(x).max()))  # the objective is flat at its least
+
+
+def test_both_kinds_of_random_problems_occur():
+    feasible = [problem(seed)[-1] is not None for seed in range(40)]
+    assert 10 < sum(feasible) < 35
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_conditions_of_an_optimum(scale):
+    """Karush, Kuhn and Tucker: the gradient is a sum of the active rows with factors of zero or more."""
+    from scipy.optimize import nnls
+
+    E, f, G, h = (scale * part for part in problem(3)[:4])
+    x = constrained_least_squares(E, f, G, h)
+    active = G @ x - h < 1e-9 * scale
+    assert active.any()
+    factors, rest = nnls(G[active].T, E.T @ (E @ x - f))
+    assert rest < 1e-9 * scale**2
+    assert (factors > 0.0).any()
+
+
+@pytest.mark.parametrize("G", [np.zeros((0, 3)), np.eye(3)], ids=["no inequalities", "none active"])
+def test_without_active_inequalities_it_is_plain_least_squares(G):
+    rng = np.random.default_rng(5)
+    E, f = rng.normal(size=(7, 3)), rng.normal(size=7)
+    plain = np.linalg.lstsq(E, f, rcond=None)[0]
+    x = constrained_least_squares(E, f, G, np.full(len(G), -100.0))
+    np.testing.assert_allclose(x, plain, rtol=1e-12)
+
+
+def test_contradicting_inequalities():
+    E, f = np.eye(2), np.zeros(2)
+    G = np.array([[1.0, 0.0], [-1.0, 0.0]])
+    assert constrained_least_squares(E, f, G, np.array([1.0, -0.999])) is None
+    x = constrained_least_squares(E, f, G, np.array([1.0, -1.001]))
+    np.testing.assert_allclose(x, [1.0, 0.0], atol=1e-12)
+
+
+def test_arguments_stay_as_they_are(readonly):
+    E, f, G, h, _ = problem(3)
+    first = constrained_least_squares(*map(readonly, (E, f, G, h)))
+    np.testing.assert_array_equal(first, constrained_least_squares(E, f, G, h))

@@ -1,0 +1,144 @@
+"""Polydyne cams against the closed form of one mass and against its motion integrated in time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam.checks import InputError
+from flexcam.motion import LAWS, HarmonicLift, LiftEvent, harmonics
+from flexcam.synthesis import SingleMass, motion_at, off_design, polydyne
+
+WANTED = LiftEvent(LAWS["5-6-7-8-9"], lift=0.008, rise=1.5, fall=1.3, dwell=0.5, phase=0.2)
+"""Smooth to the fourth derivative, so that sixty harmonics hold it to 1e-8 m."""
+
+FREQUENCY, SPEED = 1000.0, 150.0
+GRID = np.linspace(0.0, 2 * math.pi, 721)
+
+
+def steady(cam, frequency, damping, speed):
+    """Steady motion of y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0 over the cam angle, integrated over one revolution.
+
+    With the state after a revolution linear in that before it, the periodic one follows from three runs.
+    """
+    from scipy.integrate import solve_ivp
+
+    ratio = frequency / speed
+
+    def rate(angle, state):
+        y, v = state
+        s, ds = (cam(np.array([angle]), order)[0] for order in (0, 1))
+        return [v, -2 * damping * ratio * (v - ds) - ratio**2 * (y - s)]
+
+    def run(state, drive=True):
+        field = rate if drive else lambda _, q: [q[1], -2 * damping * ratio * q[1] - ratio**2 * q[0]]
+        return solve_ivp(field, (0.0, 2 * math.pi), state, "DOP853", t_eval=GRID, rtol=1e-10, atol=1e-13).y
+
+    forced = run([0.0, 0.0])
+    free = np.column_stack([run(unit, drive=False)[:, -1] for unit in ([1.0, 0.0], [0.0, 1.0])])
+    start = np.linalg.solve(np.eye(2) - free, forced[:, -1])
+    return run(start)[0]
+
+
+def test_without_damping_it_is_stoddarts_cam():
+    """The known form s = y + (w/w0)^2 y''."""
+    made = polydyne(WANTED, SingleMass(FREQUENCY), SPEED)
+    exact = made.wanted(GRID) + (SPEED / FREQUENCY) ** 2 * made.wanted(GRID, 2)
+    np.testing.assert_allclose(made.event(GRID), exact, atol=1e-15)
+    # The harmonics left out of y'' weigh most: sixty of them hold it to a part of 1e-3 of its 0.07 m.
+    whole = WANTED(GRID) + (SPEED / FREQUENCY) ** 2 * WANTED(GRID, 2)
+    np.testing.assert_allclose(made.event(GRID), whole, atol=2e-6)
+    assert np.abs(made.event(GRID) - WANTED(GRID)).max() > 1e-4
+
+
+def test_what_is_left_out():
+    few, many = (polydyne(WANTED, SingleMass(FREQUENCY), SPEED, count=n) for n in (6, 60))
+    for made in (few, many):
+        assert made.left_out == pytest.approx(np.abs(made.wanted(GRID) - WANTED(GRID)).max(), rel=0.05)
+    assert few.left_out > 1e-5
+    assert many.left_out < 1e-8
+    assert len(few.event.cosine) == len(few.wanted.cosine) == 6
+
+
+@pytest.mark.parametrize("damping", [0.02, 0.3, 1.5])
+def test_the_mass_moves_as_wanted(damping):
+    made = polydyne(WANTED, SingleMass(FREQUENCY, damping), SPEED, count=30)
+    moved = steady(made.event, FREQUENCY, damping, SPEED)
+    np.testing.assert_allclose(moved, made.wanted(GRID), atol=1e-9, rtol=0)
+    # A cam that lifts as wanted does not: it is the dynamics that make the difference.
+    assert np.abs(steady(made.wanted, FREQUENCY, damping, SPEED) - made.wanted(GRID)).max() > 1e-5
+
+
+@pytest.mark.parametrize("speed", [90.0, 150.0, 310.0])
+def test_motion_at_any_speed(speed):
+    """Ten harmonics against the integrated motion; sense and size of the phase are in it."""
+    cam = HarmonicLift(0.003, (-0.002, 0.0005, -0.0003), (0.001, -0.0008, 0.0002))
+    found = motion_at(cam, SingleMass(FREQUENCY, 0.05), speed, count=10)
+    np.testing.assert_allclose(found(GRID), steady(cam, FREQUENCY, 0.05, speed), atol=1e-9, rtol=0)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_single_mass(damping):
+    """The answer to s = exp(i w t), put into y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0."""
+    omega = np.array([0.0, 300.0, 999.0, 5000.0])
+    y = SingleMass(FREQUENCY, damping)(omega)
+    rest = -(omega**2) * y + 2j * damping * FREQUENCY * omega * (y - 1) + FREQUENCY**2 * (y - 1)
+    np.testing.assert_allclose(rest, 0.0, atol=1e-7)  # of terms up to 5e8
+    assert y[0] == 1.0
+
+
+def test_off_design():
+    train = SingleMass(FREQUENCY, 0.05)
+    made = polydyne(WANTED, train, SPEED, count=40)
+    away = off_design(
+        made, train, [0.8 * SPEED, 0.9 * SPEED, 0.97 * SPEED, SPEED, 1.03 * SPEED, 1.1 * SPEED, 1.2 * SPEED]
+    )
+    assert away[3] < 1e-14
+    assert list(away[:4]) == sorted(away[:4], reverse=True)
+    assert list(away[3:]) == sorted(away[3:])
+    assert away[2] > 1e-6
+    worst = np.abs(steady(made.event, FREQUENCY, 0.05, 1.2 * SPEED) - made.wanted(GRID)).max()
+    assert away[-1] == pytest.approx(worst, rel=1e-3)  # each on its own grid
+
+
+def test_a_train_that_does_not_answer_is_refused():
+    def deaf(omega):
+        return np.where(np.abs(omega - 3 * SPEED) < 1.0, 0.0, 1.0 + 0j)
+
+    with pytest.raises(InputError, match=r"does not answer to harmonic 3 at 1432\.39 rpm"):
+        polydyne(WANTED, deaf, SPEED)
+    assert polydyne(WANTED, deaf, SPEED, count=2).left_out > 0.0  # it is not asked for the third
+    with pytest.raises(InputError, match="does not answer"):
+        polydyne(WANTED, lambda omega: np.where(omega == 0.0, np.inf, 1.0), SPEED)
+
+
+def test_a_harmonic_in_resonance_is_not_in_the_cam():
+    """Undamped at w0 = 5 w: the mass swings so by itself; any such part of the cam would make it swing ever more."""
+    train = SingleMass(5 * SPEED)
+    made = polydyne(WANTED, train, SPEED)
+    wanted = harmonics(WANTED, 60)
+    assert abs(wanted[5]) > 1e-6
+    assert made.event.cosine[4] == made.event.sine[4] == 0.0
+    n = np.arange(1, 61)
+    cam = wanted[1:] * (1 - (n / 5.0) ** 2)  # Stoddart's factor, zero for the fifth
+    np.testing.assert_allclose(np.array(made.event.cosine) - 1j * np.array(made.event.sine), cam, atol=1e-16)
+    with pytest.raises(InputError, match="harmonic 5 is in resonance"):
+        motion_at(WANTED, train, SPEED)
+    with pytest.raises(InputError, match="resonance"):
+        off_design(made, train, [SPEED])
+    assert np.isfinite(off_design(made, train, [1.01 * SPEED])).all()
+
+
+def test_refused():
+    with pytest.raises(InputError, match="speed"):
+        polydyne(WANTED, SingleMass(FREQUENCY), 0.0)
+    with pytest.raises(InputError, match="count"):
+        polydyne(WANTED, SingleMass(FREQUENCY), SPEED, count=0)
+    with pytest.raises(InputError, match="speed"):
+        motion_at(WANTED, SingleMass(FREQUENCY), -1.0)
+    with pytest.raises(InputError, match="frequency"):
+        SingleMass(0.0)
+    with pytest.raises(InputError, match="damping"):
+        SingleMass(FREQUENCY, -0.1)

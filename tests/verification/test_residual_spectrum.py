@@ -1,0 +1,143 @@
+"""Residual vibration after a rise as a number of the law alone: closed forms, quadrature, and the oscillator itself.
+
+y'' + w^2 y = w^2 s over the rise, ratio = rise time over period. The closed forms of single laws are in M. P. Koster,
+Vibrations of Cam Mechanisms (1974), ch. 3; that of a sum of harmonics follows from the Fourier integral of its s'.
+The reference of laws without one integrates the oscillator with s itself (order 8, error 1e-12 per step), where
+flexcam takes a Fourier integral of s''.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from flexcam.motion import LAWS, BSplineLaw, CompoundCycloid, Harmonic, Polynomial, Scca, Turned, residual_spectrum
+from flexcam.motion.law import ClosedResidual, Law
+
+SOURCE = "Residual vibration after a rise, spectrum of a law"
+RATIOS = np.array([1e-3, 0.05, 0.5, 0.73, 1.0, 1.5, 2.0, 2.5, 3.0, 4.2, 7.0, 15.3])
+"""Multiples of 1/2 among them: there the closed forms are limits."""
+
+CLOSED = {name: law for name, law in LAWS.items() if isinstance(law, ClosedResidual)} | {
+    "four harmonics": Harmonic(((1, 0.9), (2, 0.2), (3, -0.3), (4, 0.2))),
+}
+
+
+@dataclass(frozen=True)
+class Plain:
+    """A law that does not know its closed form."""
+
+    law: Law
+
+    @property
+    def breaks(self):
+        return self.law.breaks
+
+    def __call__(self, z, order=0):
+        return self.law(z, order)
+
+
+@pytest.mark.parametrize(
+    ("law", "ratio", "digits"),
+    [
+        ("shm", 0.5, math.pi / 4), ("shm", 1.0, 1 / 3), ("shm", 1.5, 0.0), ("shm", 2.0, 1 / 15),
+        ("parabolic", 1.0, 0.405285), ("parabolic", 1.5, 0.090063), ("parabolic", 2.0, 0.0),
+        ("cycloidal", 1.0, 0.5), ("cycloidal", 1.5, 0.169765), ("cycloidal", 2.0, 0.0),
+    ],
+)  # fmt: skip
+def test_known_values(law, ratio, digits, record):
+    record(source=SOURCE, case=law, quantity=f"residual amplitude / lift, ratio {ratio:g}", unit="1", reference=digits,
+           computed=residual_spectrum(LAWS[law], ratio), tolerance=5.1e-7, absolute=True,
+           reason="six decimals given, or exact")  # fmt: skip
+
+
+def test_laws_with_a_closed_form():
+    assert set(CLOSED) >= {"shm", "cos", "parabolic", "cycloidal", "gutman-1-3", "freudenstein-1-3",
+                           "pavlovic-trigonometric", "harmonic-acceleration"}  # fmt: skip
+
+
+@pytest.mark.parametrize("law", sorted(CLOSED))
+def test_quadrature_meets_the_closed_form(law, record):
+    """The integral of s'' over w loses digits as 1/w: at a ratio of 1e-3 the rounding of s'' counts 160 times."""
+    closed, integral = residual_spectrum(CLOSED[law], RATIOS), residual_spectrum(Plain(CLOSED[law]), RATIOS)
+    record(source=SOURCE, case=law, quantity="quadrature minus closed form, largest of twelve ratios", unit="1",
+           reference=0.0, computed=np.abs(integral - closed).max(), tolerance=1e-12, absolute=True,
+           reason="rounding")  # fmt: skip
+
+
+def oscillator(law, ratio):
+    """Amplitude that the undamped oscillator keeps after the rise, integrated piece by piece between joints."""
+    w, state = 2 * math.pi * ratio, np.zeros(2)
+
+    def rate(z, y):
+        return [y[1], w**2 * (float(law(np.array([z]))[0]) - y[0])]
+
+    for start, end in pairwise([0.0, *law.breaks, 1.0]):
+        state = solve_ivp(rate, (start, end), state, method="DOP853", rtol=1e-11, atol=1e-13).y[:, -1]
+    return math.hypot(state[0] - 1.0, state[1] / w)
+
+
+WITHOUT = {
+    "modified-trapezoid": LAWS["modified-trapezoid"],
+    "modified-sine": LAWS["modified-sine"],
+    "2-3": LAWS["2-3"],
+    "3-4-5": LAWS["3-4-5"],
+    "4-5-6-7": LAWS["4-5-6-7"],
+    "pavlovic-new": LAWS["pavlovic-new"],
+    "quinquinomial": LAWS["quinquinomial"],
+    "quinquinomial turned": Turned(LAWS["quinquinomial"]),
+    "fb2": LAWS["fb2"],
+    "fb2, split 0.55, turned": Turned(CompoundCycloid(0.55)),
+    "SCCA 0.3, 0.1, 0.6": Scca(0.3, 0.1, 0.6),
+    "steady start": Polynomial((1, 2, 3), ((1.0, 0, 1.0), (1.0, 1, 0.5), (0.0, 1, 0.8))),
+    "B-spline": BSplineLaw((0.0, 0.0, 0.0, 0.2, 0.9, 1.0, 1.0, 1.0)),
+    "parabolic without its form": Plain(LAWS["parabolic"]),
+    "trigonometric without its form": Plain(LAWS["pavlovic-trigonometric"]),
+}
+"""Two of them begin or end with a velocity, whose steps leave vibration behind as well."""
+
+
+@pytest.mark.parametrize("ratio", [0.62, 1.5, 3.1])
+@pytest.mark.parametrize("law", WITHOUT)
+def test_oscillator(law, ratio, record):
+    assert not isinstance(WITHOUT[law], ClosedResidual)
+    record(source=SOURCE, case=law, quantity=f"residual amplitude / lift, ratio {ratio:g}", unit="1",
+           reference=oscillator(WITHOUT[law], ratio), computed=residual_spectrum(WITHOUT[law], ratio), absolute=True,
+           tolerance=1e-9, reason="some hundred steps of the reference, 1e-11 each")  # fmt: skip
+
+
+@pytest.mark.parametrize("law", ["pavlovic-trigonometric", "freudenstein-1-3"])
+def test_closed_form_against_the_oscillator(law, record):
+    record(source=SOURCE, case=law, quantity="residual amplitude / lift, ratio 1.7", unit="1",
+           reference=oscillator(LAWS[law], 1.7), computed=residual_spectrum(LAWS[law], 1.7), absolute=True,
+           tolerance=1e-9, reason="some hundred steps of the reference, 1e-11 each")  # fmt: skip
+
+
+@pytest.mark.parametrize("law", ["shm", "3-4-5"])
+def test_shape_and_any_order_of_ratios(law):
+    found = residual_spectrum(LAWS[law], [[3.1, 0.62], [1.5, 40.0]])
+    assert found.shape == (2, 2)
+    alone = [[float(residual_spectrum(LAWS[law], r)) for r in row] for row in [[3.1, 0.62], [1.5, 40.0]]]
+    np.testing.assert_allclose(found, alone, rtol=0, atol=1e-13)
+    assert residual_spectrum(LAWS[law], []).shape == (0,)
+
+
+def test_many_periods_decay_as_the_first_derivative_that_steps(record, fitted_order):
+    """s'' of 3-4-5 begins at a slope of 60: the residual falls as ratio^-3, 2 |sin or cos| 60/w^3."""
+    ratios = np.array([40.25, 80.25, 160.25])
+    amplitude = residual_spectrum(LAWS["3-4-5"], ratios)
+    record(source=SOURCE, case="3-4-5", quantity="power of the ratio, 40 to 160", unit="1", reference=-3.0,
+           computed=fitted_order(ratios, amplitude), tolerance=0.02, absolute=True,
+           reason="next term is ratio^-4")  # fmt: skip
+
+
+@pytest.mark.parametrize("ratio", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("law", ["shm", "3-4-5"])
+def test_refused(law, ratio):
+    with pytest.raises(ValueError, match=r"above zero"):
+        residual_spectrum(LAWS[law], [1.0, ratio])
