@@ -66,8 +66,8 @@ def test_joints_lie_within_a_revolution_and_ascend(phase):
     found = event(phase=phase, ramp=Ramp(1e-4, 0.2)).joints
     assert all(0.0 <= at < TURN for at in found)
     assert list(found) == sorted(found)
-    # Start, take-off, rise, dwell; two inner ones of the modified sine each side, closing ramp's and end.
-    assert len(found) == 11
+    # Both ramps with start or end and take-off, 4; ends of rise and return, 4; two inner ones of the modified sine.
+    assert len(found) == 10
 
 
 def test_segments_follow_each_other():

@@ -1,0 +1,99 @@
+"""Steps at the joints of an event: their exact size and side."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexcam.motion import LAWS, HarmonicLift, LiftEvent, PeriodicSpline, Ramp, joints
+
+TURN = 2 * math.pi
+RISE, DWELL, FALL, PHASE, LIFT = 1.1, 0.4, 1.7, 0.6, 0.008
+AT = PHASE + np.array([0.0, RISE, RISE + DWELL, RISE + DWELL + FALL])
+A, B = LIFT / RISE**2, LIFT / FALL**2
+A3, B3 = LIFT / RISE**3, LIFT / FALL**3
+
+ENDS = {
+    # acceleration of the law at its two ends, jerk there; a return runs backwards and turns the jerk's sign
+    "shm": (math.pi**2 / 2, -(math.pi**2) / 2, 0.0, 0.0),
+    "2-3": (6.0, -6.0, -12.0, -12.0),
+    "cycloidal": (0.0, 0.0, 4 * math.pi**2, 4 * math.pi**2),
+    "3-4-5": (0.0, 0.0, 60.0, 60.0),
+}
+
+
+def event(law, **changes):
+    return LiftEvent(LAWS[law], **({"lift": LIFT, "rise": RISE, "fall": FALL, "dwell": DWELL, "phase": PHASE} | changes))
+
+
+@pytest.mark.parametrize("law", ENDS)
+def test_steps_at_the_ends_of_rise_and_return(law):
+    a0, a1, j0, j1 = ENDS[law]
+    found = joints(event(law))
+    np.testing.assert_allclose([one.angle for one in found], AT, atol=1e-12)
+    steps = np.array([one.steps for one in found])
+    assert not steps[:, :2].any()  # lift and velocity go on
+    # Read 4e-9 rad beside: what the curve does there is taken off to second order.
+    size, jerk = LIFT / RISE**2 * 6, LIFT / RISE**3 * 60
+    np.testing.assert_allclose(steps[:, 2], [a0 * A, -a1 * A, a1 * B, -a0 * B], atol=1e-9 * size)
+    np.testing.assert_allclose(steps[:, 3], [j0 * A3, -j1 * A3, -j1 * B3, j0 * B3], atol=1e-6 * jerk)
+    assert not any(one.smooth for one in found)
+
+
+def test_parabolic_steps_in_the_middle_by_twice_its_acceleration():
+    found = joints(event("parabolic"))
+    middle = [PHASE + RISE / 2, PHASE + RISE + DWELL + FALL / 2]
+    np.testing.assert_allclose([one.angle for one in found], np.sort([*AT, *middle]), atol=1e-12)
+    np.testing.assert_allclose([one.steps[2] for one in found], 4 * np.array([A, -2 * A, A, -B, 2 * B, -B]), rtol=1e-9)
+
+
+def test_without_a_dwell_rise_runs_into_return():
+    """Simple harmonic at equal angles goes on smoothly at the nose; at unequal ones the acceleration steps."""
+    equal = joints(LiftEvent(LAWS["shm"], LIFT, RISE, RISE))
+    assert equal[1].smooth
+    unequal = joints(LiftEvent(LAWS["shm"], LIFT, RISE, FALL))
+    assert unequal[1].steps[2] == pytest.approx(-math.pi**2 / 2 * (B - A), rel=1e-9)
+
+
+def test_a_whole_turn_of_simple_harmonic_is_one_cosine():
+    assert all(one.smooth for one in joints(LiftEvent(LAWS["shm"], LIFT, math.pi, math.pi)))
+
+
+@pytest.mark.parametrize("law", ["4-5-6-7", "5-6-7-8-9"])
+def test_smooth_laws_step_nowhere(law):
+    assert all(one.smooth for one in joints(event(law)))
+
+
+def test_velocity_of_a_ramp_without_take_off():
+    """0.2 mm in 0.25 rad: 0.8 mm/rad at once, up and down; nothing where the main lift takes over."""
+    found = joints(event("4-5-6-7", ramp=Ramp(0.0002, 0.25, take_off=0.0)))
+    stepping = [one for one in found if one.steps[1]]
+    assert [one.steps[1] for one in stepping] == pytest.approx([0.0008, 0.0008], rel=1e-9)
+    assert [one.angle for one in stepping] == pytest.approx([PHASE - 0.25, PHASE + RISE + DWELL + FALL + 0.25])
+
+
+@pytest.mark.parametrize("law", ["pavlovic-trigonometric", "pavlovic-new"])
+def test_published_laws_that_do_not_rest(law):
+    first = joints(event(law))[0]
+    if law == "pavlovic-trigonometric":
+        assert first.steps[1] == pytest.approx(LIFT / RISE / 48, rel=1e-9)
+    else:
+        assert first.steps[2] == pytest.approx(math.pi**2 * A, rel=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(1e-6, 1e3), st.floats(-10.0, 10.0))
+def test_steps_scale_with_the_lift_in_any_phase(lift, phase):
+    found = joints(event("shm", lift=lift, phase=phase))
+    sizes = sorted(one.steps[2] / lift for one in found)
+    expected = math.pi**2 / 2 * np.sort([1 / RISE**2, 1 / RISE**2, -1 / FALL**2, -1 / FALL**2])
+    np.testing.assert_allclose(sizes, expected, rtol=1e-6)
+
+
+def test_lifts_that_are_periodic_by_themselves_have_none():
+    assert joints(HarmonicLift(0.003, (-0.003,), (0.0,))) == []
+    assert joints(PeriodicSpline(0.001 * np.arange(12.0))) == []

@@ -1,0 +1,160 @@
+"""Opening, closing, duration and overlap in crank angles, against the inverse of a law."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexcam.checks import InputError
+from flexcam.motion import (
+    LAWS,
+    THRESHOLDS,
+    HarmonicLift,
+    LiftEvent,
+    PeriodicSpline,
+    Ramp,
+    ValveEvent,
+    overlap,
+    valve_event,
+)
+
+CYCLE = 4 * math.pi
+LIFT = 0.008
+ANGLE = st.floats(0.3, 2.0)
+
+
+def simple_harmonic(rise, fall, dwell=0.0, phase=0.0):
+    return LiftEvent(LAWS["shm"], LIFT, rise, fall, dwell=dwell, phase=phase)
+
+
+def reached(part):
+    """Place z where simple harmonic motion has gained this part of its lift: (1 - cos pi z)/2."""
+    return math.acos(1 - 2 * part) / math.pi
+
+
+@settings(max_examples=60, deadline=None)
+@given(ANGLE, ANGLE, st.floats(0.0, 1.0), st.floats(-10.0, 10.0), st.floats(0.02, 0.98))
+def test_simple_harmonic_motion_in_closed_form(rise, fall, dwell, phase, part):
+    found = valve_event(simple_harmonic(rise, fall, dwell, phase), part * LIFT)
+    z = reached(part)
+    assert found.duration == pytest.approx(2 * (rise * (1 - z) + dwell + fall * (1 - z)), abs=1e-9)
+    opens = 2 * (phase + rise * z) % CYCLE
+    assert math.remainder(found.opens - opens, CYCLE) == pytest.approx(0.0, abs=1e-9)
+    assert 0.0 <= found.opens < CYCLE
+    assert 0.0 <= found.centre < CYCLE
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 1.6])
+@pytest.mark.parametrize("lash", [0.0, 0.25e-3])
+def test_ratio_and_lash(ratio, lash):
+    """The valve lifts ratio times the cam, less the play: 1 mm of it needs (1 mm + lash)/ratio at the cam."""
+    event = simple_harmonic(1.1, 1.1)
+    found = valve_event(event, 1e-3, ratio=ratio, lash=lash)
+    z = reached((1e-3 + lash) / ratio / LIFT)
+    assert found.duration == pytest.approx(4 * 1.1 * (1 - z), abs=1e-9)
+    assert found.lift == 1e-3
+
+
+def test_the_centre_of_a_symmetric_event_is_its_nose():
+    found = valve_event(simple_harmonic(1.0, 1.0, dwell=0.2, phase=0.5), THRESHOLDS["0.05 in"])
+    assert found.centre == pytest.approx(2 * (0.5 + 1.0 + 0.1), abs=1e-9)
+    beyond = valve_event(simple_harmonic(1.0, 1.0, phase=5.9), 1e-3)
+    assert beyond.centre == pytest.approx(2 * (5.9 + 1.0) - CYCLE, abs=1e-9)
+
+
+def test_thresholds():
+    assert THRESHOLDS == {"1 mm": 1e-3, "0.05 in": pytest.approx(1.27e-3)}
+
+
+def test_opens_in_one_cycle_and_closes_in_the_next():
+    found = valve_event(simple_harmonic(1.0, 1.0, phase=5.5), LIFT / 2)
+    assert found.opens == pytest.approx(2 * 6.0, abs=1e-9)
+    assert found.closes == pytest.approx(2 * 7.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("lift", [LIFT, 1.5 * LIFT])
+def test_never_opens_so_far(lift):
+    assert valve_event(simple_harmonic(1.0, 1.0), lift) is None
+
+
+def test_the_longest_of_several_openings():
+    """Lift 4 (1 - cos 2 angle)... with a second lobe that a first harmonic lowers: the higher one is told."""
+    lift = HarmonicLift(0.004, (0.001, -0.004), (0.0, 0.0))
+    found = valve_event(lift, 0.004)
+    grid = np.linspace(0, 2 * math.pi, 100_001)
+    above = grid[lift(grid) > 0.004]
+    runs = np.split(above, np.flatnonzero(np.diff(above) > 1e-3) + 1)
+    longest = max(runs, key=len)
+    assert len(runs) == 2
+    assert found.opens / 2 == pytest.approx(longest[0], abs=1e-4)
+    assert found.closes / 2 == pytest.approx(longest[-1], abs=1e-4)
+
+
+def test_lash_within_the_ramp():
+    """A lash of the ramp's height opens where the main lift begins."""
+    ramp = Ramp(0.2e-3, 0.26)
+    event = LiftEvent(LAWS["3-4-5"], 0.008, 1.0, 1.0, phase=1.0, ramp=ramp)
+    found = valve_event(event, 1e-9, lash=0.2e-3)
+    assert found.opens == pytest.approx(2.0, abs=1e-4)
+    assert found.closes == pytest.approx(2.0 * 3.0, abs=1e-4)
+
+
+def test_a_spline_opens_where_it_passes_the_lift():
+    angles = 2 * math.pi / 72 * np.arange(72)
+    spline = PeriodicSpline(0.004 * (1 - np.cos(angles)))
+    found = valve_event(spline, 0.003)
+    crossings = np.array([found.opens, found.closes]) / 2
+    np.testing.assert_allclose(spline(crossings), 0.003, atol=1e-15)
+    assert spline(np.array([found.centre / 2]))[0] > 0.003
+
+
+@pytest.mark.parametrize(
+    "given", [{"lift": 0.0}, {"lift": -1e-3}, {"ratio": 0.0}, {"lash": -1e-4}, {"lift": math.nan}]
+)
+def test_refused(given):
+    with pytest.raises(InputError):
+        valve_event(simple_harmonic(1.0, 1.0), **({"lift": 1e-3} | given))
+
+
+OPEN = st.floats(0.0, CYCLE - 1e-6)
+SPAN = st.floats(0.1, CYCLE - 0.1)
+
+
+def counted(one, other, n=200_000):
+    """The overlap by counting places around the cycle."""
+    place = (np.arange(n) + 0.5) * CYCLE / n
+    inside = [np.mod(place - event.opens, CYCLE) < event.duration for event in (one, other)]
+    return float(np.mean(inside[0] & inside[1]) * CYCLE)
+
+
+@settings(max_examples=60, deadline=None)
+@given(OPEN, SPAN, OPEN, SPAN)
+def test_overlap_by_counting(one, first, other, second):
+    a, b = ValveEvent(1e-3, one, one + first), ValveEvent(1e-3, other, other + second)
+    assert overlap(a, b) == pytest.approx(counted(a, b), abs=4 * CYCLE / 200_000)
+    assert overlap(a, b) == pytest.approx(overlap(b, a), abs=1e-12)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, 5.0, 11.0, 12.0])
+def test_overlap_across_the_end_of_the_cycle(turn):
+    """Exhaust 4 to 8, intake 7 to 11, both moved on: the overlap of 1 stays, wherever the cycle ends."""
+    exhaust, intake = ((start + turn) % CYCLE for start in (4.0, 7.0))
+    assert overlap(ValveEvent(1e-3, exhaust, exhaust + 4), ValveEvent(1e-3, intake, intake + 4)) == pytest.approx(1.0)
+
+
+def test_overlap_of_cams():
+    """Exhaust and intake lobes of 130 deg half a period apart, simple harmonic: both closed forms together."""
+    half = math.radians(65)
+    exhaust, intake = (simple_harmonic(half, half, phase=math.radians(p)) for p in (240.0, 355.0))
+    one, other = (valve_event(cam, 1e-3) for cam in (exhaust, intake))
+    still = 2 * half * reached(1e-3 / LIFT)  # crank angle from the foot of a lobe to 1 mm
+    assert overlap(one, other) == pytest.approx(2 * math.radians(240 + 130 - 355) - 2 * still, abs=1e-9)
+    assert overlap(one, other) == 0.0 or overlap(one, other) > 0.0
+
+
+def test_none_without_overlap():
+    assert overlap(ValveEvent(1e-3, 0.0, 3.0), ValveEvent(1e-3, 3.0, 6.0)) == 0.0
