@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
@@ -30,7 +30,7 @@ from flexcam.motion import KINDS, LAWS, Event, HarmonicLift, Law, LawKind, LiftR
 Table = Mapping[str, Any]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class GivenLaw:
     """A law and how it was given.
 
@@ -43,7 +43,7 @@ class GivenLaw:
     """
 
     given: str | dict[str, Any]
-    law: Law
+    law: Law = field(compare=False)
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
@@ -55,7 +55,7 @@ class GivenLaw:
         return {"anyOf": [{"type": "string"}, table]}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class GivenLift:
     """A lift over the whole revolution from a file, and what smoothing it changed.
 
@@ -70,8 +70,8 @@ class GivenLift:
     """
 
     given: str | dict[str, Any]
-    event: Event
-    report: LiftReport | None
+    event: Event = field(compare=False)
+    report: LiftReport | None = field(compare=False)
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from flexcam.case import Case, build_model
+from flexcam.case import Case, build_model, given_law
 from flexcam.fidelity.compare import Comparison, compare
 from flexcam.io import read_mesh
 from flexcam.runner import run
@@ -131,7 +131,7 @@ def _at(case: Case, rpm: float, revolutions: float | None = None) -> Case:
 
 
 def _with_law(case: Case, law: str) -> Case:
-    cams = {name: cam.model_copy(update={"law": law}) for name, cam in case.record.cams.items()}
+    cams = {name: cam.model_copy(update={"law": given_law(law)}) for name, cam in case.record.cams.items()}
     return replace(case, record=case.record.model_copy(update={"cams": cams}))
 
 
