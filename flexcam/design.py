@@ -156,12 +156,12 @@ def polydyne_cam(
 
 def _train(model: Model, cam: str, speed: float) -> Transfer:
     """Return the motion of the valve over the one it would have if rigid."""
-    contact = next((n for n, c in model.contacts.items() if c.cam == cam), None)
+    contact = next((n for n, c in model.driven.items() if c.cam == cam), None)
     if contact is None:
         raise refuse(f"cams.{cam}", "no contact", "a contact that drives a train", "", "add one under [contacts]")
-    follower = model.mesh.connected(model.mesh.node(model.contacts[contact].follower))
+    follower = model.mesh.connected(model.mesh.node(model.driven[contact].follower))
     points = [rocker.point for rocker in model.rockers.values() if model.mesh.node(rocker.start) in follower]
-    answer = lift_transfer(model, contact, points[0] if points else model.contacts[contact].follower, speed)
+    answer = lift_transfer(model, contact, points[0] if points else model.driven[contact].follower, speed)
     ratio = valve_ratio(model, cam)
 
     def relative(omega: FloatArray) -> ComplexArray:

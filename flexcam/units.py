@@ -109,6 +109,7 @@ DIMENSIONS = _table(
     ("angle", (0, 0, 0, 1), "rad", "180 deg", 1e-09, 1e06),
     ("speed", (0, 0, -1, 1), "rad/s", "3000 rpm", 1e-06, 1e08),
     ("velocity", (1, 0, -1, 0), "m/s", "0.5 m/s", 1e-12, 1e6),
+    ("inverse velocity", (-1, 0, 1, 0), "s/m", "0.3 s/m", 1e-9, 1e9),
     ("acceleration", (1, 0, -2, 0), "m/s^2", "9.81 m/s^2", 1e-09, 1e09),
 )
 

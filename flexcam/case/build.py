@@ -126,6 +126,8 @@ def _shared_trains(case: Case, mesh: Mesh) -> list[Fault]:
     faults: list[Fault] = []
     seen: dict[int, str] = {}
     for name, contact in case.record.contacts.items():
+        if not isinstance(contact, r.PublishedLoadRecord):
+            continue
         part = int(mesh.connected(mesh.node(contact.follower, "follower"))[0])
         if part in seen:
             where, given = (
@@ -146,24 +148,41 @@ def _rocker(record: r.RockerRecord, case: r.CaseRecord, mesh: Mesh) -> train.Roc
         along = fem.direction(record.direction)
     else:
         tangent = _tangent(mesh, start)
-        lifts = [_lift(one, case, mesh) for one in case.contacts.values() if _meets(one, start, mesh)]
+        driven = [one for one in case.contacts.values() if isinstance(one, r.CamContactRecord)]
+        lifts = [_lift(one, case, mesh) for one in driven if _meets(one, start, mesh)]
         against = any(float(lift[:3] @ tangent) < 0.0 for lift in lifts)
         along = _six(-tangent if against else tangent)
     return train.Rocker(record.start, record.to, record.arms, record.inertia, along)
 
 
-def _meets(contact: r.ContactRecord, node: int, mesh: Mesh) -> bool:
+def _meets(contact: r.CamContactRecord, node: int, mesh: Mesh) -> bool:
     return node in mesh.connected(mesh.node(contact.follower, "follower"))
 
 
-def _contact(record: r.ContactRecord, case: r.CaseRecord, mesh: Mesh) -> train.PublishedLoad:
-    return train.PublishedLoad(
-        record.cam, record.follower, _lift(record, case, mesh), _axis(case.cams[record.cam], mesh),
-        record.preload_factor, record.cam_deflection, record.cam_torque,
-    )  # fmt: skip
+def _contact(record: r.ContactRecord, case: r.CaseRecord, mesh: Mesh) -> train.Contact:
+    match record:
+        case r.SeatRecord():
+            along = np.zeros(6) if record.direction is None else fem.direction(record.direction)
+            return train.Seat(record.at, along, record.stiffness, record.damping)
+        case r.LashRecord():
+            return train.Lash(record.at, record.gap, record.stiffness, record.damping)
+        case _:
+            return _driven(record, case, mesh)
 
 
-def _lift(record: r.ContactRecord, case: r.CaseRecord, mesh: Mesh) -> FloatArray:
+def _driven(record: r.CamContactRecord, case: r.CaseRecord, mesh: Mesh) -> train.PublishedLoad | train.CamContact:
+    between = record.cam, record.follower, _lift(record, case, mesh), _axis(case.cams[record.cam], mesh)
+    match record:
+        case r.PublishedLoadRecord():
+            return train.PublishedLoad(*between, record.preload_factor, record.cam_deflection, record.cam_torque)
+        case r.BilateralRecord():
+            return train.CamContact(*between, record.stiffness, unilateral=False)
+        case r.UnilateralRecord():
+            stiffness = None if record.stiffness == "hertz" else record.stiffness
+            return train.CamContact(*between, stiffness, unilateral=True, dissipation=record.dissipation)
+
+
+def _lift(record: r.CamContactRecord, case: r.CaseRecord, mesh: Mesh) -> FloatArray:
     """Return the direction of the lift: given, or from cam to follower square to the shaft."""
     if record.direction is not None:
         return fem.direction(record.direction)

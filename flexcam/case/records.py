@@ -169,6 +169,10 @@ class MassRecord(PartRecord[train.MassAt]):
         return train.MassAt(self.at, PointMass(self.mass, self.inertia, self.offset))
 
 
+_CLASH = 50.0
+"""Stiffness of touching coils over that of the part between them, where none is given: flexcam's choice."""
+
+
 class SpringRecord(PartRecord[train.Spring]):
     """Spring and damper along one direction, to ground or to another point."""
 
@@ -177,7 +181,13 @@ class SpringRecord(PartRecord[train.Spring]):
     direction: q.DirectionValue
     stiffness: float = Field(0.0, description="N/m, or N m/rad about an axis")
     damping: float = Field(0.0, description="N s/m, or N m s/rad about an axis")
-    installed_force: q.Force | None = Field(None, description="force it is installed with")
+    installed_force: q.Force | None = Field(None, description="force it is installed with, against direction")
+    mass: q.MassValue = Field(0.0, description="spread over its length")
+    elements: int = Field(1, ge=1, le=1000, strict=True, description="equal parts; more than one lets it surge")
+    clash_travel: q.Length | None = Field(None, description="along direction from installed until all coils touch")
+    clash_stiffness: Annotated[float, q.Unit("stiffness", above=True)] | None = Field(
+        None, description="of a contact between neighbouring parts; 50 times a part's own by default"
+    )
 
     @field_validator("stiffness", "damping", mode="before")
     @classmethod
@@ -190,7 +200,11 @@ class SpringRecord(PartRecord[train.Spring]):
     def made(self) -> train.Spring:
         """Return the spring."""
         along = direction(self.direction)
-        return train.Spring(self.at, along, self.stiffness, self.damping, self.to, self.installed_force)
+        clash = self.clash_stiffness or _CLASH * self.elements * self.stiffness
+        return train.Spring(
+            self.at, along, self.stiffness, self.damping, self.to, self.installed_force, self.mass, self.elements,
+            self.clash_travel, clash,
+        )  # fmt: skip
 
 
 class BearingRecord(PartRecord[tuple[float, float]]):
@@ -384,16 +398,67 @@ class CamRecord(FreeCamRecord):
     )
 
 
-class ContactRecord(Record):
-    """Coupling of a cam and its follower."""
+class PublishedLoadRecord(Record):
+    """The published coupling of a cam and its follower: a force drives the follower."""
 
+    model: Literal["published-load"]
     cam: Name
     follower: Name
-    model: Literal["published-load"] = Field(description="the published force of the cam on its follower")
     direction: q.DirectionValue | None = Field(None, description="of the lift; from cam to follower by default")
     preload_factor: q.Ratio = Field(2.5, description="preload by the force that the rigid train needs for contact")
     cam_deflection: bool = Field(False, strict=True, description="the force feels the shaft's deflection, U_c of (21)")
     cam_torque: bool = Field(True, strict=True, description="the force twists the shaft, T_CF of (24)")
+
+
+class BilateralRecord(Record):
+    """A cam that lifts its follower through a stiffness, and cannot part from it."""
+
+    model: Literal["bilateral"]
+    cam: Name
+    follower: Name
+    direction: q.DirectionValue | None = Field(None, description="of the lift; from cam to follower by default")
+    stiffness: Annotated[float, q.Unit("stiffness", above=True)]
+
+
+class UnilateralRecord(Record):
+    """A cam that lifts its follower and may part from it."""
+
+    model: Literal["unilateral"]
+    cam: Name
+    follower: Name
+    direction: q.DirectionValue | None = Field(None, description="of the lift; from cam to follower by default")
+    stiffness: Literal["hertz"] | Annotated[float, q.Unit("stiffness", above=True)] = Field(
+        description="a number, or hertz for line contact with the cam's own curvature", union_mode="left_to_right"
+    )
+    dissipation: Annotated[float, q.Unit("inverse velocity")] = Field(
+        0.0, description="chi of Hunt and Crossley: force times 1 + chi times the rate of approach"
+    )
+
+
+CamContactRecord = PublishedLoadRecord | BilateralRecord | UnilateralRecord
+
+
+class SeatRecord(Record):
+    """A stop, such as a valve seat."""
+
+    model: Literal["seat"]
+    at: Name
+    direction: q.DirectionValue | None = Field(None, description="the way off it; a rocker's point has its own")
+    stiffness: Annotated[float, q.Unit("stiffness", above=True)]
+    damping: q.DampingValue = 0.0
+
+
+class LashRecord(Record):
+    """Play between a rocker and the point it drives."""
+
+    model: Literal["lash"]
+    at: Name = Field(description="name of a rocker")
+    gap: Annotated[float, q.Unit("length")] = Field(description="at the rocker's point")
+    stiffness: Annotated[float, q.Unit("stiffness", above=True)] = Field(description="of rocker and tip, at the point")
+    damping: q.DampingValue = 0.0
+
+
+ContactRecord = Annotated[CamContactRecord | SeatRecord | LashRecord, Field(discriminator="model")]
 
 
 class DampingRecord(PartRecord[Damping]):

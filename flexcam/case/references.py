@@ -55,6 +55,11 @@ class References:
             yield Fault(self.places.place(path), repr(name), allowed, "", did_you_mean(name, known))
 
     def _parts(self) -> Iterator[Fault]:
+        for name, table in self._each("contacts"):
+            if table.get("model") == "lash":
+                yield from self._known(
+                    ("contacts", name, "at"), table.get("at"), list(self._table("rockers")), "a rocker"
+                )
         for kind, key, target, what in _PARTS:
             for name, table in self._each(kind):
                 yield from self._known((kind, name, key), table.get(key), list(self._table(target)), what)
@@ -105,6 +110,8 @@ class References:
                 )
         for kind, key, of_rockers in _AT:
             for name, table in self._each(kind):
+                if kind == "contacts" and key == "at" and table.get("model") != "seat":
+                    continue
                 allowed = {**counts, **(dict.fromkeys(rockers, 1) if of_rockers else {})}
                 yield from self._one_point((kind, name, key), table.get(key), allowed)
         for name in self._table("supports"):
@@ -144,6 +151,7 @@ _AT = (
     ("rockers", "from", False),
     ("cams", "at", False),
     ("contacts", "follower", False),
+    ("contacts", "at", True),
 )
 """Table, key, whether the point of a rocker may stand there."""
 

@@ -13,7 +13,7 @@ from flexcam.case.lines import Path, Places
 from flexcam.case.records import CaseRecord
 from flexcam.checks import Fault, did_you_mean
 
-_TAGGED = (("sections", "*"), ("run", "integrator"), ("run", "start"))
+_TAGGED = (("sections", "*"), ("contacts", "*"), ("run", "integrator"), ("run", "start"))
 """Tables with variants: pydantic puts the variant's tag behind them in a path."""
 
 

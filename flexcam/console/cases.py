@@ -14,13 +14,18 @@ from flexcam.fidelity import Claim, Comparison
 from flexcam.linalg import FloatArray
 from flexcam.runner import Prepared
 from flexcam.terminal import bare, facts, table
-from flexcam.train import ModelModes, member_masses
+from flexcam.train import Contact, Lash, ModelModes, Seat, member_masses
 
 COUPLINGS = {
     "published-load": (
         "This result comes from the published load: the cam drives the follower by a force, so the follower is a mass "
         "on the retaining spring. A train held in contact does not behave like this near that resonance."
     ),
+    "bilateral": (
+        "This result comes from a bilateral contact: the follower can neither leave its cam nor press deeper than the "
+        "contact's stiffness lets it. Where its force is negative a real train would part."
+    ),
+    "unilateral": "This result comes from true contact: springs press the follower to its cam, and it may leave it.",
 }
 """Which formulation a result comes from, in words."""
 
@@ -54,7 +59,8 @@ def couplings(case: Case) -> list[str]:
     list
         A sentence per kind of contact.
     """
-    return [COUPLINGS[m] for m in dict.fromkeys(contact.model for contact in case.record.contacts.values())]
+    models = dict.fromkeys(contact.model for contact in case.record.contacts.values())
+    return [COUPLINGS[model] for model in models if model in COUPLINGS]
 
 
 def model_table(ready: Prepared, modes: ModelModes) -> Table:
@@ -87,10 +93,7 @@ def model_table(ready: Prepared, modes: ModelModes) -> Table:
             for n, r in model.rockers.items()
         ),
         *((f"cam {n}", f"at {c.at}, lift {1e3 * c.event.height:g} mm") for n, c in model.cams.items()),
-        *(
-            (f"contact {n}", f"{c.cam} lifts {c.follower} along {_vector(c.direction)}")
-            for n, c in model.contacts.items()
-        ),
+        *((f"contact {n}", _contact(c)) for n, c in model.contacts.items()),
         *_weight(ready),
         ("camshaft speed", f"{rpm(ready.case):g} rpm"),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
@@ -98,6 +101,16 @@ def model_table(ready: Prepared, modes: ModelModes) -> Table:
         ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
     ]
     return facts(ready.case.record.title or ready.case.name, rows)
+
+
+def _contact(contact: Contact) -> str:
+    match contact:
+        case Seat():
+            return f"stop of {contact.stiffness:g} N/m at {contact.at}"
+        case Lash():
+            return f"play of {1e3 * contact.gap:g} mm at rocker {contact.rocker}, {contact.stiffness:g} N/m"
+        case _:
+            return f"{contact.cam} lifts {contact.follower} along {_vector(contact.direction)}"
 
 
 def _weight(ready: Prepared) -> list[tuple[str, str]]:

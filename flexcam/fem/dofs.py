@@ -59,6 +59,27 @@ class DofMap:
         row[self.numbers[node][free]] = direction[free]
         return row
 
+    def extended(self, names: Iterable[str]) -> DofMap:
+        """Return the numbering with further unknowns behind the nodes', each a motion along one line.
+
+        Parameters
+        ----------
+        names
+            A name per unknown.
+
+        Returns
+        -------
+        DofMap
+            With the same numbers of the nodes.
+        """
+        return DofMap(self.numbers, (*self.names, *names))
+
+    def unit(self, name: str) -> FloatArray:
+        """Return the row that picks an unknown by its name, shape (size,)."""
+        row = np.zeros(self.size)
+        row[self.names.index(name)] = 1.0
+        return row
+
     def nodal(self, unknowns: FloatArray) -> FloatArray:
         """Return unknowns spread over all nodes, zero where held.
 

@@ -47,9 +47,12 @@ def free_motions(mesh: Mesh, dofs: DofMap, springs: Sequence[FloatArray]) -> Flo
     (8, 2)
     """
     rigid = _rigid_motions(mesh)
-    held = rigid[_used(mesh)[:, None] & (dofs.numbers < 0)]
-    free = np.zeros((dofs.size, rigid.shape[-1]))
-    free[dofs.numbers[dofs.numbers >= 0]] = rigid[dofs.numbers >= 0]
+    nodal = int(np.count_nonzero(dofs.numbers >= 0))
+    single = dofs.size - nodal  # unknowns behind the nodes': each is free by itself
+    held = np.pad(rigid[_used(mesh)[:, None] & (dofs.numbers < 0)], ((0, 0), (0, single)))
+    free = np.zeros((dofs.size, rigid.shape[-1] + single))
+    free[dofs.numbers[dofs.numbers >= 0], : rigid.shape[-1]] = rigid[dofs.numbers >= 0]
+    free[nodal:, rigid.shape[-1] :] = np.eye(single)
     rows = np.concatenate([held, *(row[None, :] @ free for row in springs)])
     size = np.abs(rows).max(axis=1, initial=0.0)
     rows = rows[size > 0.0] / size[size > 0.0, None]

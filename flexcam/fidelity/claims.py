@@ -55,7 +55,7 @@ def loaded_mode(case: Case) -> tuple[float, float]:
     """
     structure = build_structure(build_model(case))
     found = model_modes(structure).modes
-    contact = next(iter(structure.model.contacts.values()))
+    contact = next(iter(structure.model.driven.values()))
     push = structure.row(contact.follower, contact.direction)
     driven = abs(push @ found.shapes)
     loaded = [f for f, part in zip(found.frequencies, driven, strict=True) if f > 0.0 and part > 1e-3 * driven.max()]

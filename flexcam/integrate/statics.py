@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from flexcam.integrate.local import Compliance, LocalForces, NoConvergenceError, settle
+from flexcam.integrate.balance import balanced
+from flexcam.integrate.local import LocalForces
 from flexcam.integrate.problem import State
 from flexcam.linalg import (
     TOO_MUCH,
@@ -153,19 +154,9 @@ def _balanced(system: System, drive: Drive, time: float, acts: Callable[[Load], 
     motion = drive.at(np.array([time]))
     counted = np.array([acts(load) for load in system.loads], dtype=float)
     load = (counted * system.load_histories(motion)[0]) @ system.load_vectors()
-    d = static_displacement(system.stiffness, load, system.names, system.free)
     forces = LocalForces(system)
-    if forces.count:
-        schedule = forces.schedule(motion)
-        sense, act = schedule.sense[0] @ forces.sense.vectors, schedule.act[0] @ forces.act.vectors
-        by_force = np.column_stack([static_displacement(system.stiffness, a, system.names, system.free) for a in act])
-        still = np.zeros(forces.count)
-        within = Compliance(sense @ d + schedule.offset[0], still, sense @ by_force, 0.0 * (sense @ by_force))
-        rates = [0.0 * z for z in forces.start_states]
-        try:
-            local = settle(forces, within, still, forces.start_states, rates, 0.0, float(motion.angle[0]))[0]
-        except NoConvergenceError:
-            text = "the local forces found no static balance"
-            raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, "raise the preload or start from rest")) from None
-        d = d + by_force @ local
+    if not forces.count:
+        d = static_displacement(system.stiffness, load, system.names, system.free)
+    else:
+        d = balanced(system, forces, load, motion)
     return State(d, np.zeros(system.size), time)

@@ -6,7 +6,19 @@ A new kind of part is a dataclass in `model` and its rows in `structure`; a new 
 
 from flexcam.train.build import build_rigid, build_system
 from flexcam.train.loads import element_loads
-from flexcam.train.model import Cam, GivenLoad, MassAt, Model, PublishedLoad, Rocker, Spring
+from flexcam.train.model import (
+    Cam,
+    CamContact,
+    Contact,
+    GivenLoad,
+    Lash,
+    MassAt,
+    Model,
+    PublishedLoad,
+    Rocker,
+    Seat,
+    Spring,
+)
 from flexcam.train.modes import ModelModes, model_modes
 from flexcam.train.strength import MemberStrength, StrengthSink
 from flexcam.train.structure import Structure, build_structure, member_masses, valve_ratio
@@ -14,13 +26,17 @@ from flexcam.train.transfer import lift_transfer
 
 __all__ = [
     "Cam",
+    "CamContact",
+    "Contact",
     "GivenLoad",
+    "Lash",
     "MassAt",
     "MemberStrength",
     "Model",
     "ModelModes",
     "PublishedLoad",
     "Rocker",
+    "Seat",
     "Spring",
     "StrengthSink",
     "Structure",

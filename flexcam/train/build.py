@@ -13,9 +13,11 @@ from flexcam.fem import COMPONENTS
 from flexcam.fem.damping import modal_damping, rayleigh_damping
 from flexcam.linalg import DENSE_LIMIT, FloatArray, Triplets
 from flexcam.system import AngleFunction, CamMotion, Channel, Load, Probe, System
+from flexcam.train.contacts import clashes, couple_cam, couple_lash, couple_seat
+from flexcam.train.coupling import Coupling
 from flexcam.train.loads import constant_loads
-from flexcam.train.model import Model
-from flexcam.train.published import Coupling, couple, follower_train, preload, steady
+from flexcam.train.model import CamContact, Contact, Lash, Model, PublishedLoad, Seat
+from flexcam.train.published import couple, follower_train, preload, stated_force, steady
 from flexcam.train.structure import Structure, build_structure, find_node
 
 _MODAL_LIMIT = 2 * DENSE_LIMIT
@@ -43,7 +45,8 @@ def build_system(model: Model, speed: float) -> System:
         If a part is attached to something that does not exist, or nothing resists the lift.
     """
     structure = build_structure(model)
-    couplings = [couple(structure, name, contact, speed) for name, contact in model.contacts.items()]
+    couplings = [_coupled(structure, name, contact, speed) for name, contact in model.contacts.items()]
+    couplings.append(Coupling((), tuple(clashes(structure)), ()))
     return System(
         mass=structure.mass,
         damping=structure.dampers + _damping(structure),
@@ -55,6 +58,18 @@ def build_system(model: Model, speed: float) -> System:
         channels=tuple(_numbered(couplings)),
         free=structure.free,
     )
+
+
+def _coupled(structure: Structure, name: str, contact: Contact, speed: float) -> Coupling:
+    match contact:
+        case PublishedLoad():
+            return couple(structure, name, contact, speed)
+        case CamContact():
+            return couple_cam(structure, name, contact)
+        case Seat():
+            return couple_seat(structure, name, contact)
+        case Lash():
+            return couple_lash(structure, name, contact)
 
 
 def _damping(structure: Structure) -> Triplets:
@@ -115,10 +130,13 @@ def build_rigid(model: Model, speed: float) -> System:
     structure = build_structure(model)
     loads: list[Load] = []
     channels: list[Channel] = []
-    for name, contact in model.contacts.items():
+    for name, contact in model.driven.items():
         event = model.cams[contact.cam].event
         train = follower_train(structure, contact, f"contacts.{name}.follower")
-        force = preload(structure, contact, train, model.cams[contact.cam], speed)
+        if isinstance(contact, PublishedLoad):
+            force = preload(structure, contact, train, model.cams[contact.cam], speed)
+        else:
+            force = stated_force(structure, train)
         parts = (_scaled(event, train.stiffness), steady(force), _inertia(train.mass, event))
         places = tuple(range(len(loads), len(loads) + len(parts)))
         loads += [Load(f"contacts.{name}", np.zeros(0), part) for part in parts]
@@ -146,7 +164,7 @@ def _slope(event: AngleFunction) -> AngleFunction:
 def _rigid_probe(structure: Structure, probe: Probe) -> Probe:
     """Return the probe as the rigid train moves it: its share of every follower's motion times that cam's lift."""
     shares: list[tuple[np.ndarray, AngleFunction]] = []
-    for name, contact in structure.model.contacts.items():
+    for name, contact in structure.model.driven.items():
         train = follower_train(structure, contact, f"contacts.{name}.follower")
         shares.append((probe.rows @ train.motion, structure.model.cams[contact.cam].event))
     offsets = tuple(_combined([(float(s[i]), event) for s, event in shares]) for i in range(len(probe.components)))

@@ -7,12 +7,13 @@ import numpy as np
 from flexcam.fem.loads import element_weight, gathered, spread_force
 from flexcam.linalg import FloatArray
 from flexcam.system import Load
-from flexcam.train.published import steady
-from flexcam.train.structure import Structure, find_node
+from flexcam.train.model import PublishedLoad
+from flexcam.train.published import follower_train, steady
+from flexcam.train.structure import Structure, find_node, spring_row
 
 
 def constant_loads(structure: Structure) -> list[Load]:
-    """Return weight and given forces; the weight is there before the cam turns, the others act from the start of a run.
+    """Return weight, springs' installed forces and given forces; the last act from the start of a run only.
 
     Parameters
     ----------
@@ -32,9 +33,20 @@ def constant_loads(structure: Structure) -> list[Load]:
         else:
             vector = gathered(structure.beams, _spread(structure, name), structure.dofs)
         loads.append(Load(f"loads.{name}", vector, steady(1.0)))
+    for name, spring in model.springs.items():
+        row = spring_row(structure, name, spring)
+        if spring.installed_force and not _of_a_published_load(structure, row):
+            loads.append(Load(f"springs.{name}", -row, steady(spring.installed_force), installed=True))
     if any(model.gravity):
         loads.append(Load("gravity", _weight(structure), steady(1.0), installed=True))
     return loads
+
+
+def _of_a_published_load(structure: Structure, row: FloatArray) -> bool:
+    """Tell whether a spring acts on the train of a published load, whose preload counts its installed force."""
+    contacts = structure.model.driven.items()
+    published = [(f"contacts.{n}.follower", one) for n, one in contacts if isinstance(one, PublishedLoad)]
+    return any(float(follower_train(structure, one, where).motion @ row) != 0.0 for where, one in published)
 
 
 def element_loads(structure: Structure) -> FloatArray:

@@ -36,6 +36,14 @@ class Spring:
         The other end; None for ground.
     installed_force
         Force it is installed with, N: it pushes against `direction`; None where nothing is stated.
+    mass
+        kg, spread evenly over its length.
+    elements
+        Equal parts, each with its share of stiffness and mass: more than one lets it surge.
+    clash_travel
+        Travel along `direction` from the installed length to where all coils touch, m; None without.
+    clash_stiffness
+        Of one contact between neighbouring parts, N/m.
     """
 
     at: str
@@ -44,6 +52,10 @@ class Spring:
     damping: float = 0.0
     to: str | None = None
     installed_force: float | None = None
+    mass: float = 0.0
+    elements: int = 1
+    clash_travel: float | None = None
+    clash_stiffness: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +167,80 @@ class PublishedLoad:
 
 
 @dataclass(frozen=True, eq=False)
+class CamContact:
+    """A cam that lifts its follower through the stiffness of their contact.
+
+    Parameters
+    ----------
+    cam
+        Name of the cam.
+    follower
+        Named node of the follower.
+    direction
+        Direction of the lift, shape (6,), translation only.
+    shaft_axis
+        Unit vector along the camshaft in the sense of rotation, shape (3,).
+    stiffness
+        N/m; None for that of Hertz' line contact.
+    unilateral
+        Whether it can part; if not, it pulls as well.
+    dissipation
+        chi of Hunt and Crossley, s/m: the force is that of the stiffness times 1 + chi times the rate of approach.
+    """
+
+    cam: str
+    follower: str
+    direction: FloatArray
+    shaft_axis: FloatArray
+    stiffness: float | None
+    unilateral: bool
+    dissipation: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Seat:
+    """A stop at a point, such as a valve seat: it resists motion against the point's positive direction.
+
+    Parameters
+    ----------
+    at
+        A named node, or the point of a rocker.
+    direction
+        Shape (6,): the way off the seat; zeros for a rocker's own.
+    stiffness, damping
+        N/m and N s/m.
+    """
+
+    at: str
+    direction: FloatArray
+    stiffness: float
+    damping: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Lash:
+    """Play between a rocker and its point, which then moves by itself.
+
+    Parameters
+    ----------
+    rocker
+        Name of the rocker.
+    gap
+        m, at the point.
+    stiffness, damping
+        Of the contact between both, at the point, N/m and N s/m.
+    """
+
+    rocker: str
+    gap: float
+    stiffness: float
+    damping: float = 0.0
+
+
+Contact = PublishedLoad | CamContact | Seat | Lash
+
+
+@dataclass(frozen=True, eq=False)
 class Model:
     """A flexible mechanism: mesh, members, supports and everything attached to them.
 
@@ -187,7 +273,7 @@ class Model:
     springs: Mapping[str, Spring] = field(default_factory=dict[str, Spring])
     rockers: Mapping[str, Rocker] = field(default_factory=dict[str, Rocker])
     cams: Mapping[str, Cam] = field(default_factory=dict[str, Cam])
-    contacts: Mapping[str, PublishedLoad] = field(default_factory=dict[str, PublishedLoad])
+    contacts: Mapping[str, Contact] = field(default_factory=dict[str, Contact])
     loads: Mapping[str, GivenLoad] = field(default_factory=dict[str, GivenLoad])
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     damping: Damping = field(default_factory=Damping)
@@ -196,6 +282,21 @@ class Model:
     def __post_init__(self) -> None:
         for name in ("members", "supports", "masses", "springs", "rockers", "cams", "contacts", "loads"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    @property
+    def driven(self) -> dict[str, PublishedLoad | CamContact]:
+        """Contacts of a cam with its follower, by name."""
+        return {n: one for n, one in self.contacts.items() if isinstance(one, PublishedLoad | CamContact)}
+
+    def lash_of(self, rocker: str) -> Lash | None:
+        """Return the play of a rocker, or None where its point is one with it."""
+        plays = (one for one in self.contacts.values() if isinstance(one, Lash))
+        return next((one for one in plays if one.rocker == rocker), None)
+
+    @property
+    def loose_points(self) -> dict[str, Rocker]:
+        """Points that move by themselves because their rocker has play, by name."""
+        return {rocker.point: rocker for name, rocker in self.rockers.items() if self.lash_of(name)}
 
     def rocker_at(self, point: str) -> Rocker | None:
         """Return the rocker that defines a point, or None."""

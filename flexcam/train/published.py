@@ -22,7 +22,8 @@ from flexcam.integrate import static_displacement
 from flexcam.linalg import FloatArray
 from flexcam.response import Cause, RunFailedError
 from flexcam.system import AngleVector, CamMotion, Channel, Load, LocalForce, Reaction, constant
-from flexcam.train.model import Cam, PublishedLoad
+from flexcam.train.coupling import Coupling
+from flexcam.train.model import Cam, CamContact, PublishedLoad
 from flexcam.train.structure import Structure, find_node, spring_row
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 7201)
@@ -46,7 +47,7 @@ class FollowerTrain:
     stiffness: float
 
 
-def follower_train(structure: Structure, contact: PublishedLoad, where: str) -> FollowerTrain:
+def follower_train(structure: Structure, contact: PublishedLoad | CamContact, where: str) -> FollowerTrain:
     """Return the rigid body that a follower and what hangs on it make.
 
     Parameters
@@ -67,6 +68,7 @@ def follower_train(structure: Structure, contact: PublishedLoad, where: str) -> 
     numbers = structure.dofs.numbers[structure.model.mesh.connected(node)]
     motion = np.zeros(structure.dofs.size)
     motion[numbers[numbers >= 0]] = np.broadcast_to(contact.direction, numbers.shape)[numbers >= 0]
+    motion = structure.completed(motion)
     mass, stiffness = structure.mass, structure.stiffness
     return FollowerTrain(motion, float(motion @ mass.times(motion)), float(motion @ stiffness.times(motion)))
 
@@ -109,15 +111,6 @@ def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -
     return 1.0 / give
 
 
-@dataclass(frozen=True, eq=False)
-class Coupling:
-    """Loads, local forces and channels of one contact; positions count within these tuples."""
-
-    loads: tuple[Load, ...]
-    forces: tuple[LocalForce, ...]
-    channels: tuple[Channel, ...]
-
-
 def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, cam: Cam, speed: float) -> float:
     """Return the preload at the follower, N.
 
@@ -140,15 +133,32 @@ def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, 
         The springs' installed force at the follower where one states it, else the factor times the largest force
         the rigid train's inertia needs to stay in contact.
     """
-    stated = _stated_forces(structure, train)
-    if stated:
-        force = sum(float(train.motion @ row) * size for size, row in stated)
+    if _stated_forces(structure, train):
+        force = stated_force(structure, train)
         if force <= 0.0:
             given, why = f"springs that pull the follower with {-force:g} N", "contact needs a push against the lift"
             raise refuse("springs", given, "installed forces that close the contact", why, "turn a spring's direction")
         return force
     deceleration = float(np.max(-cam.event(_ANGLES, 2))) * speed**2
     return contact.preload_factor * train.mass * deceleration
+
+
+def stated_force(structure: Structure, train: FollowerTrain) -> float:
+    """Return the springs' stated installed forces as felt at the follower, N; zero where none states one.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    train
+        The follower's train.
+
+    Returns
+    -------
+    float
+        N, positive where they close the contact.
+    """
+    return sum(float(train.motion @ row) * size for size, row in _stated_forces(structure, train))
 
 
 def _stated_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float, FloatArray]]:

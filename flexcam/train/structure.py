@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from flexcam import fem
 from flexcam.checks import did_you_mean, refuse
 from flexcam.fem import Beams, DofMap, along, mass_at
 from flexcam.linalg import FloatArray, Triplets
-from flexcam.train.model import MassAt, Model, Spring
+from flexcam.train.model import MassAt, Model, Rocker, Spring
 
 _ACROSS = 1e-6
 """Cosine below which a direction has nothing to do with another."""
@@ -75,8 +76,55 @@ class Structure:
                 raise refuse(
                     where, "a direction across the motion of a rocker's point", allowed, "it moves only along it"
                 )
-            return along * rocker.ratio * self.row(rocker.start, rocker.direction)
+            if point in self.model.loose_points:
+                return along * self.dofs.unit(point)
+            return along * self.reach(rocker)
         return self.dofs.vector(find_node(self.model, point, where), direction)
+
+    def reach(self, rocker: Rocker) -> FloatArray:
+        """Return the row of a rocker's end at its point: ratio times the motion it is driven by, shape (n,)."""
+        return rocker.ratio * self.row(rocker.start, rocker.direction)
+
+    def completed(self, motion: FloatArray) -> FloatArray:
+        """Return a motion of nodes with points and springs following: no play is open, springs stretch evenly.
+
+        Parameters
+        ----------
+        motion
+            Shape (n,).
+
+        Returns
+        -------
+        ndarray
+            Shape (n,).
+        """
+        moved = motion.copy()
+        for point, rocker in self.model.loose_points.items():
+            moved += self.dofs.unit(point) * float(self.reach(rocker) @ motion)
+        for name, spring in self.model.springs.items():
+            ends = [float(row @ moved) for row in spring_ends(self, name, spring)]
+            for i in range(1, spring.elements):
+                part = i / spring.elements
+                moved += self.dofs.unit(inner_name(name, i)) * ((1.0 - part) * ends[1] + part * ends[0])
+        return moved
+
+
+def inner_name(spring: str, i: int) -> str:
+    """Return the name of a spring's inner unknown, counted from the fixed end.
+
+    Parameters
+    ----------
+    spring
+        Name of the spring.
+    i
+        From 1.
+
+    Returns
+    -------
+    str
+        Such as ``springs.valve.3``.
+    """
+    return f"springs.{spring}.{i}"
 
 
 def find_node(model: Model, point: str, where: str) -> int:
@@ -126,7 +174,8 @@ def build_structure(model: Model) -> Structure:
         If a part is attached to something that does not exist.
     """
     beams = fem.beams(model.mesh, model.members)
-    dofs = fem.dof_map(model.mesh, model.supports.items())
+    inner = [inner_name(name, i) for name, spring in model.springs.items() for i in range(1, spring.elements)]
+    dofs = fem.dof_map(model.mesh, model.supports.items()).extended([*model.loose_points, *inner])
     nothing = Triplets.zeros(dofs.size)
     bare = Structure(model, beams, dofs, nothing, nothing, nothing, np.zeros((dofs.size, 0)))
     mass, stiffness, dampers = fem.mass(beams, dofs), fem.stiffness(beams, dofs), nothing
@@ -136,10 +185,37 @@ def build_structure(model: Model) -> Structure:
         mass = mass + along(bare.row(rocker.start, rocker.direction), rocker.inertia / rocker.arms[0] ** 2)
     stretched: list[FloatArray] = []
     for name, spring in model.springs.items():
-        row = spring_row(bare, name, spring)
-        stiffness, dampers = stiffness + along(row, spring.stiffness), dampers + along(row, spring.damping)
-        stretched += [row] if spring.stiffness > 0.0 else []
+        parts = spring_parts(bare, name, spring)
+        for low, high in parts:
+            stretch, share = high - low, float(spring.elements)
+            stiffness = stiffness + along(stretch, share * spring.stiffness)
+            dampers = dampers + along(stretch, share * spring.damping)
+            mass = mass + _bar_mass(low, high, spring.mass / share)
+            stretched += [stretch] if spring.stiffness > 0.0 else []
     return Structure(model, beams, dofs, mass, stiffness, dampers, fem.free_motions(model.mesh, dofs, stretched))
+
+
+def spring_ends(structure: Structure, name: str, spring: Spring) -> tuple[FloatArray, FloatArray]:
+    """Return the rows of a spring's moving end and of its other end (zeros for ground), shape (n,) each.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    name
+        Of the spring, for the message.
+    spring
+        The spring.
+
+    Returns
+    -------
+    tuple
+        Two rows.
+    """
+    moving = structure.row(spring.at, spring.direction, f"springs.{name}.at")
+    if spring.to is None:
+        return moving, np.zeros(structure.dofs.size)
+    return moving, structure.row(spring.to, spring.direction, f"springs.{name}.to")
 
 
 def spring_row(structure: Structure, name: str, spring: Spring) -> FloatArray:
@@ -159,10 +235,36 @@ def spring_row(structure: Structure, name: str, spring: Spring) -> FloatArray:
     ndarray
         Shape (n,).
     """
-    row = structure.row(spring.at, spring.direction, f"springs.{name}.at")
-    if spring.to is not None:
-        row = row - structure.row(spring.to, spring.direction, f"springs.{name}.to")
-    return row
+    moving, other = spring_ends(structure, name, spring)
+    return moving - other
+
+
+def spring_parts(structure: Structure, name: str, spring: Spring) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the rows of the ends of each part of a spring, from its fixed to its moving end.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    name
+        Of the spring.
+    spring
+        The spring.
+
+    Returns
+    -------
+    list
+        A pair of rows per part, shape (n,) each.
+    """
+    moving, other = spring_ends(structure, name, spring)
+    inner = [structure.dofs.unit(inner_name(name, i)) for i in range(1, spring.elements)]
+    return list(pairwise([other, *inner, moving]))
+
+
+def _bar_mass(low: FloatArray, high: FloatArray, mass: float) -> Triplets:
+    """Return the consistent mass m/6 [2 1; 1 2] of a bar between two motions."""
+    both, apart = low + high, high - low
+    return along(both, 0.25 * mass) + along(apart, mass / 12.0)
 
 
 def _mass(structure: Structure, name: str, part: MassAt) -> Triplets:
@@ -208,7 +310,7 @@ def valve_ratio(model: Model, cam: str) -> float:
     float
         1 where there is no rocker or no contact.
     """
-    for contact in model.contacts.values():
+    for contact in model.driven.values():
         if contact.cam == cam:
             train = model.mesh.connected(find_node(model, contact.follower, "follower"))
             ratios = [r.ratio for r in model.rockers.values() if find_node(model, r.start, "from") in train]

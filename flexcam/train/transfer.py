@@ -7,10 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from flexcam.checks import refuse
+from flexcam.fem import along
 from flexcam.integrate import static_displacement
 from flexcam.linalg import ComplexArray, FloatArray
 from flexcam.train.build import build_system
-from flexcam.train.model import Model
+from flexcam.train.model import Model, PublishedLoad
 from flexcam.train.published import series_stiffness
 from flexcam.train.structure import build_structure
 
@@ -43,18 +44,25 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         If there is no such contact or point, or the model is too large.
     """
     system = build_system(model, speed)
-    if contact not in model.contacts:
-        raise refuse("contact", repr(contact), f"one of {', '.join(model.contacts)}")
+    if contact not in model.driven:
+        raise refuse("contact", repr(contact), f"one of {', '.join(model.driven)}")
     if system.size > _MOST:
         raise refuse("model", f"{system.size} unknowns", f"up to {_MOST} for a polydyne cam", "", "fewer elements")
-    structure, part = build_structure(model), model.contacts[contact]
+    structure, part = build_structure(model), model.driven[contact]
     where = f"contacts.{contact}.follower"
     lift = part.direction
     push = structure.row(part.follower, lift) - structure.row(model.cams[part.cam].at, lift)
-    force = series_stiffness(structure, part, where) * push
+    stiffness, free = system.stiffness, system.free
+    if isinstance(part, PublishedLoad):
+        force = series_stiffness(structure, part, where) * push
+    else:
+        if part.stiffness is None:
+            raise refuse(f"contacts.{contact}.stiffness", "hertz", "a number", "the answer to a lift must be linear")
+        force = part.stiffness * push
+        stiffness, free = stiffness + along(push, part.stiffness), None
     row = structure.row(probe, np.zeros(6) if model.rocker_at(probe) else lift, "probe")
-    M, C, K = (np.asarray(matrix.dense()) for matrix in (system.mass, system.damping, system.stiffness))
-    still = float(row @ static_displacement(system.stiffness, force, system.names, system.free))
+    M, C, K = (np.asarray(matrix.dense()) for matrix in (system.mass, system.damping, stiffness))
+    still = float(row @ static_displacement(stiffness, force, system.names, free))
 
     def answer(omega: FloatArray) -> ComplexArray:
         found: ComplexArray = np.full(omega.shape, still, dtype=np.complex128)

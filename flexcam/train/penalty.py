@@ -1,0 +1,195 @@
+"""Laws of contacts: a force from how deep and how fast two bodies are pressed into each other."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.linalg import FloatArray
+from flexcam.system import AngleFunction, Reaction
+
+_MOST_ITERATIONS = 60
+_NOTHING = Reaction(np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(0))
+
+
+def _one(force: float, by_gap: float, by_rate: float) -> Reaction:
+    return Reaction(np.array([force]), np.array([[by_gap]]), np.array([[by_rate]]), np.zeros(0))
+
+
+class _Stateless:
+    """A law without internal state."""
+
+    @property
+    def start_state(self) -> FloatArray:
+        """Nothing."""
+        return np.zeros(0)
+
+
+@dataclass(frozen=True)
+class Bilateral(_Stateless):
+    """Force k gamma + c gamma', pushing and pulling.
+
+    Parameters
+    ----------
+    stiffness, damping
+        N/m and N s/m.
+
+    Examples
+    --------
+    >>> Bilateral(2.0).respond(np.array([-3.0]), np.zeros(1), np.zeros(0), 0.0).force
+    array([-6.])
+    """
+
+    stiffness: float
+    damping: float = 0.0
+
+    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
+        """Return force and tangent."""
+        force = self.stiffness * float(gap[0]) + self.damping * float(rate[0])
+        return _one(force, self.stiffness, self.damping)
+
+
+@dataclass(frozen=True)
+class Stop(_Stateless):
+    """Force k gamma + c gamma' while pressed together (gamma > 0), never pulling.
+
+    Parameters
+    ----------
+    stiffness, damping
+        N/m and N s/m.
+
+    Examples
+    --------
+    >>> Stop(2.0).respond(np.array([-3.0]), np.zeros(1), np.zeros(0), 0.0).force
+    array([0.])
+    """
+
+    stiffness: float
+    damping: float = 0.0
+
+    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
+        """Return force and tangent; a damper that would pull lets go."""
+        force = self.stiffness * float(gap[0]) + self.damping * float(rate[0])
+        return _one(force, self.stiffness, self.damping) if gap[0] > 0.0 and force > 0.0 else _NOTHING
+
+
+@dataclass(frozen=True)
+class HuntCrossley(_Stateless):
+    """Force k gamma (1 + chi gamma') while pressed together, never pulling.
+
+    K. H. Hunt and F. R. E. Crossley, Coefficient of restitution interpreted as damping in vibroimpact, Journal of
+    Applied Mechanics 42 (1975): the damping grows with the depth, so that neither impact nor parting begins with a
+    step.
+
+    Parameters
+    ----------
+    stiffness
+        N/m.
+    dissipation
+        chi, s/m.
+
+    Examples
+    --------
+    >>> HuntCrossley(2.0, 0.5).respond(np.array([1.0]), np.array([1.0]), np.zeros(0), 0.0).force
+    array([3.])
+    """
+
+    stiffness: float
+    dissipation: float
+
+    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
+        """Return force and tangent."""
+        depth, factor = float(gap[0]), 1.0 + self.dissipation * float(rate[0])
+        if depth <= 0.0 or factor <= 0.0:
+            return _NOTHING
+        return _one(self.stiffness * depth * factor, self.stiffness * factor, self.stiffness * depth * self.dissipation)
+
+
+@dataclass(frozen=True, eq=False)
+class HertzLine(_Stateless):
+    """Line contact of cam and follower, the cam's radius of curvature changing with its angle.
+
+    A cylinder of radius R pressed by p per length approaches its middle by ``(1 - nu^2) p/(pi E) (2 ln(4 R/a) - 1)``
+    and sinks into a flat body of depth d by ``(1 - nu^2) p/(pi E) (2 ln(2 d/a) - nu/(1 - nu))``, with the half width
+    ``a^2 = 4 p R/(pi E*)``: K. L. Johnson, Contact Mechanics (1985), eqs. 4.43, 5.57 and 5.58. Two cylinders share the
+    first with the relative radius.
+
+    Parameters
+    ----------
+    width
+        Length of the line, m.
+    modulus, poisson
+        E and nu of both bodies.
+    radius
+        Relative radius of curvature over the cam angle, m, above zero.
+    depth
+        Depth of the flat body, or radius of the roller, m.
+    dissipation
+        chi of Hunt and Crossley, s/m.
+    """
+
+    width: float
+    modulus: float
+    poisson: float
+    radius: AngleFunction
+    depth: float
+    dissipation: float = 0.0
+
+    @property
+    def plane_strain(self) -> float:
+        """E/(1 - nu^2) of one body, Pa."""
+        return self.modulus / (1.0 - self.poisson**2)
+
+    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
+        """Return force and tangent."""
+        depth, factor = float(gap[0]), 1.0 + self.dissipation * float(rate[0])
+        if depth <= 0.0 or factor <= 0.0:
+            return _NOTHING
+        pressed, slope = self.line_load(depth, float(self.radius(np.array([angle]), 0)[0]))
+        force = self.width * pressed
+        return _one(force * factor, self.width * slope * factor, force * self.dissipation)
+
+    def line_load(self, approach: float, radius: float) -> tuple[float, float]:
+        """Return the load per length at an approach, N/m, and its slope, N/m^2.
+
+        Parameters
+        ----------
+        approach
+            m, above zero.
+        radius
+            Relative radius of curvature, m.
+
+        Returns
+        -------
+        float, float
+            By Newton's iteration; straight on from where the contact is a quarter of the radius wide and the theory ends.
+        """
+        most = radius * math.pi * self.plane_strain / 128.0
+        end, give = self._approach(most, radius)
+        if approach >= end:
+            return most + (approach - end) / give, 1.0 / give
+        p = most * approach / end
+        for _ in range(_MOST_ITERATIONS):
+            value, give = self._approach(p, radius)
+            new = p + (approach - value) / give
+            new = new if new > 0.0 else 0.5 * p
+            if abs(new - p) <= 1e-14 * new:
+                break
+            p = new
+        return p, 1.0 / self._approach(p, radius)[1]
+
+    def _approach(self, p: float, radius: float) -> tuple[float, float]:
+        """Return the approach under a load per length, and its slope."""
+        one = 1.0 / (math.pi * self.plane_strain)
+        half_width = math.sqrt(8.0 * p * radius * one)  # E* is half of E/(1 - nu^2) for two bodies alike
+        terms = 2.0 * math.log(4.0 * radius / half_width) - 1.0
+        terms += 2.0 * math.log(2.0 * self.depth / half_width) - self.poisson / (1.0 - self.poisson)
+        # a grows with the root of p: each logarithm falls by 1/(2p), twice.
+        return one * p * terms, one * (terms - 2.0)
+
+    def pressure(self, force: FloatArray, angle: FloatArray) -> FloatArray:
+        """Return the largest Hertz pressure, sqrt(p E*/(pi R)), Pa, of forces (N) at cam angles (rad), shape (n,)."""
+        p = np.maximum(force, 0.0) / self.width
+        return np.sqrt(p * 0.5 * self.plane_strain / (math.pi * self.radius(angle, 0)))
