@@ -13,7 +13,7 @@ from flexcam.cam.follower import (
     Touch,
     Turn,
 )
-from flexcam.cam.limits import PRESSURE_ANGLE, Finding, findings, minimum_base_radius
+from flexcam.cam.limits import PRESSURE_ANGLE, Finding, findings, minimum_base_radius, undercut
 from flexcam.cam.petrescu import petrescu_efficiency, petrescu_profile, relaxed_arm
 from flexcam.cam.profile import CamProfile, cam_profile, profile_at
 from flexcam.cam.reading import lift_from_profile
@@ -37,4 +37,5 @@ __all__ = [
     "petrescu_profile",
     "profile_at",
     "relaxed_arm",
+    "undercut",
 ]

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexcam.integrate.energy import PARTS, EnergyAccount
 from flexcam.integrate.local import LocalForces, NoConvergenceError, Schedule
 from flexcam.integrate.problem import Problem, State
 from flexcam.integrate.scheme import Scheme
@@ -44,7 +45,8 @@ def outline(system: System) -> Outline:
         Unknowns, probes and channels in the order of a block's columns.
     """
     probes = tuple((p.name, p.components) for p in system.probes)
-    return Outline(system.names, probes, tuple((c.name, c.unit) for c in system.channels))
+    energies = tuple((f"energy.{part}", "J") for part in PARTS)
+    return Outline(system.names, probes, (*((c.name, c.unit) for c in system.channels), *energies))
 
 
 def solve(
@@ -141,6 +143,7 @@ class _Run:
         self._stepper = Stepper(problem.system, scheme, problem.step, self._forces)
         self._load_vectors = problem.system.load_vectors()
         self._start = problem.start or State.rest(problem.system.size)
+        self._account = EnergyAccount(problem.system, self._forces)
         self.status = Status()
 
     def blocks(self) -> Iterator[tuple[Block, int]]:
@@ -156,20 +159,22 @@ class _Run:
             steps = np.arange(first, min(first + size, end))
             at = np.asarray(self._start.time + steps * self._problem.step, dtype=float)
             motion = self._problem.drive.at(at)
+            schedule = self._forces.schedule(motion)
             with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
-                moments, self.status = self._advance(motion, at, last)
+                moments, self.status = self._advance(motion, schedule, at, last)
             if moments:
                 good = slice(len(moments))
                 part = CamMotion(motion.angle[good], motion.speed[good], motion.rate[good])
-                block = self._block(steps[good], at[good], part, moments)
+                block = self._block(steps[good], at[good], part, schedule, moments)
                 yield block, sum(m.iterations for m in moments)
                 last = moments[-1]
             if not self.status.ok:
                 return
 
-    def _advance(self, motion: CamMotion, at: FloatArray, last: Moment | None) -> tuple[list[Moment], Status]:
+    def _advance(
+        self, motion: CamMotion, schedule: Schedule, at: FloatArray, last: Moment | None
+    ) -> tuple[list[Moment], Status]:
         loads = self._system.load_histories(motion) @ self._load_vectors
-        schedule = self._forces.schedule(motion)
         moments: list[Moment] = []
         moment = last
         for i, load in enumerate(loads):
@@ -186,14 +191,18 @@ class _Run:
         start = self._start
         return first_moment(self._system, self._forces, start.displacement, start.velocity, load, schedule)
 
-    def _block(self, steps: IntArray, at: FloatArray, motion: CamMotion, moments: list[Moment]) -> Block:
+    def _block(
+        self, steps: IntArray, at: FloatArray, motion: CamMotion, schedule: Schedule, moments: list[Moment]
+    ) -> Block:
         series = Series(*(np.array([getattr(m, name) for m in moments]) for name in ("d", "v", "a")))
         local = np.array([m.local for m in moments])
         saved = (steps % self._save.field_every == 0) | (steps == self._problem.steps)
         return Block(
             time=at, angle=motion.angle,
             probes=_probe_series(self._system.probes, series, motion),
-            channels=_channels(self._system, local, motion),
+            channels=np.hstack([
+                _channels(self._system, local, motion), self._account.block(moments, motion, schedule, at),
+            ]),
             field_time=at[saved], field_angle=motion.angle[saved], fields=series.at(saved),
         )  # fmt: skip
 

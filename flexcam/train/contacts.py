@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexcam.cam import profile_at
+from flexcam.cam import profile_at, undercut
 from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
 from flexcam.system import AngleFunction, AngleVector, Channel, LocalForce, LocalLaw, constant
@@ -126,18 +126,23 @@ def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -
     material = next(m.material for n, m in model.members.items() if node in model.mesh.lines[n])
     follower, roller = cam.follower, cam.follower.roller_radius
 
+    own = profile_at(cam.event, follower, _ANGLES, cam.turn).radius
+    curvature = 1.0 / own + 1.0 / roller
+    radii = 1.0 / np.maximum(curvature, _STRAIGHT)
+
     def relative(angle: FloatArray, order: int) -> FloatArray:
         del order  # the law asks for the radius alone
-        radius = profile_at(cam.event, follower, angle, cam.turn).radius
-        return 1.0 / np.maximum(1.0 / radius + 1.0 / roller, _STRAIGHT)
+        return np.interp(np.mod(angle, 2.0 * np.pi), _ANGLES, radii)
 
-    flattest = relative(np.linspace(0.0, 2.0 * np.pi, 1441), 0)
-    if not (flattest > 0.0).all() or not np.isfinite(flattest).all():
+    if (undercut(own, follower) | (curvature < 0.0)).any():
         given = "a profile that is undercut or hollow under its follower"
         raise refuse(where, given, "one that touches along a line", "see flexcam cam", "a larger base circle")
     depth = roller if np.isfinite(roller) else cam.follower.base_radius
     return HertzLine(cam.width, material.E, material.nu, relative, depth, contact.dissipation)
 
+
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 7201)
+"""Where the curvature is taken; between these it is interpolated, as it is asked for at every iteration."""
 
 _STRAIGHT = 1e-2
 """Least relative curvature, 1/m: a flank with a radius above 100 m is as good as straight."""
@@ -200,14 +205,16 @@ def clashes(structure: Structure) -> list[LocalForce]:
     Returns
     -------
     list
-        One per part of a spring with a clash travel.
+        One per spring with a clash travel, a scalar per part.
     """
     forces: list[LocalForce] = []
     for name, spring in structure.model.springs.items():
         if spring.clash_travel is None:
             continue
+        parts = spring_parts(structure, name, spring)
+        sense = tuple(AngleVector.constant(high - low) for low, high in parts)
+        act = tuple(AngleVector.constant(low - high) for low, high in parts)
         room = constant(-spring.clash_travel / spring.elements)
-        for i, (low, high) in enumerate(spring_parts(structure, name, spring), start=1):
-            sense = AngleVector.constant(high - low)
-            forces.append(conservative(f"springs.{name}.coil {i}", sense, Stop(spring.clash_stiffness), room))
+        law = Stop(spring.clash_stiffness)
+        forces.append(LocalForce(f"springs.{name}.clash", sense, act, law, (room,) * len(parts)))
     return forces

@@ -50,20 +50,24 @@ class Bilateral(_Stateless):
         force = self.stiffness * float(gap[0]) + self.damping * float(rate[0])
         return _one(force, self.stiffness, self.damping)
 
+    def stored(self, gap: FloatArray, angle: float) -> tuple[float, FloatArray]:
+        """Return the energy stored, J, and the force at rest."""
+        return 0.5 * self.stiffness * float(gap @ gap), self.stiffness * gap
+
 
 @dataclass(frozen=True)
 class Stop(_Stateless):
-    """Force k gamma + c gamma' while pressed together (gamma > 0), never pulling.
+    """Force k gamma + c gamma' while pressed together (gamma > 0), never pulling; any number of places side by side.
 
     Parameters
     ----------
     stiffness, damping
-        N/m and N s/m.
+        N/m and N s/m of each.
 
     Examples
     --------
-    >>> Stop(2.0).respond(np.array([-3.0]), np.zeros(1), np.zeros(0), 0.0).force
-    array([0.])
+    >>> Stop(2.0).respond(np.array([-3.0, 1.0]), np.zeros(2), np.zeros(0), 0.0).force
+    array([0., 2.])
     """
 
     stiffness: float
@@ -71,8 +75,15 @@ class Stop(_Stateless):
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return force and tangent; a damper that would pull lets go."""
-        force = self.stiffness * float(gap[0]) + self.damping * float(rate[0])
-        return _one(force, self.stiffness, self.damping) if gap[0] > 0.0 and force > 0.0 else _NOTHING
+        force = self.stiffness * gap + self.damping * rate
+        pressed = (gap > 0.0) & (force > 0.0)
+        one = np.diag(np.where(pressed, 1.0, 0.0))
+        return Reaction(np.where(pressed, force, 0.0), self.stiffness * one, self.damping * one, np.zeros(0))
+
+    def stored(self, gap: FloatArray, angle: float) -> tuple[float, FloatArray]:
+        """Return the energy stored, J, and the force at rest."""
+        pressed = np.maximum(gap, 0.0)
+        return 0.5 * self.stiffness * float(pressed @ pressed), self.stiffness * pressed
 
 
 @dataclass(frozen=True)
@@ -105,6 +116,11 @@ class HuntCrossley(_Stateless):
         if depth <= 0.0 or factor <= 0.0:
             return _NOTHING
         return _one(self.stiffness * depth * factor, self.stiffness * factor, self.stiffness * depth * self.dissipation)
+
+    def stored(self, gap: FloatArray, angle: float) -> tuple[float, FloatArray]:
+        """Return the energy stored, J, and the force at rest."""
+        pressed = np.maximum(gap, 0.0)
+        return 0.5 * self.stiffness * float(pressed @ pressed), self.stiffness * pressed
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +163,7 @@ class HertzLine(_Stateless):
         depth, factor = float(gap[0]), 1.0 + self.dissipation * float(rate[0])
         if depth <= 0.0 or factor <= 0.0:
             return _NOTHING
-        pressed, slope = self.line_load(depth, float(self.radius(np.array([angle]), 0)[0]))
+        pressed, slope = self.line_load(depth, self._radius(angle))
         force = self.width * pressed
         return _one(force * factor, self.width * slope * factor, force * self.dissipation)
 
@@ -164,7 +180,7 @@ class HertzLine(_Stateless):
         Returns
         -------
         float, float
-            By Newton's iteration; straight on from where the contact is a quarter of the radius wide and the theory ends.
+            By Newton's iteration; straight on from where the contact is a quarter of the radius wide.
         """
         most = radius * math.pi * self.plane_strain / 128.0
         end, give = self._approach(most, radius)
@@ -179,6 +195,26 @@ class HertzLine(_Stateless):
                 break
             p = new
         return p, 1.0 / self._approach(p, radius)[1]
+
+    def stored(self, gap: FloatArray, angle: float) -> tuple[float, FloatArray]:
+        """Return the energy stored, J (the integral of the load over the approach, by parts), and the force at rest."""
+        depth, radius = float(gap[0]), self._radius(angle)
+        if depth <= 0.0:
+            return 0.0, np.zeros(1)
+        p, slope = self.line_load(depth, radius)
+        force = self.width * p
+        most = radius * math.pi * self.plane_strain / 128.0
+        beyond = 0.0
+        if p > most:  # the straight part, from (end, most) on
+            beyond = 0.5 * (p + most) * (p - most) / slope
+            p, depth = most, self._approach(most, radius)[0]
+        # The approach is one p times terms that fall by 2 ln p: its integral over p is one p^2 (terms + 1)/2.
+        one = 1.0 / (math.pi * self.plane_strain)
+        inside = p * depth - 0.5 * one * p**2 * (depth / (one * p) + 1.0)
+        return self.width * (inside + beyond), np.array([force])
+
+    def _radius(self, angle: float) -> float:
+        return float(self.radius(np.array([angle]), 0)[0])
 
     def _approach(self, p: float, radius: float) -> tuple[float, float]:
         """Return the approach under a load per length, and its slope."""
