@@ -20,7 +20,8 @@ _TOLERANCE = 1e-12
 _ROUNDING = 16.0 * np.finfo(float).eps
 """Of the terms a stiff law multiplies: the sensed scalars themselves carry a few eps."""
 
-_MOST_ITERATIONS = 50
+_MOST_ITERATIONS = 80
+_WHOLE_STEPS = 20
 
 
 class NoConvergenceError(ArithmeticError):
@@ -191,10 +192,15 @@ def settle(
             return reaction.force, new_states, new_rates, iteration
         tangent = np.eye(len(f)) - reaction.by_gap @ within.gap_by_force - reaction.by_rate @ within.rate_by_force
         try:
-            f = f - np.linalg.solve(tangent, residual)
+            f = f - _shortened(iteration) * np.linalg.solve(tangent, residual)
         except np.linalg.LinAlgError:
             raise NoConvergenceError from None
     raise NoConvergenceError
+
+
+def _shortened(iteration: int) -> float:
+    """Return the part of Newton's step that is taken: the whole, until contacts that open and close do not settle."""
+    return 1.0 if iteration <= _WHOLE_STEPS else 0.5
 
 
 def _sensed_size(within: Compliance, reaction: Reaction, f: FloatArray) -> float:

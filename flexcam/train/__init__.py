@@ -4,6 +4,7 @@ May import `cam`, `integrate`, `modal`, `fem`, `motion`, `system` and what is be
 A new kind of part is a dataclass in `model` and its rows in `structure`; a new contact is a file like `published`.
 """
 
+from flexcam.train.buckling import CompressionSink, buckling_load
 from flexcam.train.build import build_rigid, build_system
 from flexcam.train.loads import element_loads
 from flexcam.train.model import (
@@ -27,6 +28,7 @@ from flexcam.train.transfer import lift_transfer
 __all__ = [
     "Cam",
     "CamContact",
+    "CompressionSink",
     "Contact",
     "GivenLoad",
     "Lash",
@@ -40,6 +42,7 @@ __all__ = [
     "Spring",
     "StrengthSink",
     "Structure",
+    "buckling_load",
     "build_rigid",
     "build_structure",
     "build_system",

@@ -46,7 +46,7 @@ def build_system(model: Model, speed: float) -> System:
     """
     structure = build_structure(model)
     couplings = [_coupled(structure, name, contact, speed) for name, contact in model.contacts.items()]
-    couplings.append(Coupling((), tuple(clashes(structure)), ()))
+    couplings.append(clashes(structure))
     return System(
         mass=structure.mass,
         damping=structure.dampers + _damping(structure),

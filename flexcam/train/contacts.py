@@ -194,7 +194,7 @@ def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
     return Coupling((), (force,), (Channel(f"contacts.{name}.force", "N", (), ((0, 0),)),))
 
 
-def clashes(structure: Structure) -> list[LocalForce]:
+def clashes(structure: Structure) -> Coupling:
     """Return the contacts between neighbouring parts of every spring that can close its coils.
 
     Parameters
@@ -204,10 +204,11 @@ def clashes(structure: Structure) -> list[LocalForce]:
 
     Returns
     -------
-    list
-        One per spring with a clash travel, a scalar per part.
+    Coupling
+        A local force per spring with a clash travel, a scalar per part, and a channel of their sum.
     """
     forces: list[LocalForce] = []
+    channels: list[Channel] = []
     for name, spring in structure.model.springs.items():
         if spring.clash_travel is None:
             continue
@@ -216,5 +217,7 @@ def clashes(structure: Structure) -> list[LocalForce]:
         act = tuple(AngleVector.constant(low - high) for low, high in parts)
         room = constant(-spring.clash_travel / spring.elements)
         law = Stop(spring.clash_stiffness)
+        places = tuple((len(forces), i) for i in range(len(parts)))
         forces.append(LocalForce(f"springs.{name}.clash", sense, act, law, (room,) * len(parts)))
-    return forces
+        channels.append(Channel(f"springs.{name}.clash", "N", (), places))
+    return Coupling((), tuple(forces), tuple(channels))

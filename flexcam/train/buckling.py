@@ -1,0 +1,85 @@
+"""How much compression the members of a train bear, and how much of it a run uses."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexcam import fem
+from flexcam.fem import Beams, beam
+from flexcam.linalg import FloatArray, null_space, pins
+from flexcam.response import Block, Stats, Status
+from flexcam.train.structure import Structure
+
+
+def buckling_load(structure: Structure, member: str) -> float:
+    """Return the axial compression at which a member buckles by itself in its supports.
+
+    The lowest P of ``K + P Kg(-1)`` over the member's own elements, held where the model holds its nodes; what other
+    members add is left out, so that the load is Euler's for a pushrod between guides.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    member
+        Name of the member.
+
+    Returns
+    -------
+    float
+        N; infinite where the supports leave nothing to buckle.
+
+    Examples
+    --------
+    A pushrod guided at both ends bears ``pi^2 E I/L^2``.
+    """
+    part = structure.model.mesh.element_ranges()[member]
+    alone = fem.beams(structure.model.mesh, structure.model.members)
+    push = np.zeros(len(alone))
+    push[part] = -1.0
+    stiffness, geometric = beam.stiffness(alone), beam.geometric(alone, push)
+    own = np.zeros(len(alone), dtype=bool)
+    own[part] = True
+    stiffness[~own] = 0.0
+    K, G = (fem.assemble(alone, matrix, structure.dofs) for matrix in (stiffness, geometric))
+    numbers = structure.dofs.numbers[np.unique(alone.nodes[part])]
+    used = np.unique(numbers[numbers >= 0])
+    K, G = K.part(used), G.part(used)
+    free = null_space(K)
+    kept = np.setdiff1d(np.arange(len(used)), pins(np.linalg.qr(free)[0]) if free.shape[1] else [])
+    if not len(kept):
+        return math.inf
+    root = np.linalg.cholesky(K.part(kept).dense())
+    scaled = np.linalg.solve(root, np.linalg.solve(root, -G.part(kept).dense()).T)
+    largest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).max())
+    return 1.0 / largest if largest > 1e-12 * float(np.abs(scaled).max(initial=1.0)) else math.inf
+
+
+class CompressionSink:
+    """Sink that follows the axial force of every member at the saved instants.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    """
+
+    def __init__(self, structure: Structure) -> None:
+        self._structure = structure
+        self._beams: Beams = structure.beams
+        self._most: FloatArray = np.zeros(len(structure.beams))
+
+    def write(self, block: Block) -> None:
+        """Take the axial forces of a block."""
+        for nodal in self._structure.dofs.nodal(block.fields.displacement):
+            self._most = np.maximum(self._most, -beam.axial_force(self._beams, nodal))
+
+    def close(self, status: Status, stats: Stats) -> None:
+        """Do nothing: the figures are asked for with `compression`."""
+
+    def compression(self) -> dict[str, float]:
+        """Return the largest compression of every member, N; zero where it was only pulled."""
+        ranges = self._structure.model.mesh.element_ranges()
+        return {name: float(self._most[part].max(initial=0.0)) for name, part in ranges.items()}
