@@ -68,6 +68,8 @@ def findings(
     'undercut: the profile would cross itself; take a larger base circle or a longer event'
     """
     found: list[Finding] = []
+    if cutter is not None:
+        positive("cutter", cutter, "m")
     radius = profile.radius
     cut = undercut(radius, profile.follower)
     if cut.any():
@@ -79,7 +81,6 @@ def findings(
         at = int(np.argmax(press))
         found.append(Finding(what, float(profile.angle[at]), float(press[at]), pressure_angle))
     if cutter is not None and not cut.any():
-        positive("cutter", cutter, "m")
         hollow = np.where(radius < 0.0, -radius, np.inf)
         if float(hollow.min()) < cutter:
             what = "the cutter is larger than the hollow it would have to cut; take a smaller one"

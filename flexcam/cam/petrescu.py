@@ -54,7 +54,7 @@ def petrescu_profile(event: Event, base_radius: float, angle: FloatArray, *, rel
     >>> petrescu_profile(HarmonicLift(0.003, (-0.003,), (0.0,)), 0.013, np.zeros(1))
     array([[0.   , 0.013]])
     """
-    arm = relaxed_arm(event, base_radius, angle) if relaxed else event(angle, 1)
+    arm = _arm(event, base_radius, angle, relaxed=relaxed)
     height = base_radius + event(angle)
     return np.column_stack([
         arm * np.cos(angle) + height * np.sin(angle), height * np.cos(angle) - arm * np.sin(angle),
@@ -80,5 +80,10 @@ def petrescu_efficiency(event: Event, base_radius: float, angle: FloatArray, *, 
     >>> petrescu_efficiency(HarmonicLift(0.003, (-0.003,), (0.0,)), 0.013, np.zeros(1))
     array([0.])
     """
-    arm = relaxed_arm(event, base_radius, angle) if relaxed else event(angle, 1)
+    arm = _arm(event, base_radius, angle, relaxed=relaxed)
     return arm**2 / ((base_radius + event(angle)) ** 2 + arm**2)
+
+
+def _arm(event: Event, base_radius: float, angle: FloatArray, *, relaxed: bool) -> FloatArray:
+    positive("base_radius", base_radius, "m")
+    return relaxed_arm(event, base_radius, angle) if relaxed else event(angle, 1)

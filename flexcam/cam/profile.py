@@ -63,7 +63,7 @@ class CamProfile:
 
     @property
     def pressure_angle(self) -> FloatArray:
-        """Angle between the normal and the follower's motion, rad, shape (n,)."""
+        """Angle from the normal to the follower's motion on the rise, rad, counterclockwise, shape (n,)."""
         return np.angle(self.touch.motion * np.conj(self.touch.normal))
 
     @property

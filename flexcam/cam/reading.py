@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from flexcam.cam.follower import Follower, Turn
 from flexcam.checks import finite_array, refuse
-from flexcam.linalg import ComplexArray, FloatArray
+from flexcam.linalg import ComplexArray, FloatArray, IntArray
 
 _AT_ONCE = 2_000_000
 """Pairs of angle and point looked at together."""
@@ -64,24 +64,44 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
     if (np.diff(chord) <= 0.0).any():
         raise refuse("points", "the same point twice", "different points, the first not repeated")
     curve = make_interp_spline(chord, np.column_stack([closed.real, closed.imag]), k=5, bc_type="periodic")
-    turned = np.exp(1j * turn * np.asarray(angle, dtype=float).ravel())
-    length, spacing = float(chord[-1]), float(np.diff(chord).max())
+    turned = np.exp(1j * turn * finite_array("angle", np.ravel(angle), (None,)))
+    length = float(chord[-1])
 
     def lift(at: FloatArray) -> FloatArray:
         x, y = np.moveaxis(np.asarray(curve(np.mod(at, length)), dtype=float), -1, 0)
         return follower.lift_at((x + 1j * y) * turned[:, None])
 
-    start = _highest(closed[:-1], chord[:-1], follower, turned)
-    if not np.isfinite(lift(start[:, None])).all():
+    if not len(turned):
+        return np.zeros(np.shape(angle))
+    # Fine enough to meet a roller much smaller than the cam.
+    count = min(
+        _MOST_SAMPLES, max(len(xy), _LEAST_SAMPLES, math.ceil(8.0 * length / min(follower.roller_radius, length)))
+    )
+    at = np.linspace(0.0, length, count, endpoint=False)
+    x, y = np.moveaxis(np.asarray(curve(at), dtype=float), -1, 0)
+    starts = _highest(np.asarray(x + 1j * y, dtype=np.complex128), at, follower, turned)
+    found = np.max([_refined(lift, start, float(at[1])) for start in starts.T], axis=0)
+    if not np.isfinite(found).all():
         raise refuse("points", "a profile the follower does not touch", "one within its reach", "", "check the unit")
-    return _refined(lift, start, spacing).reshape(np.shape(angle))
+    return found.reshape(np.shape(angle))
 
 
-def _highest(points: ComplexArray, chord: FloatArray, follower: Follower, turned: ComplexArray) -> FloatArray:
-    """Return the chord length of the given point that lifts most, per angle."""
+_LEAST_SAMPLES, _MOST_SAMPLES = 360, 20_000
+_CANDIDATES = 3
+"""Peaks looked at per angle: where a contact jumps, two are almost as high."""
+
+
+def _highest(points: ComplexArray, at: FloatArray, follower: Follower, turned: ComplexArray) -> FloatArray:
+    """Return where on the curve the highest peaks lie, shape (angles, candidates)."""
     rows = max(1, _AT_ONCE // len(points))
     parts = [turned[i : i + rows, None] for i in range(0, len(turned), rows)]
-    return np.concatenate([chord[np.argmax(follower.lift_at(points * part), axis=1)] for part in parts])
+    return np.concatenate([at[_peaks(follower.lift_at(points * part))] for part in parts])
+
+
+def _peaks(values: FloatArray) -> IntArray:
+    """Return the positions of the highest peaks of every row, each row a closed curve."""
+    peak = (values >= np.roll(values, 1, axis=1)) & (values >= np.roll(values, -1, axis=1))
+    return np.argpartition(-np.where(peak, values, -math.inf), _CANDIDATES, axis=1)[:, :_CANDIDATES]
 
 
 def _refined(lift: Callable[[FloatArray], FloatArray], start: FloatArray, spacing: float) -> FloatArray:
@@ -94,8 +114,8 @@ def _refined(lift: Callable[[FloatArray], FloatArray], start: FloatArray, spacin
         peak = np.clip(np.argmax(values, axis=1), 1, 3)
         rows = np.arange(len(at))
         left, middle, right = (values[rows, peak + k] for k in (-1, 0, 1))
-        bend = left - 2.0 * middle + right
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):  # out of reach is minus infinity
+            bend = left - 2.0 * middle + right
             shift = np.where(np.isfinite(bend) & (bend < 0.0), 0.5 * (left - right) / bend, 0.0)
         at = around[rows, peak] + 0.5 * width * np.clip(shift, -1.0, 1.0)
         best = np.fmax(best, np.fmax(middle, lift(at[:, None])[:, 0]))

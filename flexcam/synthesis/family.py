@@ -75,7 +75,7 @@ class SplineFamily:
         if self.rest < 1 or self.degree < 5 or self.pieces < 1:
             given = f"degree {self.degree}, {self.pieces} pieces, rest {self.rest}"
             raise refuse("family", given, "degree from 5, one piece or more, rest from 1")
-        if self._count < 2 * (self.rest + 1) + 1:
+        if self._count < 2 * (self.rest + 1) + 1 or not self.size:
             given = f"{self._count} coefficients with {self.rest + 1} held at each end"
             raise refuse("family", given, "some left to choose", "", "a higher degree or more pieces")
 

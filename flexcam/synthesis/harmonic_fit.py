@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.checks import positive, refuse
+from flexcam.checks import InputError, positive, refuse
 from flexcam.linalg import FloatArray
 from flexcam.motion import Event, HarmonicLift
 from flexcam.synthesis.least_squares import constrained_least_squares
@@ -82,7 +82,9 @@ def harmonic_fit(
             "count", count, "a whole number from 1", "", "a lower speed or a stiffer train leaves room for more"
         )
     points = max(_LEAST_POINTS, _POINTS_PER_HARMONIC * count)
-    angle = np.linspace(0.0, _REVOLUTION, points, endpoint=False)
+    ends = [end for section in strict or () for end in section] if strict is not None else list(wanted.joints)
+    even = np.linspace(0.0, _REVOLUTION, points, endpoint=False)
+    angle = np.unique(np.concatenate([even, np.mod(np.array(ends, dtype=float), _REVOLUTION)]))
     target = wanted(angle)
     held = _dwelling(wanted, angle) if strict is None else _inside(angle, strict)
     rows = _rows(angle, count)
@@ -90,12 +92,10 @@ def harmonic_fit(
     bounded = np.isfinite(limit)
     G = np.vstack([rows[bounded], -rows[bounded]])
     h = np.concatenate([(target - limit)[bounded], (-target - limit)[bounded]])
-    x = constrained_least_squares(rows, target, G, h)
+    # Even angles alone say how near the lift is; section ends beside them are only kept to.
+    x = constrained_least_squares(_rows(even, count), wanted(even), G, h)
     if x is None:
-        reach = _least_deviation(rows[held], target[held])
-        given = f"{count} harmonics within {1e6 * tolerance:.4g} um on the strict sections"
-        remedy = f"allow {1e6 * reach:.4g} um there, a wider bound elsewhere, or more harmonics"
-        raise refuse("tolerance", given, "what they can hold", "the constraints leave no such lift", remedy)
+        raise _too_few(rows, target, held, tolerance, bound)
     event = HarmonicLift(float(x[0]), tuple(x[1 : count + 1].tolist()), tuple(x[count + 1 :].tolist()))
     miss = np.abs(rows @ x - target)
     moving = miss[~held]
@@ -145,12 +145,35 @@ def _inside(angle: FloatArray, sections: Sequence[tuple[float, float]]) -> NDArr
     return inside
 
 
-def _least_deviation(rows: FloatArray, target: FloatArray) -> float:
-    """Return the least of the largest distances: a linear program."""
+def _too_few(
+    rows: FloatArray, target: FloatArray, held: NDArray[np.bool_], tolerance: float, bound: float | None
+) -> InputError:
+    """Return the refusal of a tolerance or bound that so few harmonics cannot keep, with what they can."""
+    count, why = (rows.shape[1] - 1) // 2, "the constraints leave no such lift"
+    reach = _least_deviation(rows[held], target[held], np.zeros((0, rows.shape[1])), np.zeros(0), tolerance)
+    if reach is not None and reach > tolerance:
+        given = f"{count} harmonics within {1e6 * tolerance:.4g} um on the strict sections"
+        remedy = f"allow {1e6 * reach:.4g} um there, or more harmonics"
+        return refuse("tolerance", given, "what they can hold", why, remedy)
+    wide = _least_deviation(rows[~held], target[~held], rows[held], target[held], tolerance)
+    given = f"{count} harmonics within {1e6 * (bound or 0.0):.4g} um beside the strict sections"
+    room = "a wider one" if wide is None else f"{1e6 * wide:.4g} um there"
+    return refuse("bound", given, "what they can hold", why, f"allow {room}, a wider tolerance, or more harmonics")
+
+
+def _least_deviation(
+    rows: FloatArray, target: FloatArray, kept: FloatArray, goal: FloatArray, tolerance: float
+) -> float | None:
+    """Return the least of the largest distances, others kept within a tolerance: a linear program."""
     from scipy.optimize import linprog
 
-    one = np.ones((len(rows), 1))
-    A = np.vstack([np.hstack([rows, -one]), np.hstack([-rows, -one])])
+    one, none = np.ones((len(rows), 1)), np.zeros((len(kept), 1))
+    A = np.vstack(
+        [np.hstack([rows, -one]), np.hstack([-rows, -one]), np.hstack([kept, none]), np.hstack([-kept, none])]
+    )
+    b = np.concatenate([target, -target, goal + tolerance, tolerance - goal])
+    if not len(A):
+        return None
     cost = np.append(np.zeros(rows.shape[1]), 1.0)
-    found = linprog(cost, A, np.concatenate([target, -target]), bounds=(None, None), method="highs")
-    return 0.0 if found.x is None else float(np.asarray(found.x, dtype=float)[-1])
+    found = linprog(cost, A, b, bounds=[*[(None, None)] * rows.shape[1], (0.0, None)], method="highs")
+    return None if found.x is None else float(np.asarray(found.x, dtype=float)[-1])

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.checks import refuse
+from flexcam.checks import InputError, refuse
 from flexcam.linalg import FloatArray
 from flexcam.motion import Criteria, Law, criteria
 from flexcam.motion.criteria import stationary_points
 from flexcam.synthesis.bounds import bound_over_all
 from flexcam.synthesis.family import Family
-from flexcam.synthesis.program import CRITERIA, ORDERS, Condition, Cut, Program
+from flexcam.synthesis.program import ALMOST, CRITERIA, ORDERS, Condition, Cut, Program
 
 _START = np.linspace(0.0, 1.0, 161)
 _ROUNDS = 200
@@ -66,9 +66,10 @@ def minimax(
 ) -> Synthesized:  # fmt: skip
     """Return the law of a family with the least weighted sum of criteria.
 
-    ``Cv``, ``Ca``, ``Cj`` are linear; the root mean square ``rms`` of the acceleration is convex and met by its tangent
-    planes, so that the bound holds for it too. The operating moment ``Cm`` is neither: the law is then the best nearby,
-    found by linear programs within a shrinking trust region from the law of least acceleration, and has no bound.
+    ``Cv``, ``Ca``, ``Cj`` are linear; the root mean square ``rms`` of the acceleration is convex: alone it is a problem
+    of least squares, beside others it is met by its tangent planes, and the bound holds either way. The operating
+    moment ``Cm`` is neither: the law is then the best nearby, found by linear programs within a changing trust region
+    from the laws of least acceleration and of least rms, and has no bound.
 
     Parameters
     ----------
@@ -103,14 +104,11 @@ def minimax(
     weights, limits = _checked("minimize", minimize, CRITERIA), _checked("bounds", bounds or {}, ORDERS)
     if not weights:
         raise refuse("minimize", "nothing", f"one or more of {', '.join(CRITERIA)}")
-    if "Cm" in weights:
-        x = _nearby(family, weights, Program(family, weights, limits, tuple(conditions), monotone))
-        bound = None
-    else:
-        x, bound = _exchanged(Program(family, weights, limits, tuple(conditions), monotone))
+    program = Program(family, weights, limits, _positions(conditions), monotone)
+    x, bound = (_nearby(program), None) if "Cm" in weights else _exchanged(program)
     law = family.law(x)
     found = criteria(law)
-    least = bound_over_all(weights, limits, free_ends=abs(found.ends[0][2]) > 1e-9)
+    least = bound_over_all(weights, limits, free_ends=max(abs(end[2]) for end in found.ends) > 1e-9)
     return Synthesized(law, _objective(found, weights), bound, least, found, family.name)
 
 
@@ -118,35 +116,58 @@ def _exchanged(program: Program) -> tuple[FloatArray, float]:
     """Return the coefficients of the best law and the bound that proves it."""
     places: dict[int, FloatArray] = dict.fromkeys((1, 2, 3), _START)
     cuts = list[Cut]()
-    x, bound = program.solve(places, cuts)
+    solve = program.least_rms if set(program.weights) == {"rms"} else program.solve
+    x, bound = solve(places, cuts)
     for _ in range(_ROUNDS):
         law = program.family.law(x)
         if program.met(law, 0.0) and program.objective(law) - bound <= _GAP * abs(bound):
             break
         places = {order: _with(places[order], stationary_points(law, order)) for order in places}
         cuts += [program.tangent(x)] if "rms" in program.weights else []
-        x, bound = program.solve(places, cuts)
+        x, bound = solve(places, cuts)
     return x, bound
 
 
-_SHRINK, _SMALLEST = 0.5, 1e-9
+_FIRST, _SMALLEST, _LARGEST = 0.1, 1e-8, 0.2
+"""Distances of coefficients within which the moment is taken as linear."""
+
+_PATIENCE = 8
+"""Times that a step is tried again with more places before it is shortened."""
 
 
-def _nearby(family: Family, weights: Mapping[str, float], program: Program) -> FloatArray:
+def _nearby(program: Program) -> FloatArray:
+    """Return the better of the laws that no small step improves, from that of least acceleration and of least rms."""
+    starts = [_exchanged(replace(program, weights={name: 1.0}))[0] for name in ("Ca", "rms")]
+    return min((_descended(program, start) for start in starts), key=lambda x: program.objective(program.family.law(x)))
+
+
+def _descended(program: Program, x: FloatArray) -> FloatArray:
     """Return the coefficients of a law that no small step improves."""
-    x, _ = _exchanged(replace(program, weights={"Ca": 1.0}))
-    law, radius = family.law(x), 0.1
+    law, radius, stubborn = program.family.law(x), _FIRST, 0
     best = program.objective(law)
-    places = dict.fromkeys((1, 2, 3), np.linspace(0.0, 1.0, 401))
-    while radius > _SMALLEST:
-        seen = {order: _with(places[order], stationary_points(law, order)) for order in places}
-        step, _ = program.solve(seen, [program.tangent(x)] if "rms" in weights else [], around=(x, radius))
-        tried = family.law(step)
-        value = program.objective(tried)
-        if value < best - 1e-10 * abs(best) and program.met(tried, 1e-6):
-            x, law, best = step, tried, value
+    places: dict[int, FloatArray] = dict.fromkeys((1, 2, 3), np.linspace(0.0, 1.0, 401))
+    for _ in range(_ROUNDS):
+        places = {order: _with(places[order], stationary_points(law, order)) for order in places}
+        cuts = [program.tangent(x)] if "rms" in program.weights else []
+        try:
+            step, _ = program.solve(places, cuts, around=(x, radius))
+        except InputError:  # a place just added is not met here, and the step is too short to mend it
+            radius *= 2.0
+            if radius > _LARGEST:
+                break
+            continue
+        tried = program.family.law(step)
+        places = {order: _with(places[order], stationary_points(tried, order)) for order in places}
+        if not program.met(tried, 0.5 * ALMOST) and stubborn < _PATIENCE:
+            stubborn += 1  # the places just added may see to it
+            continue
+        stubborn, value = 0, program.objective(tried)
+        if value < best * (1.0 - 1e-9) and program.met(tried, 0.5 * ALMOST):
+            x, law, best, radius = step, tried, value, min(2.0 * radius, _LARGEST)
         else:
-            radius *= _SHRINK
+            radius *= 0.5
+        if radius < _SMALLEST:
+            break
     return x
 
 
@@ -198,6 +219,17 @@ def _checked(where: str, given: Mapping[str, float], known: Iterable[str]) -> di
         if not (math.isfinite(value) and value > 0.0):
             raise refuse(f"{where}.{name}", value, "a finite number above zero")
     return dict(given)
+
+
+def _positions(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
+    for z, order, value in conditions:
+        if not (0.0 <= z <= 1.0 and 0 <= order <= _MOST_ORDER and math.isfinite(value)):
+            allowed = f"[z from 0 to 1, order of the derivative from 0 to {_MOST_ORDER}, finite value]"
+            raise refuse("conditions", [z, order, value], allowed)
+    return tuple(conditions)
+
+
+_MOST_ORDER = 4
 
 
 def _objective(found: Criteria, weights: Mapping[str, float]) -> float:

@@ -22,6 +22,7 @@ Transfer = Callable[[FloatArray], ComplexArray]
 _DEAF = 1e-9
 """An answer smaller than this part of the static one cannot be asked for."""
 
+_ROUNDING = 1e-12
 _GRID = np.linspace(0.0, 2.0 * math.pi, 1441)
 
 
@@ -55,7 +56,7 @@ class SingleMass:
         drive = 1.0 + 2j * self.damping * r
         with np.errstate(divide="ignore", invalid="ignore"):
             answer = drive / (drive - r**2)
-        return np.where(drive == r**2, np.inf, answer)
+        return np.where(np.abs(drive - r**2) <= _ROUNDING * (1.0 + r**2), np.inf, answer)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +116,9 @@ def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60
         raise refuse("count", count, "a whole number from 1")
     amplitude = harmonics(wanted, count)
     answer = transfer(speed * np.arange(count + 1.0))
-    deaf = np.flatnonzero(np.abs(answer) < _DEAF * abs(answer[0]))
-    if deaf.size or not np.isfinite(answer[0]):
-        given = f"a train that does not answer to harmonic {deaf[0] if deaf.size else 0} at {_rpm(speed):g} rpm"
+    silent = ~np.isfinite(answer[:1]) if not np.isfinite(answer[0]) else np.abs(answer) < _DEAF * abs(answer[0])
+    if silent.any():
+        given = f"a train that does not answer to harmonic {int(np.argmax(silent))} at {_rpm(speed):g} rpm"
         raise refuse("speed", given, "one that answers to every harmonic", "", "another speed, or some damping")
     goal = _lift(amplitude)
     # A harmonic in resonance must not be in the cam at all.

@@ -7,15 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexcam.checks import refuse
+from flexcam.checks import InputError, refuse
 from flexcam.linalg import FloatArray
 from flexcam.motion import Law
 from flexcam.motion.criteria import stationary_points
 from flexcam.motion.quadrature import quadrature
 from flexcam.synthesis.family import Family
+from flexcam.synthesis.least_squares import constrained_least_squares
 
 ORDERS = {"Cv": 1, "Ca": 2, "Cj": 3}
 """Criteria that are linear, and the derivative each is the largest absolute value of."""
+
+ALMOST = 1e-7
+"""Part by which a law on the way to the best one may miss a bound."""
 
 CRITERIA = (*ORDERS, "rms", "Cm")
 
@@ -110,14 +114,56 @@ class Program:
         found = linprog(cost, A, b, E, e, bounds=box, method="highs", options={
             "primal_feasibility_tolerance": _PRECISE, "dual_feasibility_tolerance": _PRECISE,
         })  # fmt: skip
+        if found.x is None and found.status != _INFEASIBLE:  # the solver gives up now and then after its presolve
+            found = linprog(cost, A, b, E, e, bounds=box, method="highs", options={
+                "primal_feasibility_tolerance": _PRECISE, "dual_feasibility_tolerance": _PRECISE, "presolve": False,
+            })  # fmt: skip
         if found.status == _INFEASIBLE:
-            given = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()]) or "the conditions"
-            remedy = "a wider bound, a higher degree or more pieces"
-            raise refuse("bounds", given, f"what {self.family.name} can meet", "there is no such law", remedy)
+            raise self._impossible()
         if found.x is None:
             raise refuse("family", self.family.name, "a program that can be solved", str(found.message), "fewer terms")
         dual = float(b @ found.ineqlin.marginals + e @ found.eqlin.marginals)
         return np.asarray(found.x[: self.family.size], dtype=float), dual
+
+    def least_rms(self, places: Mapping[int, FloatArray], cuts: Sequence[Cut] = ()) -> tuple[FloatArray, float]:
+        """Return the coefficients of least rms alone, by constrained least squares, and that rms.
+
+        Parameters
+        ----------
+        places
+            Where each derivative is looked at; no law that meets the conditions there has less.
+        cuts
+            Not needed here.
+
+        Returns
+        -------
+        ndarray, float
+            Shape (size,).
+
+        Raises
+        ------
+        InputError
+            If no law meets the conditions.
+        """
+        del cuts
+        z, weight = (np.concatenate(parts) for parts in zip(*quadrature(()), strict=True))
+        rows, offset = self.family.rows(z, 2)
+        root = np.sqrt(weight)
+        A, b = self._inequalities(places, (), None)
+        E, e = self._equalities()
+        free = slice(0, self.family.size)
+        base, ways = _solutions(E[:, free], e, self.family.size)
+        f = -root * (rows @ base + offset)
+        y = constrained_least_squares(root[:, None] * (rows @ ways), f, -A[:, free] @ ways, A[:, free] @ base - b)
+        if y is None:
+            raise self._impossible()
+        x = base + ways @ y
+        return x, float(np.linalg.norm(root * (rows @ x + offset)))
+
+    def _impossible(self) -> InputError:
+        given = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()]) or "the conditions"
+        remedy = "a wider bound, a higher degree or more pieces"
+        return refuse("bounds", given, f"what {self.family.name} can meet", "there is no such law", remedy)
 
     def _box(self, around: tuple[FloatArray, float] | None) -> list[tuple[float | None, float | None]]:
         """Return the bounds of the unknowns; a bound of zero adds nothing to the dual objective."""
@@ -135,12 +181,15 @@ class Program:
         blocks += [self._limited(name, *self.family.rows(places[ORDERS[name]], ORDERS[name])) for name in self.limits]
         if self.monotone:
             rows, offset = self.family.rows(places[1], 1)
-            blocks.append((self._wide(-rows), offset))
+            # From a law that turns back by rounding, a short step could mend nothing else.
+            blocks.append((self._wide(-rows), offset + (0.0 if around is None else ALMOST)))
         if cuts:
             slopes = np.array([slope for slope, _ in cuts])
             blocks.append((np.hstack([slopes, -self._pick("rms", len(cuts))]), -np.array([value for _, value in cuts])))
         if around is not None and "Cm" in self.weights:
             blocks.append(self._weighted("Cm", *self._moment(places[2], around[0])))
+        nothing = np.zeros((0, self.family.size + len(self.weights))), np.zeros(0)
+        blocks.append(nothing)
         return np.vstack([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])
 
     def _moment(self, z: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -174,6 +223,16 @@ class Program:
         rows = [self.family.rows(np.array([z]), order) for z, order, _ in self.conditions]
         values = [value - offset[0] for (_, offset), (*_, value) in zip(rows, self.conditions, strict=True)]
         return self._wide(np.vstack([matrix, *(row for row, _ in rows)])), np.concatenate([right, values])
+
+
+def _solutions(E: FloatArray, e: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
+    """Return one solution of E x = e and the directions in which it may move, shape (size, k)."""
+    if not len(E):
+        return np.zeros(size), np.eye(size)
+    base = np.asarray(np.linalg.lstsq(E, e, rcond=None)[0], dtype=float)
+    _, values, vectors = np.linalg.svd(E)
+    rank = int(np.count_nonzero(values > 1e-12 * values.max(initial=0.0)))
+    return base, np.asarray(vectors[rank:].T, dtype=float)
 
 
 def _criterion(law: Law, name: str) -> float:

@@ -88,6 +88,15 @@ def test_a_flat_face_touches_s_prime_beside_the_axis(turn, smooth_event):
     assert turn * made.offset[np.argmax(made.velocity)] > 0.0
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.006, -0.006])
+def test_the_normal_of_a_roller_runs_past_the_axis_at_s_prime_too(offset, turn, smooth_event):
+    """It meets the line through the cam's axis, square to the motion, at s': at any offset, at the pressure angle."""
+    made = cam_profile(smooth_event, RollerFollower(0.018, 0.008, offset), turn=turn)
+    reach = math.sqrt(0.026**2 - offset**2) + smooth_event(made.angle)
+    slant = np.arctan((offset - turn * smooth_event(made.angle, 1)) / reach)
+    np.testing.assert_allclose(made.offset, turn * smooth_event(made.angle, 1) * np.cos(slant), atol=1e-16)
+
+
 @given(
     mean=st.floats(0.0, 0.01), first=st.tuples(*[st.floats(-0.002, 0.002)] * 2),
     second=st.tuples(*[st.floats(-0.001, 0.001)] * 2), base=st.floats(0.005, 0.1),

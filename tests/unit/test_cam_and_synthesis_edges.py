@@ -1,0 +1,127 @@
+"""Edges of cam geometry and synthesis where an earlier version went wrong."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam.cam import (
+    FlatFollower,
+    RollerFollower,
+    cam_profile,
+    findings,
+    lift_from_profile,
+    petrescu_profile,
+)
+from flexcam.checks import InputError
+from flexcam.motion import LAWS, HarmonicLift, LiftEvent
+from flexcam.synthesis import SingleMass, SplineFamily, harmonic_fit, minimax, off_design, polydyne
+
+AROUND = np.linspace(0.0, 2 * math.pi, 12, endpoint=False)
+CIRCLE = 0.02 * np.column_stack([np.cos(AROUND), np.sin(AROUND)])
+WANTED = LiftEvent(LAWS["3-4-5"], lift=0.006, rise=1.5, fall=1.3, dwell=1.0, phase=0.4)
+
+
+def test_bound_over_all_with_one_free_end():
+    found = minimax(SplineFamily(degree=5, pieces=24, rest=1, symmetric=False), {"Cj": 1.0}, conditions=[(0.0, 2, 0.0)])
+    assert found.bound_all is None or found.objective >= found.bound_all * (1 - 1e-9)
+
+
+@pytest.mark.parametrize("pieces", [48, 72])
+def test_moment_of_many_pieces(pieces):
+    """Splines of 24 pieces are among those of 72; and of these the moment is 2.55 at most."""
+    assert minimax(SplineFamily(degree=5, pieces=pieces), {"Cm": 1.0}).objective < 2.55
+
+
+def test_moment_with_free_ends_is_not_refused():
+    """Best nearby only: 24 pieces find 2.325."""
+    assert minimax(SplineFamily(degree=5, pieces=24, rest=1), {"Cm": 1.0}).objective < 2.33
+
+
+def test_root_mean_square_of_the_default_family():
+    found = minimax(SplineFamily(), {"rms": 1.0})
+    assert found.objective == pytest.approx(3.5063734769, rel=1e-7)  # linear least squares
+    assert found.gap < 1e-6
+
+
+def test_resonance_missed_by_one_rounding():
+    train, speed = SingleMass(2000.0), 2000.0 / 103  # 103*speed/2000 = 1 - 1.1e-16
+    made = polydyne(LiftEvent(LAWS["4-5-6-7"], 0.008, 1.5, 1.5), train, speed, count=120)
+    with pytest.raises(InputError, match="resonance"):
+        off_design(made, train, [speed])
+
+
+def test_strict_section_whose_end_lies_between_two_angles():
+    fit = harmonic_fit(WANTED, 6, strict=[(6.0, 6.9)], tolerance=1e-6)
+    angle = np.linspace(6.0, 6.9, 2001)
+    worst = np.abs(fit.event(angle) - WANTED(angle)).max()
+    assert worst <= 1.05e-6
+    assert fit.strict_deviation == pytest.approx(worst, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("event", "tolerance"), [(WANTED, 1e-3), (LiftEvent(LAWS["3-4-5"], 0.006, math.pi, math.pi), 1e-5)]
+)
+def test_remedy_where_the_bound_is_what_cannot_be_met(event, tolerance):
+    with pytest.raises(InputError) as refusal:
+        harmonic_fit(event, 3, tolerance=tolerance, bound=1e-7)
+    fault = refusal.value.faults[0]
+    assert "bound" in fault.where + fault.given
+    assert "allow -0 um" not in fault.remedy
+    assert not fault.remedy.startswith("allow 6")  # less than the tolerance given
+
+
+def test_no_angles():
+    assert lift_from_profile(CIRCLE, FlatFollower(0.018), []).shape == (0,)
+
+
+def test_roller_between_two_points():
+    lift = lift_from_profile(CIRCLE, RollerFollower(0.018, 0.004), np.linspace(0.0, 1.0, 7))
+    np.testing.assert_allclose(lift, 0.002, atol=1e-7)
+
+
+@pytest.mark.parametrize("count", [90, 180, 360])
+def test_two_contacts_almost_as_high(count):
+    """A flat face over a hollow, about the angle where the contact jumps from one flank to the other."""
+    p, m = 0.0031, 0.006
+    event = HarmonicLift(m, (0.0, -m * math.cos(2 * p)), (0.0, -m * math.sin(2 * p)))
+    coarse, fine = (cam_profile(event, RollerFollower(0.018, 0.004), count=n).points for n in (count, 200_000))
+    angle = p + np.linspace(-5e-4, 5e-4, 401)
+    z = fine[:, 0] + 1j * fine[:, 1]
+    brute = np.array([(z * np.exp(1j * a)).imag.max() - 0.018 for a in angle])
+    np.testing.assert_allclose(lift_from_profile(coarse, FlatFollower(0.018), angle), brute, atol=1e-9)
+
+
+def test_nothing_left_to_choose():
+    with pytest.raises(InputError):
+        SplineFamily(degree=6, pieces=1, rest=2, symmetric=True)  # size 0
+
+
+@pytest.mark.parametrize(
+    "condition", [(0.5, 7, 0.6), (1.5, 1, 0.6), (0.5, -1, 0.6), (math.nan, 0, 0.6), (0.3, 0, math.nan)]
+)
+def test_conditions_out_of_range(condition):
+    with pytest.raises(InputError):
+        minimax(SplineFamily(degree=5, pieces=8), {"Ca": 1.0}, conditions=[condition])
+
+
+def test_static_answer_infinite():
+    with pytest.raises(InputError, match="harmonic 0"):
+        polydyne(WANTED, lambda omega: np.where(omega == 0.0, np.inf, 1.0 + 0j), 100.0)
+
+
+def test_classical_profile_on_no_base_circle():
+    with pytest.raises(InputError, match="base_radius"):
+        petrescu_profile(WANTED, -0.013, np.zeros(1), relaxed=False)
+
+
+def test_cutter_is_looked_at_even_if_undercut():
+    with pytest.raises(InputError, match="cutter"):
+        findings(cam_profile(HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0)), FlatFollower(0.005)), cutter=-1.0)
+
+
+def test_angles_that_are_no_numbers():
+    with pytest.raises(InputError, match="angle"):
+        lift_from_profile(CIRCLE, FlatFollower(0.018), [math.nan])
