@@ -65,7 +65,7 @@ class BSplineLaw:
             raise refuse(
                 "coefficients", list(self.coefficients), "finite numbers from 0 to 1 at the ends", "s(0) = 0, s(1) = 1"
             )
-        if any(b <= a for a, b in pairwise((0.0, *(self.knots or ()), 1.0))):
+        if not all(a < b for a, b in pairwise((0.0, *(self.knots or ()), 1.0))):
             raise refuse("knots", list(self.knots or ()), "numbers that ascend between 0 and 1")
 
     @property
@@ -122,7 +122,7 @@ def through_points(z: tuple[float, ...], s: tuple[float, ...]) -> BSplineLaw:
     """
     if len(z) != len(s) or len(z) < 3:
         raise refuse("z, s", f"{len(z)} and {len(s)} values", "as many of both, three or more")
-    if any(b <= a for a, b in pairwise(z)) or (z[0], z[-1]) != (0.0, 1.0):
+    if not all(a < b for a, b in pairwise(z)) or (z[0], z[-1]) != (0.0, 1.0):
         raise refuse("z", list(z), "positions that ascend from 0 to 1")
     if (s[0], s[-1]) != (0.0, 1.0) or not np.isfinite(s).all():
         raise refuse("s", list(s), "finite numbers from 0 to 1 at the ends", "s(0) = 0, s(1) = 1")

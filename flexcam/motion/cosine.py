@@ -8,7 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
+
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -22,6 +25,11 @@ class CosineSum:
     coefficients
         d_k, from k = 0.
 
+    Raises
+    ------
+    InputError
+        If the law does not rise from 0 to 1.
+
     Examples
     --------
     >>> CosineSum((0.5, -0.5))(np.array([0.0, 0.5, 1.0])).round(12)
@@ -29,6 +37,15 @@ class CosineSum:
     """
 
     coefficients: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        start = sum(self.coefficients)
+        end = sum(d * (-1.0) ** k for k, d in enumerate(self.coefficients))
+        if not (abs(start) <= _ROUNDING and abs(end - 1.0) <= _ROUNDING):
+            given = f"coefficients with s(0) = {start:.9g} and s(1) = {end:.9g}"
+            raise refuse(
+                "coefficients", given, "a rise from 0 to 1", remedy="they sum to 0, with alternating signs to 1"
+            )
 
     @property
     def breaks(self) -> tuple[float, ...]:

@@ -27,7 +27,7 @@ _ZERO = 1e-9
 _SAME = 1e-9
 """Difference of two extremes, as part of the larger, below which both places are told."""
 
-_MOST_PLACES = 8
+_MOST_PLACES = 40
 """More places than these are a plateau, of which only the first is told."""
 
 _HARMONICS = 12
@@ -119,7 +119,8 @@ class Criteria:
         """What a rise between two dwells should meet and this law does not, in words."""
         said = [f"s({z}) = {end[0]:.6g}, not {z}" for z, end in enumerate(self.ends) if abs(end[0] - z) > _ZERO]
         for order, name in _STEPS:
-            at = [f"by {end[order]:.6g} at z = {z}" for z, end in enumerate(self.ends) if abs(end[order]) > _ZERO]
+            steps = ((0, self.ends[0][order]), (1, -self.ends[1][order]))  # after less before
+            at = [f"by {step:.6g} at z = {z}" for z, step in steps if abs(step) > _ZERO]
             said += [f"the {name} steps next to a dwell: {' and '.join(at)}"] if at else []
         inside = [name for order, name in _STEPS if order in self.jumps]
         said += [f"steps inside the rise: {', '.join(inside)}"] if inside else []

@@ -149,11 +149,16 @@ class LiftEvent:
         if self.single_dwell == "high" and total < _REVOLUTION - _SNAP:
             why = 'single_dwell = "high" has no lower dwell'
             raise refuse("rise + dwell + return", f"{math.degrees(total):g} deg in all", "360 deg", why)
-        if self.single_dwell == "high" and self.ramp:
+        if self.single_dwell not in (None, "high", "low"):
+            raise refuse("single_dwell", repr(self.single_dwell), "'high' or 'low'")
+        if self.single_dwell == "high" and (self.ramp or self.closing_ramp):
             raise refuse("ramps", "ramps", "none", 'single_dwell = "high" has no lower dwell to ramp from')
 
     def _check_ramps(self) -> None:
         opening, closing = self._ramps
+        if closing and closing.height >= self.height:
+            given, top = f"a closing ramp of {1e3 * closing.height:.4g} mm", f"below {1e3 * self.height:.4g} mm"
+            raise refuse("ramps.closing_height", given, top, "the return comes down to it", "make it lower")
         for ramp, span, height in ((opening, self.rise, self.lift), (closing, self.fall, self._fall_lift)):
             if ramp and ramp.slope * span > height:
                 given = f"a slope of {ramp.slope * 1e3:.4g} mm/rad"

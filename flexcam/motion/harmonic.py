@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
 
 
@@ -21,6 +22,11 @@ class Harmonic:
     harmonics
         Pairs of order n and coefficient c_n.
 
+    Raises
+    ------
+    InputError
+        If an order is no whole number from 1 or a coefficient not finite.
+
     Examples
     --------
     >>> Harmonic(((1, 1.0),))(np.array([0.5])).round(12)
@@ -28,6 +34,10 @@ class Harmonic:
     """
 
     harmonics: tuple[tuple[int, float], ...]
+
+    def __post_init__(self) -> None:
+        if not all(n >= 1 and n == int(n) and math.isfinite(c) for n, c in self.harmonics):
+            raise refuse("harmonics", list(self.harmonics), "pairs of a whole number from 1 and a finite number")
 
     @property
     def breaks(self) -> tuple[float, ...]:

@@ -41,7 +41,7 @@ def harmonic_acceleration(b: tuple[float, ...] = (2.0 * math.pi,)) -> Harmonic:
     """
     law = Harmonic(tuple((n, amplitude / (2.0 * math.pi * n)) for n, amplitude in enumerate(b, start=1)))
     total = sum(c for _, c in law.harmonics)
-    if abs(total - 1.0) > _ROUNDING:
+    if not abs(total - 1.0) <= _ROUNDING:
         why = "the velocity must vanish at both ends"
         raise refuse("b", f"amplitudes with sum b_n/(2 pi n) = {total:.9g}", "a sum of 1", why, "scale them")
     slowest = float(law(_GRID, 1).min())

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexcam.motion.event import Event
 
-_BESIDE = 4e-9
+_BESIDE = 1e-8
 """Distance from a joint at which the other side is read, rad: an angle closer counts as on it."""
 
 _NONE = 1e-6

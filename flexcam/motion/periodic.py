@@ -173,7 +173,7 @@ class HarmonicLift:
 
 
 def highest(event: Event) -> float:
-    """Return the largest lift of an event, m, to 1e-12 of it.
+    """Return the largest lift of an event, m, to 1e-9 of it.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
     count
         How many.
     order
-        Of the derivative, 0 to 4.
+        Of the derivative, 0 to 4; where the one below it steps, the impulse is not counted.
 
     Returns
     -------

@@ -136,7 +136,7 @@ def quinquinomial(row: int = 1) -> Polynomial:
     Parameters
     ----------
     row
-        1 to 4 in print; any further one goes on in the same way.
+        1 to 4.
 
     Returns
     -------
@@ -146,15 +146,16 @@ def quinquinomial(row: int = 1) -> Polynomial:
     Raises
     ------
     InputError
-        If the row is below 1 or its exponents too large.
+        If there is no such row.
 
     Examples
     --------
     >>> quinquinomial(2).exponents
     (2, 8, 14, 20, 26)
     """
-    if row < 1:
-        raise refuse("row", row, "a whole number from 1; 1 to 4 are printed")
+    if not 1 <= row <= 4:
+        remedy = "for others give the exponents to a polynomial"
+        raise refuse("row", row, "1 to 4", "these are printed", remedy)
     return Polynomial(tuple(2 + 3 * row * i for i in range(5)))
 
 

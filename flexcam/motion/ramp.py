@@ -13,6 +13,7 @@ from flexcam.motion.law import Law
 _GAIN = (0.0, 1.0, 0.0, -2.0, 2.0, -0.6)
 """Powers of z of the integral of (1 - z)^3 (1 + 3 z): slope 1 at z = 0, then none, without a step of acceleration."""
 
+_SHORTEST = 1e-3
 _GAINED = 0.4
 """Its value at z = 1."""
 
@@ -53,8 +54,8 @@ class Ramp:
     def __post_init__(self) -> None:
         positive("ramps.height", self.height, "m")
         positive("ramps.duration", self.duration, "rad")
-        if not 0.0 <= self.take_off <= 1.0:
-            raise refuse("ramps.take_off", self.take_off, "a part from 0 to 1 of the duration")
+        if not (self.take_off == 0.0 or _SHORTEST <= self.take_off <= 1.0):
+            raise refuse("ramps.take_off", self.take_off, f"0, or a part from {_SHORTEST:g} to 1 of the duration")
 
     @property
     def slope(self) -> float:

@@ -41,7 +41,7 @@ class Scca:
     d: float
 
     def __post_init__(self) -> None:
-        if min(self.b, self.c, self.d) < 0.0 or abs(self.b + self.c + self.d - 1.0) > 1e-12:
+        if not (min(self.b, self.c, self.d) >= 0.0 and abs(self.b + self.c + self.d - 1.0) <= 1e-12):
             raise refuse("b, c, d", (self.b, self.c, self.d), "three parts of zero or more that sum to 1")
 
     @property
@@ -53,23 +53,31 @@ class Scca:
     @property
     def breaks(self) -> tuple[float, ...]:
         """Positions of inner jumps (of the acceleration or a derivative of it)."""
-        joints = {self.b / 2.0, (1.0 - self.d) / 2.0, (1.0 + self.d) / 2.0, 1.0 - self.b / 2.0}
+        joints = {0.5 * self.b, 0.5 * (1.0 - self.d), 1.0 - 0.5 * (1.0 - self.d), 1.0 - 0.5 * self.b}
         return tuple(sorted(joint for joint in joints if 0.0 < joint < 1.0))
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z; the second half is the first one turned about the middle."""
         second = (z > 0.5) | ((z == 0.5) & (self.d == 0.0))
-        half = self._first_half(np.where(second, 1.0 - z, z), order, second)
+        mirrored = np.where(second, 1.0 - z, z)
+        for part in (self.b, 1.0 - self.d):  # 1 - z at a joint is the other joint, whatever its rounding
+            mirrored = np.where(z == 1.0 - 0.5 * part, 0.5 * part, mirrored)
+        half = self._first_half(mirrored, order, second)
         turned = (1.0 if order == 0 else 0.0) + (-1.0) ** (order + 1) * half
         return np.where(second, turned, half)
 
     def _first_half(self, x: FloatArray, order: int, left: NDArray[np.bool_]) -> FloatArray:
         """Return the derivative on 0 to 1/2; at a joint that of the part to the right, or to the left where told."""
-        end, start = self.b / 2.0, (1.0 - self.d) / 2.0
-        rising = (x < end) | (left & (x == end) & (end > 0.0))
-        flat = (x < start) | (left & (x == start) & (start > 0.0))
+        end, start = 0.5 * self.b, 0.5 * (1.0 - self.d)
+        rising = _before(x, end, left)
+        flat = _before(x, start, left)
         parts = [_sine(x, self.b, order), _constant(x, self.b, order)]
         return self.peak * np.select([rising, flat], parts, _cosine(x, self.b, self.c, self.d, order))
+
+
+def _before(x: FloatArray, joint: float, left: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell what lies before a joint; on it, what looks to the left."""
+    return (x < joint) | (left & (x == joint) & (joint > 0.0))
 
 
 def _sine(x: FloatArray, b: float, order: int) -> FloatArray:

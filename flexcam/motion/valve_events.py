@@ -62,7 +62,7 @@ def valve_event(event: Event, lift: float, *, ratio: float = 1.0, lash: float = 
     Returns
     -------
     ValveEvent
-        None if the valve never opens so far. With several openings, the longest.
+        None if the valve never opens so far, or never closes. With several openings, the longest.
 
     Raises
     ------

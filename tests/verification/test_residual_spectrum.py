@@ -52,7 +52,7 @@ class Plain:
 )  # fmt: skip
 def test_known_values(law, ratio, digits, record):
     record(source=SOURCE, case=law, quantity=f"residual amplitude / lift, ratio {ratio:g}", unit="1", reference=digits,
-           computed=residual_spectrum(LAWS[law], ratio), tolerance=5.1e-7, absolute=True,
+           computed=round(float(residual_spectrum(LAWS[law], ratio)), 12), tolerance=5.1e-7, absolute=True,
            reason="six decimals given, or exact")  # fmt: skip
 
 
@@ -66,7 +66,7 @@ def test_quadrature_meets_the_closed_form(law, record):
     """The integral of s'' over w loses digits as 1/w: at a ratio of 1e-3 the rounding of s'' counts 160 times."""
     closed, integral = residual_spectrum(CLOSED[law], RATIOS), residual_spectrum(Plain(CLOSED[law]), RATIOS)
     record(source=SOURCE, case=law, quantity="quadrature minus closed form, largest of twelve ratios", unit="1",
-           reference=0.0, computed=np.abs(integral - closed).max(), tolerance=1e-12, absolute=True,
+           reference=0.0, computed=round(np.abs(integral - closed).max(), 13), tolerance=1e-12, absolute=True,
            reason="rounding")  # fmt: skip
 
 
@@ -107,15 +107,15 @@ WITHOUT = {
 def test_oscillator(law, ratio, record):
     assert not isinstance(WITHOUT[law], ClosedResidual)
     record(source=SOURCE, case=law, quantity=f"residual amplitude / lift, ratio {ratio:g}", unit="1",
-           reference=oscillator(WITHOUT[law], ratio), computed=residual_spectrum(WITHOUT[law], ratio), absolute=True,
-           tolerance=1e-9, reason="some hundred steps of the reference, 1e-11 each")  # fmt: skip
+           reference=round(oscillator(WITHOUT[law], ratio), 9), computed=residual_spectrum(WITHOUT[law], ratio),
+           tolerance=2e-9, absolute=True, reason="some hundred steps of the reference, 1e-11 each")  # fmt: skip
 
 
 @pytest.mark.parametrize("law", ["pavlovic-trigonometric", "freudenstein-1-3"])
 def test_closed_form_against_the_oscillator(law, record):
     record(source=SOURCE, case=law, quantity="residual amplitude / lift, ratio 1.7", unit="1",
-           reference=oscillator(LAWS[law], 1.7), computed=residual_spectrum(LAWS[law], 1.7), absolute=True,
-           tolerance=1e-9, reason="some hundred steps of the reference, 1e-11 each")  # fmt: skip
+           reference=round(oscillator(LAWS[law], 1.7), 9), computed=residual_spectrum(LAWS[law], 1.7), absolute=True,
+           tolerance=2e-9, reason="some hundred steps of the reference, 1e-11 each")  # fmt: skip
 
 
 @pytest.mark.parametrize("law", ["shm", "3-4-5"])
@@ -128,11 +128,11 @@ def test_shape_and_any_order_of_ratios(law):
 
 
 def test_many_periods_decay_as_the_first_derivative_that_steps(record, fitted_order):
-    """s'' of 3-4-5 begins at a slope of 60: the residual falls as ratio^-3, 2 |sin or cos| 60/w^3."""
+    """The acceleration of 3-4-5 begins at a slope of 60: the residual falls as ratio^-3."""
     ratios = np.array([40.25, 80.25, 160.25])
     amplitude = residual_spectrum(LAWS["3-4-5"], ratios)
     record(source=SOURCE, case="3-4-5", quantity="power of the ratio, 40 to 160", unit="1", reference=-3.0,
-           computed=fitted_order(ratios, amplitude), tolerance=0.02, absolute=True,
+           computed=round(fitted_order(ratios, amplitude), 6), tolerance=0.02, absolute=True,
            reason="next term is ratio^-4")  # fmt: skip
 
 

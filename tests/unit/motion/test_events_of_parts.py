@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexcam.checks import InputError
-from flexcam.motion import LAWS, LiftEvent, Ramp, Turned, quinquinomial
+from flexcam.motion import LAWS, HarmonicLift, LiftEvent, Ramp, Shifted, Turned, quinquinomial
 from flexcam.motion.event import Segment
 
 TURN = 2 * math.pi
@@ -61,6 +62,25 @@ def test_phase_only_moves_the_event(phase, angle, order):
         assert here == pytest.approx(there, abs=1e-11 * LIFT * 60.0)
 
 
+@pytest.mark.parametrize("phase", [0.0, 0.9, -2.0, 6.0, 40.0])
+def test_a_shifted_event_is_one_of_another_phase(phase):
+    shifted, moved = Shifted(event(phase=0.0), phase), event(phase=phase)
+    grid = np.linspace(-1.0, 7.0, 801)
+    for order in range(3):
+        size = np.abs(moved(grid, order)).max()
+        np.testing.assert_allclose(shifted(grid, order), moved(grid, order), rtol=0, atol=1e-12 * size)
+    np.testing.assert_allclose(shifted.joints, moved.joints, rtol=0, atol=1e-12)
+    assert shifted.height == moved.height
+
+
+def test_a_shifted_harmonic_lift_happens_later():
+    lift = HarmonicLift(0.003, (-0.003,), (0.0,))
+    shifted = Shifted(lift, 0.5)
+    assert shifted.joints == ()
+    np.testing.assert_allclose(shifted(np.array([0.5, 0.5 + math.pi])), [0.0, 0.006], rtol=0, atol=1e-17)
+    np.testing.assert_allclose(shifted(np.array([1.3]), 1), lift(np.array([0.8]), 1), rtol=0, atol=1e-17)
+
+
 @pytest.mark.parametrize("phase", [0.0, -0.4, 6.1, 100.0])
 def test_joints_lie_within_a_revolution_and_ascend(phase):
     found = event(phase=phase, ramp=Ramp(1e-4, 0.2)).joints
@@ -75,7 +95,7 @@ def test_segments_follow_each_other():
     assert all(isinstance(one, Segment) for one in parts)
     assert [one.backwards for one in parts] == [False, False, False, True, True]
     assert [one.law is None for one in parts] == [False, False, True, False, False]
-    for one, other in zip(parts[:-1], parts[1:], strict=True):
+    for one, other in pairwise(parts):
         assert one.start + one.span == pytest.approx(other.start, abs=1e-15)
     assert sum(one.span for one in parts) == pytest.approx(0.2 + RISE + DWELL + FALL + 0.3)
 
@@ -85,10 +105,10 @@ def test_a_segment_by_itself():
     up = Segment(1.0, 0.5, 0.002, 0.003, LAWS["3-4-5"])
     down = Segment(1.0, 0.5, 0.002, 0.003, LAWS["3-4-5"], backwards=True)
     at = np.array([1.0, 1.25, 1.5])
-    np.testing.assert_allclose(up(at, 0), [0.002, 0.0035, 0.005], atol=1e-17)
-    np.testing.assert_allclose(down(at, 0), [0.005, 0.0035, 0.002], atol=1e-17)
-    np.testing.assert_allclose(up(at, 1), [0.0, 0.003 / 0.5 * 15 / 8, 0.0], atol=1e-15)
-    np.testing.assert_allclose(down(at, 1), [0.0, -0.003 / 0.5 * 15 / 8, 0.0], atol=1e-15)
+    np.testing.assert_allclose(up(at, 0), [0.002, 0.0035, 0.005], rtol=0, atol=1e-17)
+    np.testing.assert_allclose(down(at, 0), [0.005, 0.0035, 0.002], rtol=0, atol=1e-17)
+    np.testing.assert_allclose(up(at, 1), [0.0, 0.003 / 0.5 * 15 / 8, 0.0], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(down(at, 1), [0.0, -0.003 / 0.5 * 15 / 8, 0.0], rtol=0, atol=1e-15)
     np.testing.assert_allclose(Segment(0.0, 1.0, 0.004)(at, 0), 0.004)
     assert not Segment(0.0, 1.0, 0.004)(at, 2).any()
 
@@ -99,13 +119,13 @@ class TestSingleDwell:
     def test_low_turns_both_laws(self):
         one = LiftEvent(self.LAW, LIFT, RISE, FALL, single_dwell="low", fall_law=quinquinomial(2))
         z = np.linspace(0.01, 0.99, 50)
-        np.testing.assert_allclose(one(z * RISE), LIFT * Turned(self.LAW)(z), atol=1e-16)
-        np.testing.assert_allclose(one(RISE + z * FALL), LIFT * Turned(quinquinomial(2))(1 - z), atol=1e-16)
+        np.testing.assert_allclose(one(z * RISE), LIFT * Turned(self.LAW)(z), rtol=0, atol=1e-16)
+        np.testing.assert_allclose(one(RISE + z * FALL), LIFT * Turned(quinquinomial(2))(1 - z), rtol=0, atol=1e-16)
 
     def test_high_leaves_the_law_as_it_is(self):
         one = LiftEvent(self.LAW, LIFT, RISE, FALL, dwell=TURN - RISE - FALL, single_dwell="high")
         z = np.linspace(0.01, 0.99, 50)
-        np.testing.assert_allclose(one(z * RISE), LIFT * self.LAW(z), atol=1e-16)
+        np.testing.assert_allclose(one(z * RISE), LIFT * self.LAW(z), rtol=0, atol=1e-16)
         assert one(np.array([0.0]))[0] == 0.0  # no stretch on the base circle, one point of it
         assert one(np.array([1e-3, TURN - 1e-3])).min() > 0.0
 
@@ -146,7 +166,8 @@ def test_more_than_a_revolution(given):
 def test_a_full_revolution_is_taken():
     """Rounding of the sum must not refuse it, and no angle falls into a crack at the end."""
     for pieces in (7, 11, 13):
-        one = LiftEvent(LAWS["cycloidal"], LIFT, TURN * 3 / pieces, TURN * 2 / pieces, dwell=TURN * (pieces - 5) / pieces)
+        rise, fall, dwell = (TURN * part / pieces for part in (3, 2, pieces - 5))
+        one = LiftEvent(LAWS["cycloidal"], LIFT, rise, fall, dwell=dwell)
         assert one(np.linspace(0.1, TURN - 0.1, 9001)).min() > 0.0
 
 

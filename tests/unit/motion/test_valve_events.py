@@ -67,7 +67,7 @@ def test_the_centre_of_a_symmetric_event_is_its_nose():
 
 
 def test_thresholds():
-    assert THRESHOLDS == {"1 mm": 1e-3, "0.05 in": pytest.approx(1.27e-3)}
+    assert dict(THRESHOLDS) == pytest.approx({"1 mm": 1e-3, "0.05 in": 1.27e-3}, rel=1e-15)
 
 
 def test_opens_in_one_cycle_and_closes_in_the_next():
@@ -82,7 +82,7 @@ def test_never_opens_so_far(lift):
 
 
 def test_the_longest_of_several_openings():
-    """Lift 4 (1 - cos 2 angle)... with a second lobe that a first harmonic lowers: the higher one is told."""
+    """Two lobes per revolution, one of which a first harmonic raises and the other lowers: the wider one is told."""
     lift = HarmonicLift(0.004, (0.001, -0.004), (0.0, 0.0))
     found = valve_event(lift, 0.004)
     grid = np.linspace(0, 2 * math.pi, 100_001)
@@ -108,13 +108,11 @@ def test_a_spline_opens_where_it_passes_the_lift():
     spline = PeriodicSpline(0.004 * (1 - np.cos(angles)))
     found = valve_event(spline, 0.003)
     crossings = np.array([found.opens, found.closes]) / 2
-    np.testing.assert_allclose(spline(crossings), 0.003, atol=1e-15)
+    np.testing.assert_allclose(spline(crossings), 0.003, rtol=0, atol=1e-15)
     assert spline(np.array([found.centre / 2]))[0] > 0.003
 
 
-@pytest.mark.parametrize(
-    "given", [{"lift": 0.0}, {"lift": -1e-3}, {"ratio": 0.0}, {"lash": -1e-4}, {"lift": math.nan}]
-)
+@pytest.mark.parametrize("given", [{"lift": 0.0}, {"lift": -1e-3}, {"ratio": 0.0}, {"lash": -1e-4}, {"lift": math.nan}])
 def test_refused(given):
     with pytest.raises(InputError):
         valve_event(simple_harmonic(1.0, 1.0), **({"lift": 1e-3} | given))
@@ -124,8 +122,8 @@ OPEN = st.floats(0.0, CYCLE - 1e-6)
 SPAN = st.floats(0.1, CYCLE - 0.1)
 
 
-def counted(one, other, n=200_000):
-    """The overlap by counting places around the cycle."""
+def counted(one, other, n=20_000):
+    """Return the overlap by counting places around the cycle."""
     place = (np.arange(n) + 0.5) * CYCLE / n
     inside = [np.mod(place - event.opens, CYCLE) < event.duration for event in (one, other)]
     return float(np.mean(inside[0] & inside[1]) * CYCLE)
@@ -135,7 +133,7 @@ def counted(one, other, n=200_000):
 @given(OPEN, SPAN, OPEN, SPAN)
 def test_overlap_by_counting(one, first, other, second):
     a, b = ValveEvent(1e-3, one, one + first), ValveEvent(1e-3, other, other + second)
-    assert overlap(a, b) == pytest.approx(counted(a, b), abs=4 * CYCLE / 200_000)
+    assert overlap(a, b) == pytest.approx(counted(a, b), abs=4 * CYCLE / 20_000)
     assert overlap(a, b) == pytest.approx(overlap(b, a), abs=1e-12)
 
 
@@ -147,13 +145,12 @@ def test_overlap_across_the_end_of_the_cycle(turn):
 
 
 def test_overlap_of_cams():
-    """Exhaust and intake lobes of 130 deg half a period apart, simple harmonic: both closed forms together."""
+    """Exhaust and intake lobes of 130 deg whose feet cross by 60 deg of cam angle, over the end of the revolution."""
     half = math.radians(65)
-    exhaust, intake = (simple_harmonic(half, half, phase=math.radians(p)) for p in (240.0, 355.0))
+    exhaust, intake = (simple_harmonic(half, half, phase=math.radians(p)) for p in (270.0, 340.0))
     one, other = (valve_event(cam, 1e-3) for cam in (exhaust, intake))
     still = 2 * half * reached(1e-3 / LIFT)  # crank angle from the foot of a lobe to 1 mm
-    assert overlap(one, other) == pytest.approx(2 * math.radians(240 + 130 - 355) - 2 * still, abs=1e-9)
-    assert overlap(one, other) == 0.0 or overlap(one, other) > 0.0
+    assert overlap(one, other) == pytest.approx(2 * math.radians(270 + 130 - 340) - 2 * still, abs=1e-9)
 
 
 def test_none_without_overlap():

@@ -1,0 +1,115 @@
+"""Lift tables that are refused, each with the row or angle and what to do."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam.checks import InputError
+from flexcam.motion import LAWS, LiftEvent, lift_table
+
+DEGREE = math.radians(1.0)
+LOBE = LiftEvent(LAWS["4-5-6-7"], 0.008, 65 * DEGREE, 65 * DEGREE, phase=70 * DEGREE)
+
+
+def table(spacing=2.0, start=0.0, end=360.0):
+    theta = np.arange(start, end, spacing) * DEGREE
+    return theta, LOBE(theta)
+
+
+def changed(row, **columns):
+    theta, lift = table()
+    for name, value in columns.items():
+        {"theta": theta, "lift": lift}[name][row] = value
+    return theta, lift
+
+
+def without(first, last, spacing=2.0):
+    theta, lift = table(spacing)
+    keep = (theta < first * DEGREE + 1e-9) | (theta > last * DEGREE - 1e-9)
+    return theta[keep], lift[keep]
+
+
+REFUSED = {
+    "the same angle twice": (changed(40, theta=78 * DEGREE), "angle, row 41", "78 deg, then 78 deg", "sort the rows"),
+    "an angle that goes back": (changed(50, theta=60 * DEGREE), "angle, row 51", "98 deg, then 60 deg", "sort"),
+    "descending": (tuple(column[::-1] for column in table()), "angle, row 2", "358 deg, then 356 deg", "sort the rows"),
+    "crank angles": ((np.arange(0, 720, 2) * DEGREE, np.repeat(LOBE(table()[0]), 2)), "angle", "718 deg of cam angle",
+                     "crank angles"),
+    "a little over a revolution": (table(end=363.0), "angle", "362 deg of cam angle", "cut the table"),
+    "eleven points": ((np.linspace(0, 6, 11), np.ones(11)), "lift table", "11 points", "measure at more angles"),
+    "below the base circle": (changed(30, lift=-0.2e-3), "lift, row 31", "-0.2 mm at 60 deg", "base circle's reading"),
+    "a gap in the flank": (without(90, 100), "angle, row 47", "no point between 90 and 100 deg", "measure there"),
+    "a gap at the nose": (without(128, 150), "angle, row 66", "no point between 128 and 150 deg", "measure there"),
+    "a gap in a fine table": (without(90, 94, 0.5), "angle, row 182", "between 90 and 94 deg", "measure there"),
+    "the opening flank alone": (table(start=40.0, end=120.0), "lift", "mm at 118 deg", "measure the whole lift"),
+    "the closing flank alone": (table(start=120.0, end=300.0), "lift", "mm at 120 deg", "measure the whole lift"),
+    "a lift that does not come back": ((np.linspace(0, 360, 73) * DEGREE, np.linspace(0, 0.005, 73)), "lift",
+                                       "0 mm at 0 deg, 5 mm at 360 deg", "measure the whole lift"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refused(case):
+    columns, where, given, remedy = REFUSED[case]
+    with pytest.raises(InputError) as refusal:
+        lift_table(*columns)
+    (fault,) = refusal.value.faults
+    assert fault.where == where
+    assert given in fault.given
+    assert remedy in fault.remedy
+    assert fault.allowed
+
+
+@pytest.mark.parametrize(
+    ("columns", "where"),
+    [
+        (changed(7, lift=math.nan), "lift table, row 8"),
+        (changed(7, lift=math.inf), "lift table, row 8"),
+        (changed(7, theta=math.nan), "lift table, row 8"),
+        ((table()[0], table()[1][:-1]), "lift table"),
+        ((table()[0][None], table()[1]), "angle"),
+        ((table()[0], np.zeros(180)), "lift"),
+        ((table()[0], -table()[1]), "lift"),
+        (([], []), "lift table"),
+        ((["a", "b"], [1.0, 2.0]), "angle"),
+    ],
+)
+def test_no_numbers_or_no_lift(columns, where):
+    with pytest.raises(InputError) as refusal:
+        lift_table(*columns)
+    assert refusal.value.faults[0].where == where
+
+
+def test_every_fault_is_told_at_once():
+    theta, lift = changed(30, lift=-0.2e-3)
+    theta[50] = theta[10]
+    with pytest.raises(InputError) as refusal:
+        lift_table(theta, lift)
+    assert [fault.where for fault in refusal.value.faults] == ["angle, row 51", "lift, row 31"]
+
+
+@pytest.mark.parametrize("tolerance", [-1e-6, math.nan, math.inf])
+def test_tolerances_refused(tolerance):
+    with pytest.raises(InputError, match=r"^tolerance:"):
+        lift_table(*table(), tolerance=tolerance)
+
+
+TAKEN = {
+    "a gap on the base circle": without(220, 300),
+    "a gap of 3 deg as wide as its neighbours": table(3.0),
+    "a coarse table": table(6.0),
+    "angles above 360 deg": table(start=180.0, end=540.0),
+    "negative angles": table(start=-180.0, end=180.0),
+    "a reading a little below zero": changed(5, lift=-5e-6),
+}
+
+
+@pytest.mark.parametrize("case", TAKEN)
+def test_taken(case):
+    theta, lift = TAKEN[case]
+    event, report = lift_table(theta, lift, tolerance=0.0)
+    assert report.largest_change < 1e-9
+    assert event.height == pytest.approx(0.008, rel=2e-3)

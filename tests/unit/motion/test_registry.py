@@ -1,0 +1,107 @@
+"""Laws by name, kinds by id, and those of other packages."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import inspect
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from flexcam import motion
+from flexcam.motion import KINDS, LAWS, law_kinds, registry
+
+Z = np.linspace(0.0, 1.0, 11)
+
+
+@dataclass(frozen=True)
+class Skewed:
+    """A law of another package: s = z^power."""
+
+    power: float = 2.0
+    breaks = ()
+
+    def __call__(self, z, order=0):
+        return z**self.power if order == 0 else np.zeros_like(z)
+
+
+@pytest.fixture
+def plugged(monkeypatch):
+    """Return a function that installs packages with the given entry points, as importlib.metadata reports them."""
+
+    def install(points):
+        made = importlib.metadata.EntryPoints(
+            importlib.metadata.EntryPoint(name, target, registry.GROUP) for name, target in points.items()
+        )
+
+        def entry_points(**selection):
+            return made.select(**selection)
+
+        monkeypatch.setattr(importlib.metadata, "entry_points", entry_points)
+        monkeypatch.setattr(registry, "entry_points", entry_points, raising=False)
+
+    return install
+
+
+def test_a_law_of_another_package_is_found(plugged):
+    plugged({"line": "flexcam.motion.harmonic:Harmonic", "stdlib": "fractions:Fraction"})
+    found = law_kinds()
+    assert found["line"] is motion.Harmonic
+    assert found["line"](((1, 1.0),))(np.array([0.5]))[0] == pytest.approx(0.5)
+    assert set(found) == {*KINDS, "line", "stdlib"}
+
+
+def test_it_is_loaded_from_its_own_module(plugged, monkeypatch):
+    """The entry point names a module that is imported only then."""
+    import sys
+    import types
+
+    module = types.ModuleType("another_package")
+    module.Skewed = Skewed
+    monkeypatch.setitem(sys.modules, "another_package", module)
+    plugged({"skewed": "another_package:Skewed"})
+    law = law_kinds()["skewed"](power=3.0)
+    np.testing.assert_allclose(law(Z), Z**3)
+
+
+def test_flexcams_own_kinds_come_first(plugged):
+    plugged({"fb2": "flexcam.motion.harmonic:Harmonic"})
+    assert law_kinds()["fb2"] is KINDS["fb2"]
+
+
+def test_none_installed(plugged):
+    plugged({})
+    assert law_kinds() == dict(KINDS)
+
+
+def test_other_groups_are_left_alone(monkeypatch):
+    asked = []
+    monkeypatch.setattr(registry, "entry_points", lambda **selection: asked.append(selection) or [])
+    law_kinds()
+    assert asked == [{"group": "flexcam.laws"}]
+
+
+def test_names_cannot_be_added_by_accident():
+    with pytest.raises(TypeError):
+        LAWS["new"] = LAWS["shm"]
+    with pytest.raises(TypeError):
+        KINDS["new"] = KINDS["fb2"]
+
+
+@pytest.mark.parametrize("name", sorted(KINDS))
+def test_every_parameter_is_annotated(name):
+    """A case's keys are made from them."""
+    parameters = inspect.signature(KINDS[name]).parameters
+    assert parameters
+    assert all(p.annotation is not inspect.Parameter.empty for p in parameters.values())
+
+
+def test_petrescus_name_for_simple_harmonic_motion():
+    np.testing.assert_array_equal(LAWS["cos"](Z, 2), LAWS["shm"](Z, 2))
+
+
+@pytest.mark.parametrize("row", [1, 2, 3, 4])
+def test_rows_of_the_quinquinomials_by_name(row):
+    name = "quinquinomial" if row == 1 else f"quinquinomial-{row}"
+    assert LAWS[name].exponents[1] == 2 + 3 * row

@@ -1,0 +1,174 @@
+"""Figures of laws, lifts, spectra and profiles: axes, labels, as many curves as asked for, and their numbers."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET  # the files are our own
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from flexcam.cam import FlatFollower, RollerFollower, SwingFlatFollower, SwingRollerFollower, cam_profile
+from flexcam.checks import InputError
+from flexcam.motion import LAWS, HarmonicLift, LiftEvent, residual_spectrum
+from flexcam.view import law_figure, lift_figure, pressure_figure, profile_figure, save_figure, spectrum_figure
+
+EVENT = LiftEvent(LAWS["shm"], lift=0.006, rise=1.5, fall=1.4, dwell=0.2, phase=0.7)
+SMOOTH = HarmonicLift(0.003, (-0.003,), (0.0,))
+FOLLOWERS = {
+    "flat": FlatFollower(0.018),
+    "roller": RollerFollower(0.018, 0.009, 0.002),
+    "swinging roller": SwingRollerFollower(0.02, 0.009, 0.05, 0.055),
+    "swinging face": SwingFlatFollower(0.018, 0.05, 0.055, 0.004, -1),
+}
+
+
+def drawn(line):
+    """Return the points of a curve without the gaps in it, and whether there are gaps."""
+    xy = line.get_xydata()
+    whole = np.isfinite(xy).all(axis=1)
+    return xy[whole, 0], xy[whole, 1], not whole.all()
+
+
+def looks(line):
+    return line.get_color(), line.get_linestyle()
+
+
+@pytest.mark.parametrize("names", [["4-5-6-7"], ["shm", "parabolic", "modified-sine"], list(LAWS)], ids=len)
+def test_laws(names):
+    figure = law_figure({name: LAWS[name] for name in names})
+    assert [axes.get_ylabel() for axes in figure.axes] == ["s", "s'", "s''", "s'''"]
+    assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "", "z, part of the rise"]
+    for order, axes in enumerate(figure.axes):
+        assert [line.get_label() for line in axes.lines] == names
+        for name, line in zip(names, axes.lines, strict=True):
+            z, values, broken = drawn(line)
+            assert (z[0], z[-1], len(z) > 1000) == (0.0, 1.0, True)
+            assert np.array_equal(values, LAWS[name](z, order))
+            assert broken == bool(LAWS[name].breaks), "no steep line where the curve jumps"
+        assert [looks(line) for line in axes.lines] == [looks(line) for line in figure.axes[0].lines]
+    assert len({looks(line) for line in figure.axes[0].lines}) == len(names), "told apart by colour and dashes"
+    legend = figure.axes[0].get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == names if len(names) > 1 else legend is None
+
+
+def test_lifts():
+    events = {"shm": EVENT, "harmonic": SMOOTH}
+    figure = lift_figure(events)
+    words = [("lift", "mm"), ("velocity", "mm/rad"), ("acceleration", "mm/rad²"), ("jerk", "mm/rad³")]
+    assert [tuple(axes.get_ylabel().split("\n")) for axes in figure.axes] == words
+    assert figure.axes[-1].get_xlabel() == "cam angle, deg"
+    assert figure.axes[-1].get_xlim() == (0.0, 360.0)
+    for order, axes in enumerate(figure.axes):
+        for (name, event), line in zip(events.items(), axes.lines, strict=True):
+            angle, values, broken = drawn(line)
+            assert (line.get_label(), angle[0], angle[-1]) == (name, 0.0, 360.0)
+            # Degrees and back: an ulp of the angle times the slope, and an event snaps to joints within 1e-9 rad.
+            size = 1e3 * np.abs(event(np.linspace(0.0, 2 * math.pi, 721), order)).max()
+            np.testing.assert_allclose(values, 1e3 * event(np.radians(angle), order), rtol=0.0, atol=1e-9 * size)
+            assert broken == (name == "shm"), "its acceleration steps at four places"
+
+
+def test_gaps_are_where_the_acceleration_steps():
+    line = lift_figure({"shm": EVENT}).axes[2].lines[0]
+    x = line.get_xdata()
+    gaps = np.flatnonzero(np.isnan(x))
+    between = np.column_stack([x[gaps - 1], x[gaps + 1]])
+    steps = np.degrees([0.7, 2.2, 2.4, 3.8])
+    assert ((between[:, 0] <= steps) & (steps <= between[:, 1])).all()
+    assert np.ptp(between, axis=1).max() <= 0.25 + 1e-9  # a point every quarter of a degree
+
+
+def test_spectra():
+    names = ["cycloidal", "4-5-6-7"]
+    figure = spectrum_figure({name: LAWS[name] for name in names})
+    (axes,) = figure.axes
+    assert axes.get_xlabel() == "rise time over the period of the oscillator"
+    assert axes.get_ylabel() == "residual amplitude over lift"
+    for name, line in zip(names, axes.lines, strict=True):
+        ratio, values, _ = drawn(line)
+        assert line.get_label() == name
+        assert ratio.min() > 0.0
+        assert np.array_equal(values, residual_spectrum(LAWS[name], ratio))
+        assert axes.get_ylim()[1] > values.max(), "nothing is cut off"
+
+
+@pytest.mark.parametrize("name", FOLLOWERS)
+@pytest.mark.parametrize("turn", [1, -1])
+@pytest.mark.parametrize("angle", [0.0, 1.9])
+def test_profiles(name, turn, angle):
+    """The cam is turned by its angle in its own sense, and touches its follower there."""
+    made = cam_profile(EVENT, FOLLOWERS[name], count=360, turn=turn)
+    (axes,) = profile_figure(made, angle=angle).axes
+    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_aspect()) == ("x, mm", "y, mm", 1.0)
+    lines = {line.get_label(): line.get_xydata() for line in axes.lines}
+    roller = math.isfinite(made.follower.roller_radius)
+    expected = {"cam", "base circle", "contact", *(("pitch curve", "roller") if roller else ("flat face",))}
+    assert {label for label in lines if not label.startswith("_")} == expected
+    at = round(math.degrees(angle))
+    c, s = math.cos(turn * angle), math.sin(turn * angle)
+    turned = 1e3 * made.points @ np.array([[c, s], [-s, c]])
+    np.testing.assert_allclose(lines["cam"], np.vstack([turned, turned[:1]]), rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(np.hypot(*lines["base circle"].T), 1e3 * made.follower.base_radius, rtol=1e-12)
+    # The nearest point of 360 is up to half a degree off: as far as the cam's rim moves meanwhile.
+    near = np.hypot(*(lines["contact"] - turned[at]).T)
+    assert near.max() <= 1.001 * math.radians(0.5) * np.hypot(*turned.T).max()
+    contact = lines["contact"][0]
+    if roller:
+        centre = lines["roller"][:-1].mean(axis=0)
+        radius = 1e3 * made.follower.roller_radius
+        np.testing.assert_allclose(np.hypot(*(lines["roller"] - centre).T), radius, rtol=1e-9)
+        assert np.hypot(*(contact - centre)) == pytest.approx(radius, rel=1e-9)
+    else:
+        (ax, ay), (bx, by) = lines["flat face"]
+        assert abs((bx - ax) * (contact[1] - ay) - (by - ay) * (contact[0] - ax)) < 1e-9
+    assert f"cam angle {at} deg" in axes.get_title()
+    assert f"lift {1e3 * EVENT(np.radians([at]))[0]:.4g} mm" in axes.get_title()
+
+
+def test_pressure_and_curvature():
+    made = cam_profile(EVENT, RollerFollower(0.018, 0.009), count=360)
+    upper, lower = pressure_figure(made).axes
+    assert upper.get_ylabel().replace("\n", " ") == "pressure angle deg"
+    assert lower.get_ylabel().replace("\n", " ") == "radius of curvature, mm"
+    assert lower.get_xlabel() == "cam angle, deg"
+    angle, pressure, _ = drawn(upper.lines[0])
+    np.testing.assert_allclose(angle, np.arange(360.0), atol=1e-12)
+    assert np.array_equal(pressure, np.degrees(made.pressure_angle))
+    x, radius, _ = drawn(lower.lines[0])
+    assert np.array_equal(radius, 1e3 * made.radius[np.round(x).astype(int)])
+    assert len(x) > 300
+    assert np.abs(radius).max() < 10e3 * (0.018 + 0.009 + 0.006), "a nearly straight flank is left out"
+
+
+@pytest.fixture(scope="module")
+def picture():
+    return law_figure({"shm": LAWS["shm"]})
+
+
+def test_pictures_hold_something(picture, tmp_path):
+    assert save_figure(picture, tmp_path / "a.svg") == tmp_path / "a.svg"
+    tree = ET.parse(tmp_path / "a.svg")  # noqa: S314
+    assert sum(len(path.get("d", "")) for path in tree.iter("{http://www.w3.org/2000/svg}path")) > 9000
+    pixels = matplotlib.image.imread(save_figure(picture, tmp_path / "a.png"))
+    assert min(pixels.shape[:2]) > 500
+    assert np.ptp(pixels) > 0.5
+    assert save_figure(picture, tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize("name", ["a", "a.jpg", "a.SVGZ", "a.svg.txt", ".svg"])
+def test_other_endings_are_refused(name, picture, tmp_path):
+    with pytest.raises(InputError, match=r"\.svg, \.png, \.pdf"):
+        save_figure(picture, tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["a.svg", "a.png", "a.pdf"])
+def test_writes_over_nothing_unasked(name, picture, tmp_path):
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(InputError, match="overwrite"):
+        save_figure(picture, tmp_path / name)
+    assert (tmp_path / name).read_text() == "mine"
+    save_figure(picture, tmp_path / name, overwrite=True)
+    assert (tmp_path / name).stat().st_size > 1000
