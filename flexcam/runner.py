@@ -158,11 +158,21 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
     time, angle = float(response.field_time[-1]), float(response.field_angle[-1])
     if not system.size:  # the rigid mechanism has no state but its angle
         return State(np.zeros(0), np.zeros(0), time), angle
-    free = build_structure(model).dofs.numbers >= 0
+    numbers = build_structure(model).dofs.numbers
+    free = numbers >= 0
     nodal = [series[-1].reshape(-1, 6) for series in (response.fields.displacement, response.fields.velocity)]
     if any(values[~free].any() for values in nodal):
         raise refuse(where, name, "a result of the same supports", "it moves where this model is held")
-    return State(nodal[0][free], nodal[1][free], time), angle
+    inner = system.names[int(free.sum()) :]
+    try:
+        histories = [response[one] for one in inner]
+    except InputError as refusal:
+        why = f"it does not hold {refusal.faults[0].given}"
+        raise refuse(where, name, "a result of the same model", why) from None
+    at = int(np.searchsorted(response.time, time - 1e-12 * max(abs(time), 1.0)))
+    rest_of = [[float(getattr(one, name)[at]) for one in histories] for name in ("displacement", "velocity")]
+    moved, moving = (np.concatenate([one[free], more]) for one, more in zip(nodal, rest_of, strict=True))
+    return State(moved, moving, time), angle
 
 
 def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Response:

@@ -78,6 +78,8 @@ def _fault(error: ErrorDetails, path: Path, places: Places) -> Fault:
             allowed = str(context.get("expected") or context.get("expected_tags"))
             value = str(context.get("tag", error["input"]))
             names = re.findall(r"'([^']*)'", allowed)
+            if error["type"] == "union_tag_invalid":
+                where = places.place((*path, str(context["discriminator"]).strip("'")))
             return Fault(where, repr(value), allowed, "", did_you_mean(value, names))
         case "int_type" | "int_parsing" | "int_from_float":
             return Fault(where, given, f"a whole number: {_about(path)}", "", "")

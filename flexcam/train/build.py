@@ -18,7 +18,7 @@ from flexcam.train.coupling import Coupling
 from flexcam.train.loads import constant_loads
 from flexcam.train.model import CamContact, Contact, Lash, Model, PublishedLoad, Seat
 from flexcam.train.published import couple, follower_train, preload, stated_force, steady
-from flexcam.train.structure import Structure, build_structure, find_node
+from flexcam.train.structure import Structure, build_structure, find_node, inner_name
 
 _MODAL_LIMIT = 2 * DENSE_LIMIT
 """Unknowns up to which all modes are computed."""
@@ -54,7 +54,7 @@ def build_system(model: Model, speed: float) -> System:
         names=structure.dofs.names,
         loads=(*(load for c in couplings for load in c.loads), *constant_loads(structure)),
         local_forces=tuple(force for c in couplings for force in c.forces),
-        probes=tuple(_probe(structure, point) for point in model.probes),
+        probes=(*(_probe(structure, point) for point in model.probes), *_inner_probes(structure)),
         channels=tuple(_numbered(couplings)),
         free=structure.free,
     )
@@ -104,6 +104,25 @@ def _probe(structure: Structure, point: str) -> Probe:
     node = find_node(structure.model, point, "output.probes")
     rows = np.array([structure.dofs.vector(node, unit) for unit in np.eye(6)])
     return Probe(point, COMPONENTS, rows, (None,) * 6)
+
+
+def _inner_probes(structure: Structure) -> list[Probe]:
+    """Return probes of the unknowns that no node shows: loose points and the inner parts of springs.
+
+    Results then hold every unknown, so that a run can go on from them.
+    """
+    model = structure.model
+    loose = [_probe(structure, point) for point in model.loose_points if point not in model.probes]
+    springs = [(name, spring) for name, spring in model.springs.items() if spring.elements > 1]
+    inner = [
+        Probe(
+            f"springs.{name}", tuple(str(i) for i in range(1, spring.elements)),
+            np.array([structure.dofs.unit(inner_name(name, i)) for i in range(1, spring.elements)]),
+            (None,) * (spring.elements - 1),
+        )
+        for name, spring in springs
+    ]  # fmt: skip
+    return loose + inner
 
 
 def build_rigid(model: Model, speed: float) -> System:

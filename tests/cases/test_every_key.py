@@ -15,6 +15,7 @@ from flexcam.case import CaseRecord, read_cams
 ROOT = Path(__file__).parents[2]
 EVERY = ROOT / "tests/data/every-key.toml"
 EVERY_CAM = ROOT / "tests/data/every-cam.toml"
+EVERY_CONTACT = ROOT / "tests/data/every-contact.toml"
 MESHED = ROOT / "cases/tayeb/model-1-shm.toml"
 
 WAYS = {
@@ -23,6 +24,7 @@ WAYS = {
     "generalized-alpha": (EVERY, ['run.integrator={ method = "generalized-alpha", rho_inf = 0.8 }']),
     "given state": (EVERY, ['run.start={ displacement = { "cam.uy" = "1 um" }, velocity = { "cam.rx" = "1 rad/s" } }']),
     "other members": (EVERY, ["members.pushrod.section=flat", "members.camshaft.section=own"]),
+    "true contacts": (EVERY_CONTACT, []),
     "mesh file": (MESHED, ["run.revolutions=0.1"]),
 }
 
