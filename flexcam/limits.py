@@ -76,7 +76,7 @@ Question = Callable[[Response, Prepared, CompressionSink], bool]
 
 
 def find_limits(
-    case: Case, *, lowest: float, highest: float, tolerance: float = _RPM, bounce_height: float = 1e-4, count: int = 9
+    case: Case, *, lowest: float, highest: float, tolerance: float = _RPM, bounce_height: float = 1e-4, count: int = 7
 ) -> Limits:
     """Find the speeds at which a train loses contact, its valve bounces, its coils clash and its pushrod buckles.
 

@@ -27,6 +27,7 @@ from flexcam.console.cases import (
     resolved,
 )
 from flexcam.console.laws import law_facts, law_json, laws_table
+from flexcam.console.limits import limits_json, limits_table
 from flexcam.console.results import info_table, run_table, strength_table
 
 __all__ = [
@@ -42,6 +43,8 @@ __all__ = [
     "law_facts",
     "law_json",
     "laws_table",
+    "limits_json",
+    "limits_table",
     "mac_table",
     "mode_table",
     "model_table",

@@ -1,0 +1,61 @@
+"""Table of the limits of a train."""
+
+from __future__ import annotations
+
+from rich.table import Table
+
+from flexcam.limits import Limits
+from flexcam.terminal import table
+
+
+def limits_json(found: Limits, scale: float) -> dict[str, object]:
+    """Return the limits of a train as ``--json`` prints them.
+
+    Parameters
+    ----------
+    found
+        The limits.
+    scale
+        Turns of the shaft that is counted per turn of the camshaft: 2 for the crankshaft.
+
+    Returns
+    -------
+    dict
+        A key ``NAME_rpm`` per limit, null where it was not met.
+    """
+    rpm = {f"{name}_rpm": None if one.rpm is None else scale * one.rpm for name, one in found.limits.items()}
+    return {
+        **rpm, "first": found.first, "shaft": "crank" if scale == 2.0 else "camshaft",
+        "tolerance_rpm": scale * max(one.tolerance_rpm for one in found.limits.values()),
+        "rigid_loss_of_contact_rpm": None if found.rigid_rpm is None else scale * found.rigid_rpm,
+        "lowest_rpm": scale * found.lowest_rpm, "highest_rpm": scale * found.highest_rpm,
+    }  # fmt: skip
+
+
+def limits_table(found: Limits, scale: float) -> Table:
+    """Return the limits of a train.
+
+    Parameters
+    ----------
+    found
+        The limits.
+    scale
+        As for `limits_json`.
+
+    Returns
+    -------
+    Table
+        For rich, the first limit first.
+    """
+    high = scale * found.highest_rpm
+    ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
+    rows = [
+        (name.replace("_", " "), f"not up to {high:.6g}" if one.rpm is None else f"{scale * one.rpm:.6g}",
+         "" if one.rpm is None else f"{scale * one.tolerance_rpm:.3g}", one.words)
+        for name, one in ordered
+    ]  # fmt: skip
+    if found.rigid_rpm is not None:
+        words = "a rigid train would leave its cam: its inertia equals its springs"
+        rows.append(("(rigid train)", f"{scale * found.rigid_rpm:.6g}", "", words))
+    shaft = "crank" if scale == 2.0 else "camshaft"
+    return table("What gives way, and when", ("limit", f"{shaft} rpm", "within", "what happens"), rows)

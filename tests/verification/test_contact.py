@@ -1,0 +1,166 @@
+"""Contact and springs against closed forms.
+
+- A mass that falls on a spring it may leave: t = 2/w (pi - atan(v0 w/g)) in contact and 2 v0/g apart, for a fall from
+  v0^2/2g; without dissipation it comes back to its height. W. Goldsmith, Impact (1960), ch. 4 for the spring.
+- A bar that runs with v against a stiff stop: by d'Alembert the end feels the force v sqrt(E rho) A for 2 L/c and
+  leaves with v. K. F. Graff, Wave Motion in Elastic Solids (1975), ch. 2.
+- Surge of a spring held at both ends: f = 1/2 sqrt(k/m).
+- A rigid follower leaves its cam where its deceleration takes the whole force of its spring.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam.integrate import Problem, State, newmark, solve
+from flexcam.linalg import Triplets
+from flexcam.system import AngleVector, Channel, ConstantSpeed, Load, LocalForce, Probe, System, constant
+from flexcam.train.penalty import HertzLine, HuntCrossley, Stop
+
+SOURCE = "Contact and springs, closed forms"
+G, W, V0 = 9.81, 2000.0, 1.2
+"""Gravity, circular frequency of the mass on its stop, speed of the fall."""
+
+
+def bouncing(law, steps, periods=1.0):
+    """Return a unit mass that starts at touchdown with V0 and the response over one bounce (contact and flight)."""
+    contact = 2.0 / W * (math.pi - math.atan(V0 * W / G))
+    cycle = contact + 2.0 * V0 / G
+    one = Triplets.from_dense([[1.0]])
+    force = LocalForce("stop", (AngleVector.constant(np.array([-1.0])),), (AngleVector.constant(np.array([1.0])),), law,
+                       (constant(0.0),))  # fmt: skip
+    weight = Load("weight", np.array([-G]), lambda motion: np.ones_like(motion.angle))
+    system = System(
+        one, Triplets.zeros(1), Triplets.zeros(1), ("y",), (weight,),
+        (force,), (Probe("y", ("y",), np.eye(1), (None,)),), (Channel("force", "N", (), ((0, 0),)),),
+    )  # fmt: skip
+    start = State(np.zeros(1), np.array([-V0]))
+    response = solve(Problem(system, ConstantSpeed(1.0), cycle * periods / steps, steps, start), newmark())
+    return response, contact, cycle
+
+
+def test_time_in_contact(record):
+    response, contact, cycle = bouncing(Stop(W**2), 40_000)
+    force = response.channels["force"]
+    pressed = np.flatnonzero(force > 0.0)
+    record(source=SOURCE, case="bouncing mass", quantity="time in contact", unit="s", reference=contact,
+           computed=float(response.time[pressed[-1]] - response.time[pressed[0]]), tolerance=2.0 * cycle / 40_000,
+           absolute=True, reason="a step at either end")  # fmt: skip
+
+
+def test_speed_after_the_bounce(record):
+    """Back at touchdown it has the speed it came with."""
+    response, *_ = bouncing(Stop(W**2), 40_000)
+    record(source=SOURCE, case="bouncing mass", quantity="speed after a bounce", unit="m/s", reference=V0,
+           computed=float(np.abs(response["y"].velocity).max()), tolerance=1e-5,
+           reason="G and V0 step at the ends of contact: (w dt)^2 of it")  # fmt: skip
+
+
+@pytest.mark.parametrize("law", [Stop(W**2), HuntCrossley(W**2, 0.0)])
+def test_energy_of_the_bounce(record, law, fitted_order):
+    counts = np.array([2500, 5000, 10_000, 20_000])
+    residuals = []
+    for count in counts:
+        channels = bouncing(law, int(count))[0].channels
+        residuals.append(np.abs(channels["energy.residual"]).max() / channels["energy.kinetic"].max())
+    record(source=SOURCE, case=f"bouncing mass, {type(law).__name__}", quantity="largest energy residual over kinetic",
+           unit="1", reference=0.0, computed=float(residuals[-1]), tolerance=1e-4, absolute=True,
+           reason="touchdown and parting within a step cost (w dt)^2 of the energy in it")  # fmt: skip
+    assert residuals[-1] < residuals[0] / 8.0
+
+
+@pytest.mark.parametrize("dissipation", [0.2, 0.6])
+def test_hunt_crossley_loses_energy_as_it_should(record, dissipation):
+    """Small chi v: restitution 1 - 2/3 chi v for a linear spring (Hunt and Crossley 1975, to first order)."""
+    small = 0.05 * dissipation
+    response, *_ = bouncing(HuntCrossley(W**2, small), 40_000)
+    after = float(response["y"].velocity.max())
+    record(source=SOURCE, case=f"Hunt-Crossley, chi v = {small * V0:.3f}", quantity="restitution", unit="1",
+           reference=1.0 - 2.0 / 3.0 * small * V0, computed=after / V0, absolute=True,
+           tolerance=(small * V0) ** 2 + 1e-5, reason="next term of the series, and the time step")  # fmt: skip
+    gone = response.channels["energy.dissipated"][int(np.argmax(response["y"].velocity))]
+    assert gone == pytest.approx(0.5 * (V0**2 - after**2), rel=0.02)
+
+
+def bar(elements, stiffness, speed, law=None):
+    """Return the run of a steel bar, 1 m long, 1 cm^2, against a stop, the force of theory, and the speed of sound."""
+    E, rho, A, L = 207e9, 7800.0, 1e-4, 1.0
+    n, h = elements + 1, L / elements
+    K, M = np.zeros((n, n)), np.zeros((n, n))
+    for i in range(elements):
+        K[i : i + 2, i : i + 2] += E * A / h * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        M[i : i + 2, i : i + 2] += rho * A * h / 2.0 * np.eye(2)
+    row = np.zeros(n)
+    row[-1] = 1.0
+    force = LocalForce("stop", (AngleVector.constant(row),), (AngleVector.constant(-row),), law or Stop(stiffness),
+                       (constant(0.0),))  # fmt: skip
+    names = tuple(f"x{i}" for i in range(n))
+    system = System(
+        Triplets.from_dense(M), Triplets.zeros(n), Triplets.from_dense(K), names, (), (force,),
+        (Probe("back", ("x",), np.eye(n)[:1], (None,)),), (Channel("force", "N", (), ((0, 0),)),),
+    )  # fmt: skip
+    c = math.sqrt(E / rho)
+    end = 3.0 * L / c
+    steps = 4000
+    start = State(np.zeros(n), np.full(n, speed))
+    return (
+        solve(Problem(system, ConstantSpeed(1.0), end / steps, steps, start), newmark()),
+        speed * math.sqrt(E * rho) * A,
+        c,
+    )
+
+
+def test_impact_of_a_bar(record):
+    response, force, c = bar(200, 2e10, 1.0)
+    found = response.channels["force"]
+    inside = (response.time > 0.4 / c) & (response.time < 1.6 / c)
+    record(source=SOURCE, case="bar against a stop", quantity="mean force", unit="N", reference=force,
+           computed=float(found[inside].mean()), tolerance=0.005,
+           reason="200 elements follow the front with ripples about its mean")  # fmt: skip
+    impulse = float(np.sum(0.5 * (found[1:] + found[:-1]) * np.diff(response.time)))
+    record(source=SOURCE, case="bar against a stop", quantity="impulse", unit="N s", reference=2.0 * 0.78,
+           computed=impulse, tolerance=0.02, reason="a little motion stays in the ripples")  # fmt: skip
+
+
+def chain(parts, k=40e3, m=0.06):
+    """Return stiffness and consistent mass of a spring of equal parts, held at both ends."""
+    n = parts - 1
+    K = parts * k * (2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    M = m / parts / 6.0 * (4.0 * np.eye(n) + np.eye(n, k=1) + np.eye(n, k=-1))
+    return K, M
+
+
+@pytest.mark.parametrize("parts", [8, 16])
+def test_surge(record, parts):
+    """The spring of a case, from its own matrices; a consistent mass comes from above, (pi/n)^2/24 too high."""
+    from scipy.linalg import eigh
+
+    from flexcam import read_case
+    from flexcam.case import build_model
+    from flexcam.train import build_structure
+
+    case = read_case("cases/pushrod-engine/intake.toml", [f"springs.valve.elements={parts}"])
+    structure = build_structure(build_model(case))
+    inner = [i for i, name in enumerate(structure.dofs.names) if name.startswith("springs.valve.")]
+    K, M = (matrix.part(np.array(inner)).dense() for matrix in (structure.stiffness, structure.mass))
+    exact = 0.5 * math.sqrt(50e3 / 0.06)
+    found = math.sqrt(eigh(K, M, eigvals_only=True)[0]) / (2.0 * math.pi)
+    record(source=SOURCE, case=f"valve spring of {parts} parts", quantity="first surge frequency", unit="Hz",
+           reference=exact * (1.0 + (math.pi / parts) ** 2 / 24.0), computed=found,
+           tolerance=0.02 * (math.pi / parts) ** 4, reason="next term of the series")  # fmt: skip
+
+
+def test_hertz_line_load_is_the_inverse_of_the_approach():
+    law = HertzLine(0.012, 207e9, 0.29, constant(0.02), 0.03)
+    for approach in (1e-9, 1e-7, 1e-5, 1e-4):
+        load, slope = law.line_load(approach, 0.02)
+        one = (1.0 - 0.29**2) / (math.pi * 207e9)
+        a = math.sqrt(8.0 * load * 0.02 * one)
+        terms = 2 * math.log(4 * 0.02 / a) - 1 + 2 * math.log(2 * 0.03 / a) - 0.29 / 0.71
+        assert one * load * terms == pytest.approx(approach, rel=1e-12)
+        step = 1e-6 * approach
+        around = [law.line_load(approach + side, 0.02)[0] for side in (-step, step)]
+        assert slope == pytest.approx((around[1] - around[0]) / (2 * step), rel=1e-6)
