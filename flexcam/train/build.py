@@ -186,12 +186,25 @@ def _rigid_probe(structure: Structure, probe: Probe) -> Probe:
     for name, contact in structure.model.driven.items():
         train = follower_train(structure, contact, f"contacts.{name}.follower")
         shares.append((probe.rows @ train.motion, structure.model.cams[contact.cam].event))
-    offsets = tuple(_combined([(float(s[i]), event) for s, event in shares]) for i in range(len(probe.components)))
+    rocker = structure.model.loose_points.get(probe.name)
+    names = [name for name, one in structure.model.rockers.items() if one is rocker]
+    play = structure.model.lash_of(names[0]) if names else None
+    gap = play.gap if play else 0.0
+    offsets = tuple(_combined([(float(s[i]), event) for s, event in shares], gap) for i in range(len(probe.components)))
     return Probe(probe.name, probe.components, np.zeros((len(probe.components), 0)), offsets)
 
 
-def _combined(parts: list[tuple[float, AngleFunction]]) -> AngleFunction | None:
+def _combined(parts: list[tuple[float, AngleFunction]], gap: float) -> AngleFunction | None:
+    """Return the sum of shares of lifts, or None where there are none; a play is taken up before anything moves."""
     moving = [(share, event) for share, event in parts if share != 0.0]
     if not moving:
         return None
-    return lambda angle, order: sum((share * event(angle, order) for share, event in moving), np.zeros_like(angle))
+
+    def lifted(angle: FloatArray, order: int) -> FloatArray:
+        total = sum((share * event(angle, order) for share, event in moving), np.zeros_like(angle))
+        if gap == 0.0:
+            return total
+        lift = total if order == 0 else sum((k * event(angle, 0) for k, event in moving), np.zeros_like(angle))
+        return np.where(lift > gap, total - (gap if order == 0 else 0.0), 0.0)
+
+    return lifted
