@@ -15,7 +15,7 @@ import numpy as np
 from flexcam.cam import PRESSURE_ANGLE, CamProfile, Finding, cam_profile, findings, minimum_base_radius
 from flexcam.case import build_model, read_cams, read_case
 from flexcam.case.read import holds_mechanism
-from flexcam.checks import InputError
+from flexcam.checks import InputError, refuse
 from flexcam.io import ProfileTable
 from flexcam.motion import THRESHOLDS, Event, Joint, LiftReport, ValveEvent, harmonics, joints, overlap, valve_event
 from flexcam.train import Cam, valve_ratio
@@ -59,7 +59,7 @@ class CamFacts:
     cam
         The cam.
     velocity, acceleration, jerk
-        Largest absolute values, m/rad, m/rad^2, m/rad^3.
+        Largest absolute values, m/rad, m/rad^2, m/rad^3; None for a jerk that is infinite where the acceleration steps.
     harmonics
         Amplitudes of the lift's harmonics 1 to 10, m.
     joints
@@ -77,7 +77,7 @@ class CamFacts:
     cam: Cam
     velocity: float
     acceleration: float
-    jerk: float
+    jerk: float | None
     harmonics: tuple[float, ...]
     joints: Sequence[Joint]
     events: Mapping[str, ValveEvent | None]
@@ -115,6 +115,8 @@ def load_cams(path: Path, overrides: Sequence[str] = ()) -> CamSet:
         record = read_cams(path, overrides)
         cams = {name: cam.made() for name, cam in record.cams.items()}
         ratios, speed = dict.fromkeys(cams, 1.0), record.speed
+    if not cams:
+        raise refuse("cams", f"none in {path.name}", "one or more tables [cams.NAME]")
     tables = {name: cam.lift_table for name, cam in record.cams.items()}
     reports = {name: table.report for name, table in tables.items() if table and table.report}
     return CamSet(path.stem, record.title, cams, ratios, reports, speed)
@@ -153,8 +155,10 @@ def cam_facts(
     if cam.follower is not None:
         profile = cam_profile(event, cam.follower, count=count, turn=cam.turn)
     peaks = [float(np.abs(event(_GRID, order)).max()) for order in (1, 2, 3)]
+    met = joints(event)
+    jerk = None if any(one.steps[2] for one in met) else peaks[2]
     return CamFacts(
-        cam, peaks[0], peaks[1], peaks[2], tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), joints(event),
+        cam, peaks[0], peaks[1], jerk, tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
         {name: valve_event(event, lift, ratio=ratio) for name, lift in THRESHOLDS.items()}, profile,
         findings(profile, pressure_angle=pressure_angle, cutter=cutter) if profile else (),
         _least_base(cam, event, pressure_angle),

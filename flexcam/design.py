@@ -110,7 +110,7 @@ def harmonic_cam(
         given = f"{frequency / (2.0 * math.pi):.4g} Hz at {case.speed * 30.0 / math.pi:.6g} rpm"
         why = "not one harmonic lies below the first mode"
         raise refuse("count", given, "a lower speed, a stiffer train, or a number of harmonics", why, "give --count")
-    number = count or limit
+    number = limit if count is None else count
     fit = harmonic_fit(model.cams[_which(model, cam)].event, number, tolerance=tolerance, bound=bound)
     return HarmonicCam(fit, number, frequency, limit)
 
@@ -144,7 +144,7 @@ def polydyne_cam(
         If no contact drives the train, or the train does not answer to a harmonic.
     """
     model = build_model(case)
-    name, at = _which(model, cam), speed or case.speed
+    name, at = _which(model, cam), case.speed if speed is None else speed
     answer = transfer or _train(model, name, at)
     wanted = model.cams[name].event
     design = polydyne(wanted, answer, at, count=count)

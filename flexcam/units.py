@@ -188,7 +188,8 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
     314.159265
     """
     kind = DIMENSIONS[dimension]
-    allowed = f"a {kind.name} such as {kind.example!r}" + (f", or a number in {kind.si}" if kind.si else "")
+    article = "an" if kind.name[0] in "aeiou" else "a"
+    allowed = f"{article} {kind.name} such as {kind.example!r}" + (f", or a number in {kind.si}" if kind.si else "")
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):  # pyright: ignore[reportUnnecessaryIsInstance] - file content
         raise refuse(where, value, allowed)
     if not isinstance(value, str):
@@ -199,7 +200,7 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
         raise refuse(where, repr(value), allowed, "it does not begin with a number")
     factor, exponents = _unit_product(text, where) if text else (1.0, kind.exponents)
     if not _same_kind(exponents, kind.exponents):
-        raise refuse(where, repr(value), allowed, f"the unit {text!r} does not measure a {kind.name}")
+        raise refuse(where, repr(value), allowed, f"the unit {text!r} does not measure {article} {kind.name}")
     si = number * factor
     if not math.isfinite(si):
         raise refuse(where, repr(value), allowed, "the number is not finite")
@@ -207,5 +208,7 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
         return 0.0
     if si != 0.0 and not kind.least <= abs(si) <= kind.most:
         why = f"between {kind.least:g} and {kind.most:g} {kind.si}".rstrip()
-        raise refuse(where, repr(value), allowed, f"no mechanism has such a {kind.name}: {why}", "check the unit")
+        raise refuse(
+            where, repr(value), allowed, f"no mechanism has such {article} {kind.name}: {why}", "check the unit"
+        )
     return si

@@ -150,7 +150,7 @@ def minimum_base_radius(
     >>> round(minimum_base_radius(event, FlatFollower(0.018), radius=0.002), 9)  # radius = base + 3 mm everywhere
     0.0
     """
-    high = 100.0 * event.height
+    high = 100.0 * positive("lift", event.height, "m")
 
     def fits(base: float) -> bool:
         try:

@@ -13,6 +13,7 @@ from flexcam.linalg import FloatArray
 from flexcam.motion import Event
 
 _REVOLUTION = 2.0 * math.pi
+_MOST_POINTS = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +114,7 @@ def cam_profile(event: Event, follower: Follower, *, count: int = 720, turn: Tur
     Raises
     ------
     InputError
-        If the count is too small.
+        If the count is too small or too large.
 
     Examples
     --------
@@ -123,8 +124,8 @@ def cam_profile(event: Event, follower: Follower, *, count: int = 720, turn: Tur
     >>> float(np.ptp(eccentric.radius).round(12))
     0.0
     """
-    if count < 12:
-        raise refuse("count", count, "a whole number from 12")
+    if not 12 <= count <= _MOST_POINTS:
+        raise refuse("count", count, f"a whole number from 12 to {_MOST_POINTS}")
     return profile_at(event, follower, np.linspace(0.0, _REVOLUTION, count, endpoint=False), turn)
 
 

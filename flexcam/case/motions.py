@@ -23,7 +23,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from flexcam.case import quantity as q
-from flexcam.checks import InputError, did_you_mean, refuse
+from flexcam.checks import InputError, did_you_mean, positive, refuse
 from flexcam.io import read_lift
 from flexcam.motion import KINDS, LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, law_kinds, lift_table
 
@@ -163,8 +163,21 @@ def _of_kind(name: str, parameters: Table) -> Law:
         known = list(dict.fromkeys([*LAWS, *kinds]))
         hint = "it takes no parameters" if name in LAWS else did_you_mean(name, known)
         raise refuse("law", repr(name), ", ".join(known), "", hint)
+    for key, value in parameters.items():
+        if not _only_numbers(value):
+            raise refuse(
+                key,
+                repr(value),
+                f"numbers; the parameters of {name} are {', '.join(_record(kinds[name]).model_fields)}",
+            )
     parameters = _checked(_record(kinds[name]), parameters, f"a parameter of {name}", "law")
     return kinds[name](**parameters)
+
+
+def _only_numbers(value: object) -> bool:
+    if isinstance(value, (list, tuple)):
+        return all(_only_numbers(one) for one in cast("list[object]", value))
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _checked(record: type[BaseModel], table: object, what: str, example: str) -> dict[str, Any]:
@@ -179,7 +192,8 @@ def _checked(record: type[BaseModel], table: object, what: str, example: str) ->
         allowed = f"{what}: {', '.join(record.model_fields)}"
         if error["type"] == "missing":
             raise refuse(key, "nothing", allowed, "the key is required", f"add {key} to the table") from None
-        raise refuse(key, repr(error["input"]), allowed, error["msg"], did_you_mean(key, record.model_fields)) from None
+        hint = "" if key.partition(".")[0] in record.model_fields else did_you_mean(key, record.model_fields)
+        raise refuse(key, repr(error["input"]), allowed, error["msg"], hint) from None
     return {key: getattr(checked, key) for key in record.model_fields}
 
 
@@ -242,6 +256,8 @@ def toml_table(path: Path, name: str) -> dict[str, Any]:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as fault:
         raise refuse(str(path), "no TOML document", f"a readable file with a table [{name}]", str(fault)) from None
+    if content.get("format", 1) != 1:
+        raise refuse(f"{path.name}: format", repr(content["format"]), "1", "a newer flexcam wrote it")
     table = content.get(name)
     if not isinstance(table, dict):
         raise refuse(str(path), ", ".join(content) or "nothing", f"a table [{name}]")
@@ -253,9 +269,15 @@ def _given_lift(value: object, folder: Path) -> GivenLift:
     record = _LiftFile(**_checked(_LiftFile, table, "a file name, or a table of", "lift_table"))
     path = folder / record.file
     if path.suffix == ".toml":
+        if beside := [key for key in ("angle", "unit", "tolerance") if getattr(record, key) is not None]:
+            raise refuse(beside[0], str(getattr(record, beside[0])), "nothing beside a file of harmonics", "it is in m")
         return GivenLift(cast("str | dict[str, Any]", value), harmonic_file(path), None)
     columns = read_lift(path, angle=record.angle, unit=record.unit)
-    event, report = lift_table(columns.angle, columns.lift, tolerance=record.tolerance)
+    try:
+        event, report = lift_table(columns.angle, columns.lift, tolerance=record.tolerance)
+    except InputError as refusal:
+        fault = refusal.faults[0]
+        raise refuse(f"{path.name}: {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy) from None
     return GivenLift(cast("str | dict[str, Any]", value), event, report)
 
 
@@ -279,11 +301,13 @@ def harmonic_file(path: Path) -> HarmonicLift:
     """
     table = toml_table(path, "lift")
     try:
-        return HarmonicLift(**_checked(_record(HarmonicLift), table, "a number or list in m", "lift"))
+        lift = HarmonicLift(**_checked(_record(HarmonicLift), table, "a number or list in m", "lift"))
+        positive("lift", lift.height, "m")
+        return lift
     except InputError as refusal:
         raise _in_file(path, "lift", refusal) from None
 
 
 def _in_file(path: Path, table: str, refusal: InputError) -> InputError:
     fault = refusal.faults[0]
-    return refuse(f"{path.name}: {table}.{fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)
+    return refuse(f"{path.name}, [{table}] {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)

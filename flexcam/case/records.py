@@ -321,6 +321,9 @@ class SwingRecord(Record):
         side = 1 if self.rotation == "clockwise" else -1
         if self.angle is not None and self.radius is not None and base_radius is None:
             return SwingRollerFollower.from_angle(self.radius, self.arm, self.distance, self.angle, side)
+        if self.angle is not None and self.radius is None:
+            why = "a flat face is placed by its base circle"
+            raise refuse("follower.angle", "an angle", "base_radius of the cam in its place", why, "give base_radius")
         if self.angle is not None:
             why = "for a roller, either this or base_radius says where the base circle is"
             raise refuse("follower.angle", "an angle", "no angle", why, "leave one of them out")

@@ -13,7 +13,7 @@ from flexcam.case.lines import Path, Places
 from flexcam.case.records import CaseRecord
 from flexcam.checks import Fault, did_you_mean
 
-_TAGGED = (("sections", "*"), ("contacts", "*"), ("run", "integrator"), ("run", "start"))
+_TAGGED = (("sections", "*"), ("cams", "*", "follower"), ("contacts", "*"), ("run", "integrator"), ("run", "start"))
 """Tables with variants: pydantic puts the variant's tag behind them in a path."""
 
 
@@ -48,7 +48,8 @@ def _path(error: ErrorDetails) -> Path:
 
 
 def _inserted(steps: list[str], i: int) -> bool:
-    tag = i == 2 and len(steps) > 2 and any(all(a in (b, "*") for a, b in zip(t, steps, strict=False)) for t in _TAGGED)
+    heads = [t for t in _TAGGED if len(t) == i < len(steps)]
+    tag = any(all(a in (b, "*") for a, b in zip(t, steps, strict=False)) for t in heads)
     return tag or steps[i].startswith(("function-", "nullable", "tuple[")) or steps[i] == "[key]"
 
 
@@ -72,7 +73,9 @@ def _fault(error: ErrorDetails, path: Path, places: Places) -> Fault:
             return _missing((*path, key), _tags(path, key), places)
         case "extra_forbidden":
             known = _keys(path[:-1])
-            hint = did_you_mean(path[-1], known) or "remove it"
+            hint = (
+                "remove it: another kind has it" if path[-1] in known else did_you_mean(path[-1], known) or "remove it"
+            )
             return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":
             allowed = str(context.get("expected") or context.get("expected_tags"))

@@ -11,17 +11,21 @@ from cyclopts import App, Parameter
 from flexcam import __version__, console
 from flexcam.cam import PRESSURE_ANGLE
 from flexcam.cams import cam_facts, load_cams, overlaps, profile_table
-from flexcam.checks import did_you_mean, refuse
+from flexcam.checks import did_you_mean, positive, refuse
 from flexcam.commands.app import Json, Overrides, Overwrite, Picture, app, load
 from flexcam.design import harmonic_cam, polydyne_cam
-from flexcam.io import made_folder, write_law, write_lift, write_profile
+from flexcam.io import free_to_write, made_folder, write_law, write_lift, write_profile
 from flexcam.synthesis import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesized, minimax, pareto
 from flexcam.terminal import out, print_json
 from flexcam.units import parse
 
-synthesize = App(
-    name="synthesize", help="Find a better law or lift, and say how good it can be at all.", help_format="plaintext"
-)
+_ABOUT = "Find a better law or lift, and say how good it can be at all."
+_EXAMPLES = """\
+flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
+flexcam synthesize harmonic case.toml --tolerance "20 um" -o lift.toml
+flexcam synthesize polydyne case.toml --speed 3000rpm -o lift.toml
+"""
+synthesize = App(name="synthesize", help=_ABOUT, help_prologue=_EXAMPLES, help_format="plaintext")
 app.command(synthesize)
 
 CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not needed if there is one.")]
@@ -60,13 +64,16 @@ def cam(
     if name is not None and name not in cams.cams:
         raise refuse("--cam", repr(name), ", ".join(cams.cams), "", did_you_mean(name, cams.cams))
     wheel = parse(cutter, "length", "--cutter") if cutter is not None else None
-    limit = parse(pressure_angle, "angle", "--pressure-angle")
+    limit = positive("--pressure-angle", parse(pressure_angle, "angle", "--pressure-angle"), "rad")
     found = {
         one: cam_facts(part, ratio=cams.ratios[one], count=points, pressure_angle=limit, cutter=wheel)
         for one, part in cams.cams.items()
         if name in (None, one)
     }
     files: list[Path] = []
+    for one in found:  # before anything is written
+        for path in _picture_names(plot / f"{cams.name}-{one}").values() if plot is not None else ():
+            free_to_write("picture", path, overwrite=overwrite)
     for one, facts in found.items():
         if folder is not None and facts.profile is not None:
             stem = made_folder(folder) / f"{cams.name}-{one}"
@@ -95,13 +102,17 @@ def cam(
         out().print(str(path))
 
 
+def _picture_names(stem: Path) -> dict[str, Path]:
+    return {kind: stem.with_name(f"{stem.name}-{kind}.svg") for kind in ("lift", "profile", "pressure")}
+
+
 def _pictures(stem: Path, facts: console.CamFacts, *, overwrite: bool) -> list[Path]:
     from flexcam.view import lift_figure, pressure_figure, profile_figure, save_figure
 
     figures = {"lift": lift_figure({stem.name: facts.cam.event})}
     if facts.profile is not None:
         figures |= {"profile": profile_figure(facts.profile), "pressure": pressure_figure(facts.profile)}
-    named = {kind: stem.with_name(f"{stem.name}-{kind}.svg") for kind in figures}
+    named = _picture_names(stem)
     return [save_figure(figure, named[kind], overwrite=overwrite) for kind, figure in figures.items()]
 
 
@@ -249,7 +260,9 @@ def synthesize_polydyne(
     output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Find the cam that makes the valve move as the case's cam would move it if everything were rigid."""
-    at = None if speed is None else parse(speed, "speed", "--speed")
+    at = None if speed is None else positive("--speed", parse(speed, "speed", "--speed"), "rad/s")
+    if damping and frequency is None:
+        raise refuse("--damping", damping, "nothing without --frequency", "the case's train has its own")
     mass = None if frequency is None else SingleMass(2.0 * math.pi * parse(frequency, "rate", "--frequency"), damping)
     found = polydyne_cam(load(case, overrides), name, speed=at, transfer=mass, count=count)
     about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed * 30.0 / math.pi}

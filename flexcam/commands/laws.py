@@ -26,6 +26,8 @@ Ratios = Annotated[
 def find_law(name: str, parameters: list[str] | None = None) -> Law:
     """Return the law of a name with parameters, or of a file."""
     if name.endswith(".toml"):
+        if parameters:
+            raise refuse("--with", ", ".join(parameters), "nothing beside a law file", "the file says all of it")
         return law_file(Path(name)).law
     if not parameters and name not in LAWS and name not in KINDS:
         known = list(dict.fromkeys([*LAWS, *KINDS]))

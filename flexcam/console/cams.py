@@ -89,7 +89,7 @@ def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float) -> 
         ("lift", f"{1e3 * found.cam.event.height:.6g} mm" + (f", at the valve x {ratio:g}" if ratio != 1.0 else "")),
         ("largest velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
         ("largest acceleration", _at_speed(found.acceleration, "mm/rad^2", "m/s^2", 2, speed)),
-        ("largest jerk", f"{1e3 * found.jerk:.5g} mm/rad^3"),
+        ("largest jerk", _jerk(found.jerk)),
         ("harmonics 1 to 10", ", ".join(f"{1e3 * one:.3g}" for one in found.harmonics) + " mm"),
         *((f"valve open beyond {lift}", _event(event)) for lift, event in found.events.items()),
         *_joints(found.joints),
@@ -97,6 +97,10 @@ def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float) -> 
         *(("attention", _finding(one.what, one.angle, one.value, one.limit)) for one in found.findings),
     ]
     return facts(f"Cam {name}", rows)
+
+
+def _jerk(jerk: float | None) -> str:
+    return "infinite: the acceleration steps" if jerk is None else f"{1e3 * jerk:.5g} mm/rad^3"
 
 
 def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float | None) -> str:
@@ -131,8 +135,7 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
     slide = float(np.abs(profile.touch.sliding).max())
     least = found.least_base_radius
     rows = [
-        ("base circle", f"{1e3 * profile.follower.base_radius:.6g} mm; least within the limits "
-         + (f"{1e3 * least:.6g} mm" if least is not None else "none")),
+        ("base circle", f"{1e3 * profile.follower.base_radius:.6g} mm; {_least(least)}"),
         ("least radius of curvature", f"{1e3 * radius[low]:.6g} mm at {angle[low]:.4g} deg"),
         ("largest pressure angle", f"{math.degrees(press[steep]):.4g} deg at {angle[steep]:.4g} deg"),
         ("contact offset", f"{1e3 * profile.offset.min():.5g} to {1e3 * profile.offset.max():.5g} mm"),
@@ -142,6 +145,12 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
     if convex is not None and radius[low] < 0.0:
         rows.insert(2, ("least convex radius", f"{1e3 * convex:.6g} mm"))
     return rows
+
+
+def _least(radius: float | None) -> str:
+    if radius is None:
+        return "no other keeps this event within the limits"
+    return f"least within the limits {1e3 * radius:.6g} mm"
 
 
 def _finding(what: str, angle: float, value: float, limit: float) -> str:

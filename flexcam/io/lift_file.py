@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -15,7 +16,7 @@ from flexcam.linalg import FloatArray
 
 AngleKind = Literal["cam", "crank"]
 
-_LENGTHS = {"um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "inch": 0.0254, '"': 0.0254}
+_LENGTHS = {"um": 1e-6, "μm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "inch": 0.0254, '"': 0.0254}
 _DEGREE = math.pi / 180.0
 _ANGLES = {"deg": _DEGREE, "°": _DEGREE, "degree": _DEGREE, "degrees": _DEGREE, "rad": 1.0}
 _SEPARATOR = re.compile(r"[,;\t]|\s+")
@@ -65,10 +66,13 @@ def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = 
         If the file cannot be read, a row is no pair of numbers, or angle or unit are not said.
     """
     lines = _lines(path)
-    head = lines[0][1] if lines and not _numbers(lines[0][1]) else ""
+    if not lines:
+        raise refuse("lift table", f"{path.name}, which is empty", "rows of angle and lift")
+    head = lines[0][1] if not _numbers(lines[0][1]) else ""
     rows = lines[1:] if head else lines
-    kind, to_rad = _angle(head, angle, path)
-    scale = _length(head, unit, path)
+    of_angle, of_lift = _columns(head, path)
+    kind, to_rad = _angle(of_angle, angle, head, path)
+    scale = _length(of_lift, unit, head, path)
     bad = [(number, text) for number, text in rows if not _numbers(text)]
     if bad:
         raise InputError(
@@ -100,23 +104,40 @@ def _numbers(text: str) -> tuple[float, float] | None:
     return first, second
 
 
+def _columns(head: str, path: Path) -> tuple[str, str]:
+    """Return the heads of both columns; empty texts where there is no head."""
+    parts = [part.strip() for part in re.split(r"[,;\t]", head) if part.strip()]
+    parts = parts if len(parts) == 2 else head.split()
+    if not head:
+        return "", ""
+    if len(parts) != 2:
+        raise refuse(f"{path.name}, head", repr(head), "two names, such as cam_deg, lift_mm", "there are two columns")
+    if _words(parts[1])[:1] in (["cam"], ["crank"], ["angle"]) or "lift" in _words(parts[0]):
+        raise refuse(f"{path.name}, head", repr(head), "the angle first, then the lift", "", "swap the columns")
+    return parts[0], parts[1]
+
+
 def _words(head: str) -> list[str]:
-    return [word for word in re.split(r"[^a-zµ°\"]+", head.lower()) if word]
+    plain = unicodedata.normalize("NFKC", head).lower()  # there are two signs for micro
+    return [word for word in re.split(r"[^a-zμ°\"]+", plain) if word]
 
 
-def _angle(head: str, given: AngleKind | None, path: Path) -> tuple[AngleKind, float]:
-    words = _words(head)
+def _angle(column: str, given: AngleKind | None, head: str, path: Path) -> tuple[AngleKind, float]:
+    words = _words(column)
     named: list[AngleKind] = [kind for kind in ("cam", "crank") if any(word.startswith(kind) for word in words)]
     kind = given or (named[0] if len(named) == 1 else None)
     if kind is None:
         remedy = 'add angle = "cam" or angle = "crank", or a first row such as cam_deg, lift_mm'
         why = "a crank turns twice as fast"
         raise refuse(f"{path.name}, angle", head or "no head", "cam or crank angles", why, remedy)
+    strange = [word for word in words if word in ("grad", "gon", "rev", "revs", "turn", "turns", "min")]
+    if strange:
+        raise refuse(f"{path.name}, angle", repr(head), "degrees (deg) or radians (rad)", "", "convert the column")
     return kind, next((_ANGLES[word] for word in words if word in _ANGLES), _DEGREE)
 
 
-def _length(head: str, given: str | None, path: Path) -> float:
-    named = [word for word in _words(head) if word in _LENGTHS]
+def _length(column: str, given: str | None, head: str, path: Path) -> float:
+    named = [word for word in _words(column) if word in _LENGTHS]
     unit = given or (named[-1] if named else None)
     if unit not in _LENGTHS:
         remedy = 'add unit = "mm" or unit = "in", or a first row such as cam_deg, lift_mm'

@@ -9,7 +9,7 @@ from pathlib import Path
 import tomli_w
 
 from flexcam.checks import refuse
-from flexcam.io.target import free_to_write
+from flexcam.io.target import free_to_write, made_folder
 from flexcam.motion import KINDS, HarmonicLift, Law
 
 
@@ -71,5 +71,6 @@ def _write(path: Path, content: Mapping[str, object], *, overwrite: bool) -> Pat
     if path.suffix != ".toml":
         raise refuse("output", str(path), "a name that ends in .toml", "so a case tells it from a name of a law")
     free_to_write("output", path, overwrite=overwrite)
+    made_folder(path.parent)
     path.write_text(tomli_w.dumps(content), encoding="utf-8")
     return path

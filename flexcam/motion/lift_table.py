@@ -160,7 +160,7 @@ def _faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
         found.append(Fault(f"angle, row {i + 2}", given, "angles that ascend", "", "sort the rows, each angle once"))
     elif theta[-1] - theta[0] > _REVOLUTION + 1e-9:
         given = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle"
-        remedy = "say that they are crank angles, or cut the table"
+        remedy = "cut the table; crank angles must be said to be such"
         found.append(Fault("angle", given, "360 deg at most", "the lift repeats every revolution", remedy))
     top = float(s.max())
     if top <= 0.0:

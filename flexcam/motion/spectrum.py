@@ -12,6 +12,7 @@ from flexcam.linalg import FloatArray
 from flexcam.motion.law import ClosedResidual, Law
 from flexcam.motion.quadrature import quadrature
 
+_LARGEST = 1e3
 _PANELS_PER_PERIOD = 8
 """Panels of sixteen points per oscillation: exact to rounding."""
 
@@ -47,8 +48,8 @@ def residual_spectrum(law: Law, ratio: ArrayLike) -> FloatArray:
     array([0.5     , 0.169765])
     """
     periods = np.asarray(ratio, dtype=float)
-    if not (np.isfinite(periods).all() and (periods > 0.0).all()):
-        raise refuse("ratio", str(ratio), "rise times over the period, above zero")
+    if not ((periods > 0.0).all() and (periods <= _LARGEST).all()):
+        raise refuse("ratio", str(ratio), f"rise times over the period, above zero, up to {_LARGEST:g}")
     return law.residual(periods) if isinstance(law, ClosedResidual) else _convolved(law, periods)
 
 

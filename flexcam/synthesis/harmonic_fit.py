@@ -15,6 +15,7 @@ from flexcam.motion import Event, HarmonicLift
 from flexcam.synthesis.least_squares import constrained_least_squares
 
 _REVOLUTION = 2.0 * math.pi
+_MOST = 200
 _POINTS_PER_HARMONIC, _LEAST_POINTS = 24, 720
 
 
@@ -77,9 +78,13 @@ def harmonic_fit(
     True
     """
     positive("tolerance", tolerance, "m")
-    if count < 1:
+    if not 1 <= count <= _MOST:
         raise refuse(
-            "count", count, "a whole number from 1", "", "a lower speed or a stiffer train leaves room for more"
+            "count",
+            count,
+            f"a whole number from 1 to {_MOST}",
+            "",
+            "a lower speed leaves room for more",
         )
     points = max(_LEAST_POINTS, _POINTS_PER_HARMONIC * count)
     ends = [end for section in strict or () for end in section] if strict is not None else list(wanted.joints)

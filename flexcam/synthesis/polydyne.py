@@ -23,6 +23,7 @@ _DEAF = 1e-9
 """An answer smaller than this part of the static one cannot be asked for."""
 
 _ROUNDING = 1e-12
+_MOST = 1000
 _GRID = np.linspace(0.0, 2.0 * math.pi, 1441)
 
 
@@ -112,8 +113,8 @@ def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60
     True
     """
     positive("speed", speed, "rad/s")
-    if count < 1:
-        raise refuse("count", count, "a whole number from 1")
+    if not 1 <= count <= _MOST:
+        raise refuse("count", count, f"a whole number from 1 to {_MOST}")
     amplitude = harmonics(wanted, count)
     answer = transfer(speed * np.arange(count + 1.0))
     silent = ~np.isfinite(answer[:1]) if not np.isfinite(answer[0]) else np.abs(answer) < _DEAF * abs(answer[0])

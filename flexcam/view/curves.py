@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from flexcam.cam import CamProfile
 from flexcam.checks import refuse
-from flexcam.io import free_to_write
+from flexcam.io import free_to_write, made_folder
 from flexcam.linalg import ComplexArray, FloatArray
 from flexcam.motion import Event, Law, joints, residual_spectrum
 
@@ -219,6 +219,7 @@ def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
     if path.suffix not in _FORMATS:
         raise refuse("picture", str(path), f"a name that ends in {', '.join(_FORMATS)}")
     free_to_write("picture", path, overwrite=overwrite)
+    made_folder(path.parent)
     figure.savefig(path, dpi=150)
     return path
 

@@ -1,0 +1,200 @@
+"""cam: what the cams of a file do, against closed forms; profiles and pictures written; what is refused and how."""
+
+# ruff: noqa: E501 - tables, a row to a line
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import xml.etree.ElementTree as ET  # the files are our own
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from flexcam.cam import RollerFollower, cam_profile
+from flexcam.cli import main
+from flexcam.motion import CompoundCycloid, LiftEvent, Ramp
+
+ROOT, DEG = Path(__file__).parents[2], math.pi / 180
+FILES = {path.stem: path for part in ("cases/cams", "cases/tayeb") for path in sorted((ROOT / part).glob("*.toml"))}
+FILES["every-cam"] = ROOT / "tests/data/every-cam.toml"
+KEYS = ["lift", "velocity", "acceleration", "jerk", "harmonics", "joints", "valve_events", "profile", "findings", "smoothing"]  # fmt: skip
+PROFILE = ["base_radius", "least_radius", "least_convex_radius", "pressure_angle", "contact_offset", "sliding_velocity", "least_base_radius"]  # fmt: skip
+
+
+@pytest.fixture
+def told(capsys, monkeypatch, tmp_path):
+    """Run the command in this process, in a folder of its own, and let the signals be."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+
+    def run(name, *words):
+        with pytest.raises(SystemExit) as ended:
+            main(["cam", str(FILES.get(name, name)), *map(str, words)])
+        out, err = capsys.readouterr()
+        assert "Traceback" not in out + err
+        return SimpleNamespace(code=ended.value.code, out=out, err=err)
+
+    return run
+
+
+def facts(told, *words):
+    done = told(*words, "--json")
+    assert (done.code, done.err) == (0, "")
+    return json.loads(done.out)
+
+
+def one(told, *words):
+    return next(iter(facts(told, *words)["cams"].values()))
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_file(name, told):
+    found, words = facts(told, name), told(name)
+    assert list(found) == ["status", "cams", "overlaps", "files"]
+    assert len(found["overlaps"]) == len(found["cams"]) * (len(found["cams"]) - 1)  # of every pair, at two lifts
+    assert (words.code, words.err) == (0, "")
+    for cam, values in found["cams"].items():
+        assert (list(values), len(values["harmonics"])) == (KEYS, 10)
+        assert all(list(joint["steps"]) == ["lift", *KEYS[1:4]] for joint in values["joints"])
+        assert list(values["valve_events"]) == ["1 mm", "0.05 in"]
+        assert values["profile"] is None or list(values["profile"]) == PROFILE
+        said = [f"Cam {cam}", f"{1e3 * values['lift']:.6g} mm", *(finding["what"] for finding in values["findings"])]
+        assert [part for part in said if part not in words.out] == []
+
+
+def test_cos_cam(told):
+    """Lift 3 mm (1 - cos 2 theta) on a circle of 13 mm under a flat face; its extremes are among the angles looked at."""
+    cam = one(told, "petrescu-cos")
+    close = {"rel": 1e-12, "abs": 1e-12}
+    assert [cam[key] for key in KEYS[:3]] == pytest.approx([0.006, 0.006, 0.012], **close)
+    steps = {round(joint["angle"] / DEG): joint["steps"] for joint in cam["joints"]}
+    assert {at: step["acceleration"] for at, step in steps.items()} == {0: pytest.approx(0.012), 90: 0.0, 180: pytest.approx(-0.012)}  # fmt: skip
+    assert not any(value for step in steps.values() for key, value in step.items() if key != "acceleration")
+    for event in cam["valve_events"].values():
+        opens = math.acos(1 - event["lift"] / 0.003)  # crank angles
+        assert list(event.values())[1:] == pytest.approx([opens, 2 * math.pi - opens, 2 * math.pi - 2 * opens, math.pi], rel=1e-12)  # fmt: skip
+    profile = cam["profile"]
+    assert profile.pop("contact_offset") == pytest.approx([-0.006, 0.006], **close)  # the velocity
+    nose = 0.013 + 0.006 - 0.012  # base circle, lift, acceleration there
+    assert list(profile.values()) == pytest.approx([0.013, nose, nose, 0.0, 0.019, 0.006], **close)
+
+
+@pytest.mark.parametrize("model", [1, 2, 3])
+def test_valve_events_behind_a_rocker(model, told):
+    """The valve moves 1.6 times the cam's 3 mm (1 - cos theta)."""
+    cam = one(told, f"model-{model}-shm")
+    assert cam["harmonics"] == pytest.approx([0.003] + [0.0] * 9, rel=1e-12, abs=1e-15)
+    for event in cam["valve_events"].values():
+        opens = 2 * math.acos(1 - event["lift"] / 1.6 / 0.003)
+        assert [event["opens"], event["duration"]] == pytest.approx([opens, 4 * math.pi - 2 * opens], rel=1e-12)
+
+
+def test_what_the_files_say_they_must_show(told):
+    joints = one(told, "li-fb2")["joints"]
+    assert {(len(joints), joint["steps"][key]) for joint in joints for key in ("lift", *KEYS[1:3])} == {(9, 0.0)}
+    for cam in facts(told, "roussev-single-dwell")["cams"].values():
+        assert [any(joint["steps"].values()) for joint in cam["joints"]] == [False] * 3
+    swing = one(told, "li-swing")
+    pitch = math.sqrt(145**2 + 140**2 - 2 * 145 * 140 * math.cos(30 * DEG))  # law of cosines
+    assert swing["profile"]["base_radius"] == pytest.approx(1e-3 * (pitch - 16), rel=1e-12)
+    (finding,) = swing["findings"]
+    assert "pressure angle too large" in finding["what"]
+    assert 150 * DEG < finding["angle"] < 270 * DEG, "on the return"
+    assert (finding["limit"], finding["value"]) == (pytest.approx(30 * DEG), swing["profile"]["pressure_angle"])
+
+
+def test_overlap(told, tmp_path):
+    """Two equal events, 100 deg of cam apart: the crank turns twice as far, and what is left is the overlap."""
+    cam = '[cams.{}]\nlaw = "shm"\nlift = "6 mm"\nrise = "90 deg"\nreturn = "90 deg"\nphase = "{} deg"\n'
+    (tmp_path / "two.toml").write_text("format = 1\n" + cam.format("exhaust", 20) + cam.format("intake", 120))
+    found = facts(told, "two.toml")
+    for pair, lift in zip(found["overlaps"], ("1 mm", "0.05 in"), strict=True):
+        open_for = found["cams"]["intake"]["valve_events"][lift]["duration"]
+        assert list(pair.values()) == ["exhaust", "intake", lift, pytest.approx(open_for - 200 * DEG)]
+
+
+def fb2(base):
+    """Return the profile of cases/cams/li-fb2.toml, as its text describes it, on some base circle."""
+    law, ramp = CompoundCycloid(0.3), Ramp(0.0002, 15 * DEG, 0.5)
+    event = LiftEvent(law, 0.0053, 60 * DEG, 60 * DEG, phase=90 * DEG, ramp=ramp)
+    return cam_profile(event, RollerFollower(base, 0.01))
+
+
+def test_findings(told):
+    """Undercut: r0 + s + s'' is least at the nose, where s'' = -12 mm."""
+    (cut,) = one(told, "petrescu-cos", "--set=cams.valve.base_radius=5 mm")["findings"]
+    assert "undercut" in cut["what"]
+    assert [cut["angle"], cut["value"]] == pytest.approx([90 * DEG, -0.001])
+    words = ["li-fb2", "--set=cams.exhaust.base_radius=8 mm", "--pressure-angle=60 deg"]
+    hollow = min(-r for r in fb2(0.008).radius if r < 0)
+    assert not one(told, *words, "--cutter", f"{0.999 * hollow} m")["findings"]
+    (large,) = one(told, *words, "--cutter", f"{1001 * hollow} mm")["findings"]
+    assert "cutter" in large["what"]
+    assert [large["value"], large["limit"]] == pytest.approx([hollow, 1.001 * hollow])
+
+
+def test_files(told, tmp_path):
+    found = facts(told, "li-fb2", "-o", "a/b", "--cutter", "40 mm", "--points", "36")
+    assert found["files"] == [f"a/b/li-fb2-exhaust.{form}" for form in ("csv", "dxf", "vtp")]
+    table = np.genfromtxt(tmp_path / found["files"][0], delimiter=",", names=True, deletechars="", replace_space=" ")
+    assert table["cam angle [deg]"].tolist() == [10.0 * i for i in range(36)]
+    written = np.column_stack([table[f"profile {axis} [mm]"] for axis in "xy"])
+    np.testing.assert_allclose(written, 1e3 * fb2(0.02).points[::20], rtol=0.0, atol=1e-9)  # 12 digits of 26 mm
+    assert {"pitch curve x [mm]", "cutter path y [mm]", "pressure angle [deg]"} <= set(table.dtype.names)
+    single = facts(told, "every-cam", "-o", "d", "--cam", "single", "--format", "dxf")
+    assert single["files"] == ["d/every-cam-single.dxf"]
+
+
+def test_writes_over_nothing_unasked(told, tmp_path):
+    """Where one file stands in the way none is written."""
+    path = tmp_path / "li-fb2-exhaust.vtp"
+    path.write_text("mine")
+    done = told("li-fb2", "-o", ".")
+    assert (done.code, "--overwrite" in done.err, done.out, path.read_text()) == (2, True, "", "mine")
+    assert list(tmp_path.iterdir()) == [path]
+    assert (told("li-fb2", "-o", ".", "--overwrite").code, path.stat().st_size > 1000) == (0, True)
+
+
+def test_pictures(told, tmp_path):
+    found = facts(told, "li-fb2", "--plot", "p")["files"]
+    assert found == [f"p/li-fb2-exhaust-{kind}.svg" for kind in ("lift", "profile", "pressure")]
+    for path in found:
+        paths = ET.parse(tmp_path / path).iter("{http://www.w3.org/2000/svg}path")  # noqa: S314
+        assert sum(len(path.get("d", "")) for path in paths) > 5000
+    assert "--overwrite" in told("li-fb2", "--plot", "p").err
+    assert facts(told, "model-1-shm", "--plot", "p")["files"] == ["p/model-1-shm-intake-lift.svg"], "without a profile"
+
+
+def test_a_case_without_a_base_circle_says_how_to_get_a_profile(told):
+    assert "base_radius and follower" in told("model-2-cycloidal", "-o", "x").out
+    more = ("--set", "cams.intake.base_radius=20 mm", "--set", 'cams.intake.follower={ type = "flat" }')
+    cam = one(told, "model-2-cycloidal", *more, "--set", "cams.intake.lift=7 mm")
+    assert (cam["lift"], cam["profile"]["base_radius"]) == (0.007, 0.02)
+    assert cam["velocity"] == pytest.approx(0.007 * 2 / math.pi, rel=1e-12)
+    assert "at 100 rpm" in told("li-fb2", "--set", "speed=100 rpm").out
+
+
+REFUSED = {  # words, where, what is given, a part of the message
+    "--cutter=40 kg": ("--cutter", "40 kg", "does not measure a length"),
+    "--pressure-angle=30 mm": ("--pressure-angle", "30 mm", "180 deg"),
+    "--cam=exhuast": ("--cam", "exhuast", "did you mean 'exhaust'"),
+    "--points=11": ("count", "11", "from 12"),
+    "--set=cams.exhaust.lft=7 mm": ("cams.exhaust.lft", "lft", "did you mean 'lift'"),
+    "--set=cams.exhaust.lift=7 kg": ("cams.exhaust.lift", "7 kg", "a length"),
+    "--set=cams.exhuast.lift=7 mm": ("--set", "exhuast", "did you mean 'exhaust'"),
+    f"-o={FILES['li-fb2']}/x": ("folder", "li-fb2.toml/x", "-o"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_refused(words, told):
+    where, given, said = REFUSED[words]
+    done = told("li-fb2", words, "--json")
+    assert (done.code, done.err) == (2, "")
+    (fault,) = json.loads(done.out)["errors"]
+    assert (where in fault["where"], given in fault["given"], said in " ".join(fault.values())) == (True, True, True)

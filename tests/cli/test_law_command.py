@@ -1,0 +1,200 @@
+"""law and laws: criteria as JSON and in words, kinds with parameters, law files, what is refused and how."""
+
+# ruff: noqa: E501 - tables, a row to a line
+
+from __future__ import annotations
+
+import inspect
+import json
+import math
+import signal
+import xml.etree.ElementTree as ET  # the files are our own
+from types import SimpleNamespace
+
+import pytest
+
+from flexcam.cli import main
+from flexcam.motion import KINDS, LAWS, criteria, residual_spectrum
+
+PI, NEAR = math.pi, math.sin(1.25 * math.pi)
+KEYS = {
+    "status", "law", "Cv", "Ca", "Cj", "Cm", "extremes", "jumps", "end_conditions", "rest_at_ends", "symmetric",
+    "broken", "rms", "harmonics", "residual",
+}  # fmt: skip
+CLOSED = {  # Cv, Ca, Cj, Cm of the normalized law, amplitude left behind after 1.25 periods
+    "shm": (PI / 2, PI**2 / 2, PI**3 / 2, PI**3 / 8, abs(math.cos(1.25 * PI)) / (4 * 1.25**2 - 1)),
+    "cycloidal": (2.0, 2 * PI, 4 * PI**2, 1.5 * math.sqrt(3.0) * PI, abs(NEAR) / (1.25 * PI * (1.25**2 - 1))),
+    "parabolic": (2.0, 4.0, None, 8.0, (2 * math.sin(0.625 * PI) / (1.25 * PI)) ** 2),
+    "3-4-5": (15 / 8, 10 / math.sqrt(3.0), 60.0, None, None),
+    "4-5-6-7": (35 / 16, 84 * math.sqrt(5.0) / 25, 52.5, None, None),
+}
+GOOD = {  # parameters of every kind, as --with takes them, and the law of a name that they make
+    "scca": ({"b": "0.25", "c": "0.5", "d": "0.25"}, "modified-trapezoid"),
+    "polynomial": ({"exponents": "[3, 4, 5]"}, "3-4-5"),
+    "quinquinomial": ({"row": "2"}, "quinquinomial-2"),
+    "harmonic": ({"harmonics": "[[1, 0.9375], [3, 0.0625]]"}, "gutman-1-3"),
+    "harmonic-acceleration": ({"b": f"[{2 * PI!r}]"}, "cycloidal"),
+    "cosine": ({"coefficients": "[0.5, -0.5]"}, "shm"),
+    "fb2": ({"split": "0.3"}, "fb2"),
+    "bspline": ({"coefficients": "[0, 0, 0, 1, 1, 1]", "degree": "5"}, "3-4-5"),
+    "table": ({"z": "[0, 0.5, 1]", "s": "[0, 0.5, 1]"}, "3-4-5"),  # the only quintic through them, at rest
+}
+
+
+@pytest.fixture
+def told(capsys, monkeypatch, tmp_path):
+    """Run the command in this process, in a folder of its own, and let the signals be."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+
+    def run(*words):
+        with pytest.raises(SystemExit) as ended:
+            main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        assert "Traceback" not in out + err
+        return SimpleNamespace(code=ended.value.code, out=out, err=err)
+
+    return run
+
+
+def facts(told, *words):
+    """Return the JSON of a command that succeeds."""
+    done = told(*words, "--json")
+    assert (done.code, done.err) == (0, "")
+    return json.loads(done.out)
+
+
+def refused(told, *words):
+    """Return the one fault of a command that must be refused, the same in words and as JSON."""
+    done, plain = told(*words, "--json"), told(*words)
+    assert (done.code, done.err, plain.code, plain.out) == (2, "", 2, "")
+    report = json.loads(done.out)
+    assert (report["status"], len(report["errors"])) == ("refused", 1)
+    (fault,) = report["errors"]
+    assert list(fault) == ["where", "given", "allowed", "why", "remedy"]
+    assert fault["allowed"]
+    assert [part for part in fault.values() if part.replace(" --json", "") not in plain.err] == []
+    return fault
+
+
+def with_(parameters):
+    return [f"--with={key}={value}" for key, value in parameters.items()]
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_every_law(name, told):
+    found, law = facts(told, "law", name), criteria(LAWS[name])
+    assert found.keys() == KEYS
+    for key in ("Cv", "Ca", "Cj", "Cm", "symmetric", "rest_at_ends"):
+        assert found[key] == getattr(law, key), key
+    for key in ("broken", "jumps", "rms", "harmonics"):
+        assert found[key] == list(getattr(law, key)), key
+    peaks = {key: max(abs(end["value"]) for end in pair) for key, pair in found["extremes"].items()}
+    assert peaks == {"velocity": law.Cv, "acceleration": law.Ca, "jerk": law.Cj or peaks["jerk"], "moment": law.Cm}
+    ends = {z: list(end.values()) for z, end in found["end_conditions"].items()}
+    assert ends == {"z=0": list(law.ends[0]), "z=1": list(law.ends[1])}
+    assert [one["ratio"] for one in found["residual"]] == [1.0, 1.5, 2.0, 3.0, 5.0]
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_closed_forms(name, told):
+    """To 1e-11: extremes are found by bisection, 1e-12 in value."""
+    found = facts(told, "law", name, "--residual", "2.5", "--residual", "1.25")
+    assert [one["ratio"] for one in found["residual"]] == [2.5, 1.25], "in the order asked"
+    values = [found["Cv"], found["Ca"], found["Cj"], found["Cm"], found["residual"][1]["amplitude"]]
+    for value, closed in zip(values, CLOSED[name], strict=True):
+        assert closed is None or value == pytest.approx(closed, rel=1e-11)
+    assert (found["Cj"] is None) == (name == "parabolic")
+
+
+def test_all_laws_side_by_side(told, tmp_path):
+    found = facts(told, "laws", "--residual", "1.5")
+    assert (list(found["laws"]), found["kinds"], found["ratios"]) == (list(LAWS), list(KINDS), [1.5])
+    for name, law in LAWS.items():
+        assert found["laws"][name].keys() == KEYS - {"status", "law"}
+        assert found["laws"][name]["residual"] == residual_spectrum(law, [1.5]).tolist()
+    words = told("laws", "--plot", "all.svg").out
+    assert [name for name in (*LAWS, *KINDS) if name not in words.replace(",", " ").split()] == []
+    assert [line.split()[0] for line in words.splitlines() if "infinite" in line] == ["parabolic"]
+    assert (tmp_path / "all.svg").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(("name", "said"), [
+    ("parabolic", ["C_j infinite", "the acceleration steps next to a dwell: by 4 at z = 0 and by 4 at z = 1"]),
+    ("pavlovic-trigonometric", ["the velocity steps next to a dwell: by 0.0208333 at z = 0"]),
+    ("pavlovic-new", ["not symmetric: s(1/2) = 0.498047", "by 9.8696 at z = 0", "1.39843 at z = 0.766805"]),
+])  # fmt: skip
+def test_words(name, said, told):
+    """What docs/motion.md says openly of the laws in print: s' = 1/48, s(1/2) = 0.498047, a step of pi^2."""
+    words = told("law", name).out
+    assert [one for one in said if one not in words] == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_kind_with_its_parameters(kind, told):
+    """To 1e-9: splines and sums of sines round differently from the formula of the name."""
+    good, name = GOOD[kind]
+    found, law = facts(told, "law", kind, *with_(good)), facts(told, "law", name)
+    got, wanted = ([one["Cv"], one["Ca"], one["Cm"], *one["rms"][:2]] for one in (found, law))
+    assert got == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in GOOD for name in GOOD[kind][0]])
+def test_bad_parameters(kind, name, told):
+    """Missing where it is required, of another type, and misspelt."""
+    good = GOOD[kind][0]
+    if inspect.signature(KINDS[kind]).parameters[name].default is inspect.Parameter.empty:
+        fault = refused(told, "law", kind, *with_({key: value for key, value in good.items() if key != name}))
+        assert (fault["where"], fault["given"]) == (name, "nothing")
+        assert name in fault["allowed"]
+        assert name in fault["remedy"]
+    fault = refused(told, "law", kind, *with_({**good, name: '"lots"'}))
+    assert (fault["where"].partition(".")[0], "lots" in fault["given"]) == (name, True)
+    fault = refused(told, "law", kind, *with_({**good, f"{name}zz": "1"}))
+    assert fault["where"] == f"{name}zz"
+    assert [one for one in good if one not in fault["allowed"]] == []
+    assert len(name) < 3 or f"did you mean '{name}'" in fault["remedy"]
+
+
+FAULTS = {  # words, where it is found, a part of the message
+    "parts that do not sum to 1": ("scca --with b=0.2 --with c=0.2 --with d=0.2", "b, c, d", "sum to 1"),
+    "exponents that do not ascend": ("polynomial --with exponents=[3,5,4]", "exponents", "ascending"),
+    "split 0": ("fb2 --with split=0", "split", "between 0 and 1"),
+    "spline that ends elsewhere": ("bspline --with coefficients=[0,0,0,1,1,2]", "coefficients", "s(1) = 1"),
+    "velocity at the ends": ("harmonic-acceleration --with b=[6]", "b", "the velocity must vanish"),
+    "points that run back": ("table --with z=[0,0.6,0.5,1] --with s=[0,0.4,0.6,1]", "z", "ascend"),
+    "no equals sign": ("scca --with b", "--with", "key=value"),
+    "no number": ("scca --with b=quarter", "--with", "exponents=[3,4,5]"),
+    "parameter of a law without": ("3-4-5 --with b=1", "law", "no parameters"),
+    "ratio that is none": ("shm --residual x", "command line", "--residual"),
+    "digit forgotten": ("4-5-6", "law", "did you mean '4-5-6-7'"),
+    "kind": ("b-spline", "law", "did you mean 'bspline'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_refused(name, told):
+    words, where, said = FAULTS[name]
+    fault = refused(told, "law", *words.split())
+    assert fault["where"] == where
+    assert said in " ".join(fault.values())
+
+
+@pytest.mark.parametrize("text", [
+    None, "", "[law\n", "law = 3\n", "[lift]\nmean = 1.0\n", "[law]\nsplit = 0.3\n", '[law]\nid = "fb2"\nsplt = 7\n', "\x00",
+])  # fmt: skip
+def test_files_that_hold_no_law(text, told, tmp_path):
+    if text is not None:
+        (tmp_path / "bad.toml").write_text(text, encoding="utf-8")
+    assert "bad.toml" in refused(told, "law", "bad.toml")["where"]
+
+
+def test_picture(told, tmp_path):
+    assert told("law", "shm", "--plot", "a.svg").code == 0
+    tree = ET.parse(tmp_path / "a.svg")  # noqa: S314
+    assert len(list(tree.iter("{http://www.w3.org/2000/svg}path"))) > 4
+    (tmp_path / "a.svg").write_text("mine")
+    assert "--overwrite" in refused(told, "law", "shm", "--plot", "a.svg")["remedy"]
+    assert (tmp_path / "a.svg").read_text() == "mine"
+    assert ".svg" in refused(told, "law", "shm", "--plot", "a.jpg")["allowed"]

@@ -1,0 +1,200 @@
+"""synthesize law, harmonic and polydyne: what is found, files that a case can name, what is refused and how."""
+
+# ruff: noqa: E501 - tables, a row to a line
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import signal
+import tomllib
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from flexcam import read_case, run
+from flexcam.case import build_model, law_file
+from flexcam.cli import main
+
+ROOT = Path(__file__).parents[2]
+MODEL = ROOT / "cases/tayeb/model-3-shm.toml"
+POLYDYNE, HARMONIC = (("synthesize", kind, MODEL) for kind in ("polydyne", "harmonic"))
+LEAST = ("synthesize", "law", "--minimize", "Ca")
+POLYNOMIAL = (*LEAST, "--family", "polynomial")
+SMOOTH = ("--set=cams.intake.law=4-5-6-7", "--set=run.speed=1200rpm")
+SHORT = (*HARMONIC, "--set=cams.intake.law=3-4-5", "--set=cams.intake.rise=80 deg", "--set=cams.intake.return=80 deg", "--set=run.speed=600rpm")  # fmt: skip
+LAW = ["family", "objective", "family_bound", "gap", "bound_over_all_laws", "Cv", "Ca", "Cj", "Cm", "rms", "broken"]
+ANGLE = np.linspace(0.0, 2 * math.pi, 7201)
+
+
+@pytest.fixture
+def told(capsys, monkeypatch, tmp_path):
+    """Run the command in this process, in a folder of its own, and let the signals be."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+
+    def call(*words):
+        with pytest.raises(SystemExit) as ended:
+            main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        assert "Traceback" not in out + err
+        return SimpleNamespace(code=ended.value.code, out=out, err=err)
+
+    return call
+
+
+def facts(told, *words):
+    done = told(*words, "--json")
+    assert (done.code, done.err) == (0, "")
+    return json.loads(done.out)
+
+
+def train(folder, lift, rpm):
+    """Return published model 3 at another speed, with a lift file in the place of its law."""
+    text = MODEL.read_text(encoding="utf-8").replace("../../meshes", str(ROOT / "meshes"))
+    text = re.sub(r"law = .*\nlift = .*\nrise = .*\nreturn = .*\n", f'lift_table = "{lift}"\n', text)
+    (folder / "case.toml").write_text(text.replace('"3000 rpm"', f'"{rpm} rpm"'), encoding="utf-8")
+    return read_case(folder / "case.toml")
+
+
+def plain(words):
+    return read_case(MODEL, [word.removeprefix("--set=") for word in words])
+
+
+def test_the_valve_follows_a_polydyne_cam(told, tmp_path):
+    """It makes 1.6 of the lift, to 1 um; the time steps, of second order, take 0.02 um. The plain cam is off by 3.6 mm."""
+    assert facts(told, *POLYDYNE, *SMOOTH, "-o", "polydyne.toml")["files"] == ["polydyne.toml"]
+    wanted = build_model(plain(SMOOTH)).cams["intake"].event
+    off = []
+    for case in (train(tmp_path, "polydyne.toml", 1200), plain(SMOOTH)):
+        response = run(case)
+        off.append(np.abs(response["valve"].displacement.ravel() - 1.6 * wanted(response.angle)).max())
+    assert off[0] < 1e-6 < 1e-3 < off[1]
+
+
+def test_polydyne_of_the_train(told):
+    found = facts(told, *POLYDYNE, "--set=cams.intake.law=4-5-6-7", "--speed", "1200 rpm")
+    assert list(found) == ["status", "design_speed_rpm", "left_out", "speeds_rpm", "plain", "polydyne", "files"]
+    assert found["speeds_rpm"] == pytest.approx([300.0, 600.0, 900.0, 1080.0, 1200.0, 1320.0])
+    # The fourth derivative steps by 840/pi^4 of 6 mm, so harmonics fall as 66 mm/n^5: beyond 60 they sum to 1.3 nm.
+    assert found["left_out"] < 1.3e-9
+    assert found["polydyne"][4] < 1e-12
+    assert found["polydyne"][0] > 10 * found["plain"][0], "worse than a plain one far below its speed"
+
+
+def test_polydyne_of_one_mass(told, tmp_path):
+    """Its lift is y + (w/w0)^2 y'': of 3 mm (1 - cos), the cosine shrinks by 1 - (w/w0)^2."""
+    said = told(*POLYDYNE, "--frequency", "397 Hz", "--speed", "3000 rpm", "--count", "7", "-o", "mass.toml")
+    assert 'lift_table = "mass.toml"' in said.out
+    lift = tomllib.loads((tmp_path / "mass.toml").read_text(encoding="utf-8"))["lift"]
+    assert lift["mean"] == pytest.approx(0.003, rel=1e-12)
+    expected = [-0.003 * (1 - (50 / 397) ** 2)] + [0.0] * 13
+    assert lift["cosine"] + lift["sine"] == pytest.approx(expected, rel=1e-12, abs=1e-15)
+
+
+def test_harmonics_below_the_first_mode(told, tmp_path):
+    """Of 67.11 Hz, at 10 Hz: six. In the dwell of 200 deg the lift stays within 20 um."""
+    found = facts(told, *SHORT, "-o", "few.toml")
+    assert list(found) == ["status", "harmonics", "harmonics_below_first_mode", "first_mode_hz", "dwell_deviation", "deviation", "rms_deviation", "files"]  # fmt: skip
+    assert (found["harmonics"], found["harmonics_below_first_mode"], found["files"]) == (6, 6, ["few.toml"])
+    assert found["first_mode_hz"] == pytest.approx(67.11, abs=0.005)
+    lift = tomllib.loads((tmp_path / "few.toml").read_text(encoding="utf-8"))["lift"]
+    turned = np.outer(ANGLE, np.arange(1, 7))
+    value = lift["mean"] + np.cos(turned) @ lift["cosine"] + np.sin(turned) @ lift["sine"]
+    off = np.abs(value - build_model(plain(SHORT[3:])).cams["intake"].event(ANGLE))
+    # Between the points of the fit, h = 0.5 deg apart, it rises by h^2/8 of the acceleration, 40 mm/rad^2: 0.4 um.
+    assert off[3200:].max() <= 20.4e-6
+    assert off.max() == pytest.approx(found["deviation"], abs=0.4e-6)
+    assert run(train(tmp_path, "few.toml", 600)).status.ok
+
+
+def test_too_few_harmonics_are_told_what_they_can_hold(told):
+    said = told(*SHORT, "--count", "3", "--tolerance", "1 um")
+    assert (said.code, said.out) == (2, "")
+    held = float(re.search(r"allow ([\d.e-]+) um", said.err)[1])
+    assert told(*SHORT, "--count", "3", "--tolerance", f"{1.002 * held} um").code == 0
+    assert told(*SHORT, "--count", "3", "--tolerance", f"{0.998 * held} um").code == 2
+
+
+def test_a_law_of_least_acceleration(told, tmp_path):
+    """The numbers of docs/motion.md: splines on 24 pieces, a jerk of 52.5, no law at all below 8/(1 + sqrt(1 - 32/J))."""
+    found = facts(told, *LEAST, "--bound", "Cj=52.5", "-o", "new/best.toml", "--plot", "best.svg")
+    assert (list(found), found["files"]) == (["status", "laws", "files"], ["new/best.toml", "best.svg"])
+    (law,) = found["laws"]
+    assert list(law) == LAW
+    assert law["objective"] == law["Ca"] == pytest.approx(5.024, abs=5e-4)
+    assert law["Cj"] <= 52.5
+    assert 0.0 <= law["gap"] == law["objective"] - law["family_bound"] < 1e-6
+    assert law["bound_over_all_laws"] == pytest.approx(8 / (1 + math.sqrt(1 - 32 / 52.5)), rel=1e-12)
+    said = facts(told, "law", "new/best.toml")
+    assert [said[key] for key in LAW[5:9]] == [law[key] for key in LAW[5:9]]
+    case = plain([f"cams.intake.law={tmp_path}/new/best.toml"])
+    lift = build_model(case).cams["intake"].event(np.array([math.pi / 4]))
+    assert lift == 0.006 * law_file(tmp_path / "new/best.toml").law(np.array([0.25]))
+    assert run(case).status.ok
+
+
+def test_conditions_and_families(told, tmp_path):
+    facts(told, *POLYNOMIAL, "--condition", "0.5,1,1.8", "--condition", "0.25,0,0.1", "-o", "a.toml")
+    law = law_file(tmp_path / "a.toml").law
+    assert [law(np.array([0.5]), 1)[0], law(np.array([0.25]))[0]] == pytest.approx([1.8, 0.1], rel=1e-9)
+    for condition, allowed in (("--condition=0.3,1,-0.2", "--turning-back"), ("--condition=0.5,0,0.6", "--asymmetric")):
+        assert (told(*POLYNOMIAL, condition).code, told(*POLYNOMIAL, condition, allowed).code) == (2, 0)
+    (found,) = facts(told, *LEAST, "--family=harmonic", "--orders=1", "--orders=3", "-o", "b.toml")["laws"]
+    assert found["Ca"] == pytest.approx(2 * math.pi / 9 * 1.5**1.5 * 4, rel=2e-8)  # Gutman's
+    assert [n for n, _ in law_file(tmp_path / "b.toml").law.harmonics] == [1, 3]
+    (found,) = facts(told, "synthesize", "law", "--family=harmonic", "--minimize=Cm")["laws"]
+    assert (found["family_bound"], found["gap"]) == (None, None), "not convex: no bound is claimed"
+
+
+def test_a_front(told, tmp_path):
+    found = facts(told, *POLYNOMIAL, "--pareto", "Cj", "--count", "4", "-o", "front.toml")
+    assert found["files"] == [f"front-{i}.toml" for i in range(1, 5)]
+    jerk, acceleration = ([law[key] for law in found["laws"]] for key in ("Cj", "Ca"))
+    assert (jerk, acceleration) == (sorted(jerk), sorted(acceleration, reverse=True))
+    assert 'law = "front-4.toml"' in told(*POLYNOMIAL, "--pareto=Cj", "--count=4", "-o=front.toml", "--overwrite").out
+
+
+@pytest.mark.parametrize("words", [POLYNOMIAL, POLYDYNE, HARMONIC], ids=["law", "polydyne", "harmonic"])
+def test_output(words, told, tmp_path):
+    (tmp_path / "x.toml").write_text("mine")
+    said = told(*words, "-o", "x.toml")
+    assert (said.code, "--overwrite" in said.err, said.out) == (2, True, "")
+    assert (tmp_path / "x.toml").read_text() == "mine"
+    assert told(*words, "-o", "x.txt").code == told(*words, "-o", "x").code == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["x.toml"]
+    assert told(*words, "-o", "x.toml", "--overwrite").code == 0
+    assert tomllib.loads((tmp_path / "x.toml").read_text(encoding="utf-8"))["about"]["flexcam"]
+
+
+P = " ".join(POLYNOMIAL[1:])
+REFUSED = {  # words, where, a part of the message
+    "unknown criterion": ("law --minimize Cq", "minimize", "Cv, Ca, Cj, rms, Cm"),
+    "bound without a value": (f"{P} --bound Cj", "--bound", "CRITERION=VALUE"),
+    "bound that no law meets": (f"{P} --bound Cj=10", "bounds", "a wider bound"),
+    "one harmonic": ("law --minimize Ca --family harmonic --orders 1", "orders", "two or more"),
+    "two numbers": (f"{P} --condition 0.5,1", "--condition", "0.5,1,1.8"),
+    "condition that none meets": (f"{P} --condition 0.5,0,0.7", "bounds", "the conditions"),
+    "tolerance in kg": ("harmonic MODEL --tolerance 20kg", "--tolerance", "a length"),
+    "no harmonic below the first mode": ("harmonic MODEL --set=run.speed=30000rpm", "count", "--count"),
+    "cam that is not there": ("harmonic MODEL --cam intak", "--cam", "did you mean 'intake'"),
+    "no cam": (f"polydyne {ROOT}/cases/checks/cantilever.toml", "--cam", "a cam in the case"),
+    "speed below zero": ("polydyne MODEL --speed=-3rpm", "--speed", "above zero"),
+    "damping below zero": ("polydyne MODEL --frequency 400Hz --damping=-1", "damping", "zero or more"),
+    "resonance at another speed": ("polydyne MODEL --frequency 150Hz", "speed", "resonance"),
+    "harmonics of a polydyne cam": ("polydyne MODEL --count 0", "count", "from 1"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused(name, told):
+    words, where, said = REFUSED[name]
+    done = told("synthesize", *words.replace("MODEL", str(MODEL)).split(), "--json")
+    assert (done.code, done.err) == (2, "")
+    found = json.loads(done.out)["errors"]
+    assert found[0]["where"] == where
+    assert said in " ".join(found[0].values())

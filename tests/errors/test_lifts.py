@@ -1,0 +1,200 @@
+"""Faults of cams: laws, lift tables, ramps and followers, in files of cams alone, in whole cases, through the command."""
+
+# ruff: noqa: E501 - tables, a row to a line
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import signal
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexcam import InputError, read_case
+from flexcam.case import read_cams
+from flexcam.cli import main
+from flexcam.io import read_lift
+from flexcam.motion import lift_table
+
+PYTHONS_OWN = ("Traceback", "Value error", "dictionary", "instance of", "numpy", "NoneType")
+EVENT = 'law = "3-4-5"\nlift = "6 mm"\nrise = "100 deg"\nreturn = "100 deg"\n'
+CAM = EVENT + 'base_radius = "18 mm"\nfollower = { type = "roller", radius = "9 mm" }\n'
+LAW, ROLLER = 'law = "3-4-5"', '{ type = "roller", radius = "9 mm" }'
+SWING = '{{ type = "swing", arm = "40 mm", distance = "45 mm", {} }}'
+ROWS = [(angle, 3.0 - 3.0 * math.cos(math.radians(angle))) for angle in range(0, 361, 5)]
+
+
+def table(rows=ROWS, head="cam_deg, lift_mm"):
+    return "\n".join([head, *(f"{angle}, {lift}" for angle, lift in rows)]) + "\n"
+
+
+FILES = {
+    "good.csv": table(), "lift.toml": "[lift]\nmean = 0.003\ncosine = [-0.003]\nsine = [0.0]\n",
+    "split.toml": '[law]\nid = "fb2"\nsplit = 7\n',
+    "nohead.csv": table(head=""), "nounit.csv": table(head="cam_deg, lift"), "noshaft.csv": table(head="angle_deg, lift_mm"),
+    "back.csv": table(ROWS[:9] + ROWS[7:]), "gap.csv": table(ROWS[:20] + ROWS[30:]), "few.csv": table(ROWS[::9]),
+    "below.csv": table([(angle, lift - 1.0) for angle, lift in ROWS]), "twice.csv": table([*ROWS, (365, 0.1)]),
+    "crank.csv": table([(2 * angle, lift) for angle, lift in [*ROWS, (370, 0.1)]], "crank_deg, lift_mm"),
+    "nan.csv": table([*ROWS[:9], (45, math.nan), *ROWS[10:]]), "word.csv": table([*ROWS[:9], (45, "open"), *ROWS[10:]]),
+    "open.csv": table(ROWS[:30]), "flat.csv": table([(angle, 0) for angle, _ in ROWS]), "empty.csv": "",
+}  # fmt: skip
+
+
+def cam(*pairs):
+    """Return the cam with some parts, which must be there, replaced."""
+    block = CAM
+    for old, new in zip(pairs[::2], pairs[1::2], strict=True):
+        assert old in block
+        block = block.replace(old, new)
+    return block
+
+
+def measured(value):
+    return cam(EVENT, f"lift_table = {value}\n")
+
+
+FAULTS = {  # the cam, the key it must be reported at, a part of `given`, a part of the message
+    "no law": (cam(LAW, ""), "law", "nothing", "add 'law'"),
+    "no lift": (cam('lift = "6 mm"\n', ""), "lift", "nothing", "'6 mm'"),
+    "no return": (cam('return = "100 deg"\n', ""), "return", "nothing", "add 'return'"),
+    "law beside a lift table": (cam(LAW, f'{LAW}\nlift_table = "good.csv"'), "law", "law", "remove one"),
+    "ramps beside a lift table": (measured('"good.csv"\nramps = { height = "1 mm", duration = "9 deg" }'), "ramps", "ramps", "the lift table says"),
+    "unknown id": (cam(LAW, 'law = { id = "sccaa", b = 1 }'), "law", "sccaa", "did you mean 'scca'"),
+    "no id": (cam(LAW, "law = { b = 1 }"), "law", "", "the kind of law is required"),
+    "parameter that is missing": (cam(LAW, 'law = { id = "scca", b = 0.2 }'), "law.c", "nothing", "b, c, d"),
+    "parameter that does not exist": (cam(LAW, 'law = { id = "fb2", splitt = 0.2 }'), "law.splitt", "0.2", "did you mean 'split'"),
+    "parameter of another type": (cam(LAW, 'law = { id = "fb2", split = "x" }'), "law.split", "'x'", "split"),
+    "parameter out of range": (cam(LAW, 'law = { id = "fb2", split = 2 }'), "law.split", "2", "between 0 and 1"),
+    "parameters that do not fit": (cam(LAW, 'law = { id = "scca", b = 1, c = 1, d = 1 }'), "law", "1", "sum to 1"),
+    "parameter that is no number": (cam(LAW, 'law = { id = "cosine", coefficients = [nan] }'), "law", "nan", "coefficients"),
+    "law that begins elsewhere": (cam(LAW, 'law = { id = "cosine", coefficients = [1, 2] }'), "law", "s(0) = 3", "from 0 to 1"),
+    "law of the return": (cam(LAW, f'{LAW}\nreturn_law = "cycloid"'), "return_law", "'cycloid'", "did you mean 'cycloidal'"),
+    "no law file": (cam("3-4-5", "none.toml"), "law", "", "none.toml"),
+    "law file with a lift": (cam("3-4-5", "lift.toml"), "law", "lift", "[law]"),
+    "law file with a bad parameter": (cam("3-4-5", "split.toml"), "law", "7", "split.toml"),
+    "no lift table": (measured('"none.csv"'), "lift_table", "none.csv", "readable"),
+    "key of a lift table": (measured('{ file = "good.csv", angel = "cam" }'), "lift_table.angel", "cam", "did you mean 'angle'"),
+    "lift table without a file": (measured('{ angle = "cam" }'), "lift_table.file", "nothing", "add file"),
+    "another shaft": (measured('{ file = "good.csv", angle = "shaft" }'), "lift_table.angle", "'shaft'", "'crank'"),
+    "tolerance in kg": (measured('{ file = "good.csv", tolerance = "2 kg" }'), "lift_table", "2 kg", "a length"),
+    "no head": (measured('"nohead.csv"'), "lift_table", "no head", 'angle = "crank"'),
+    "no unit": (measured('"nounit.csv"'), "lift_table", "cam_deg, lift", 'unit = "mm"'),
+    "no shaft": (measured('"noshaft.csv"'), "lift_table", "angle_deg", "a crank turns twice as fast"),
+    "angles that run back": (measured('"back.csv"'), "lift_table", "40 deg, then 35 deg", "sort the rows"),
+    "gap": (measured('"gap.csv"'), "lift_table", "between 95 and 150 deg", "measure there"),
+    "few points": (measured('"few.csv"'), "lift_table", "9 points", "12 or more"),
+    "lift below zero": (measured('"below.csv"'), "lift_table", "-1 mm at 0 deg", "subtract"),
+    "cam beyond 360 deg": (measured('"twice.csv"'), "lift_table", "365 deg", "360 deg"),
+    "crank beyond 720 deg": (measured('"crank.csv"'), "lift_table", "deg", "cut the table"),
+    "not a number": (measured('"nan.csv"'), "lift_table", "nan", "finite"),
+    "word": (measured('"word.csv"'), "lift_table", "45, open", "line 11"),
+    "open end": (measured('"open.csv"'), "lift_table", "mm at 145 deg", "measure the whole lift"),
+    "no lift at all": (measured('"flat.csv"'), "lift_table", "0 m", "above zero"),
+    "empty file": (measured('"empty.csv"'), "lift_table", "", "empty.csv"),
+    "lift in kg": (cam("6 mm", "6 kg"), "lift", "6 kg", "does not measure a length"),
+    "lift in kg of a swinging follower": (cam("6 mm", "6 kg", ROLLER, SWING.format('radius = "9 mm"')), "lift", "6 kg", "a length"),
+    "steep ramps": (CAM + 'ramps = { height = "3 mm", duration = "5 deg" }\n', "ramps", "", "mm/rad"),
+    "ramps beyond the revolution": (CAM + 'ramps = { height = "0.3 mm", duration = "90 deg" }\n', "", "380 deg", "ramps included"),
+    "ramps in deg": (CAM + 'ramps = { height = "3 deg", duration = "5 deg" }\n', "ramps.height", "3 deg", "a length"),
+    "ramps without a duration": (CAM + 'ramps = { height = "1 mm" }\n', "ramps.duration", "nothing", "add 'duration'"),
+    "high dwell beside a low one": (CAM + 'single_dwell = "high"\n', "", "200 deg", "no lower dwell"),
+    "low dwell beside a high one": (CAM + 'single_dwell = "low"\ndwell = "9 deg"\n', "dwell", "9 deg", "no upper dwell"),
+    "high dwell with ramps": (CAM + 'single_dwell = "high"\ndwell = "140 deg"\nramps = { height = "1 um", duration = "10 deg" }\n', "ramps", "", "to ramp from"),
+    "another dwell": (CAM + 'single_dwell = "middle"\n', "single_dwell", "middle", "'high' or 'low'"),
+    "unknown follower": (cam('"roller"', '"rollr"'), "follower", "'rollr'", "did you mean 'roller'"),
+    "follower without a type": (cam('type = "roller", ', ""), "follower.type", "nothing", "'flat', 'roller', 'swing'"),
+    "follower as a word": (cam(ROLLER, '"flat"'), "follower", "'flat'", "table"),
+    "roller without a radius": (cam(', radius = "9 mm"', ""), "follower", "nothing", "add 'radius'"),
+    "key of a follower": (cam('"9 mm" }', '"9 mm", ofset = 1 }'), "follower", "ofset", "did you mean 'offset'"),
+    "triangle that does not close": (cam(ROLLER, SWING.format('radius = "1 um"'), "18 mm", "1 mm"), "follower", "", "close a triangle"),
+    "angle beside base_radius": (cam(ROLLER, SWING.format('radius = "9 mm", angle = "40 deg"')), "follower.angle", "angle", "base_radius"),
+    "face out of reach": (cam(ROLLER, SWING.format('face = "-40 mm"')), "follower.face", "", "touch the base circle"),
+    "offset too large": (cam('"9 mm" }', '"9 mm", offset = "30 mm" }'), "follower.offset", "", "0.027 m"),
+    "key of the cam": (cam("rise", "rize"), "rize", "rize", "did you mean 'rise'"),
+}  # fmt: skip
+
+
+@pytest.fixture(params=["cams alone", "whole case", "command"])
+def faults_of(request, tmp_path, text, monkeypatch, capsys):
+    """Return the text of a file with this cam, and its faults as dicts, found in one of three ways."""
+    whole, path = request.param == "whole case", tmp_path / "file.toml"
+    for name, content in FILES.items():
+        (tmp_path / name).write_text(content, encoding="utf-8")
+
+    def find(block):
+        around = text.partition('law = "shm"\nlift = "6 mm"\nrise = "180 deg"\nreturn = "180 deg"\n')
+        written = "".join([around[0], block, around[2]]) if whole else f"format = 1\n[cams.intake]\n{block}"
+        path.write_text(written, encoding="utf-8")
+        if request.param != "command":
+            with pytest.raises(InputError) as refusal:
+                (read_case if whole else read_cams)(path)
+            return written, [fault.as_dict() for fault in refusal.value.faults]
+        monkeypatch.setattr(signal, "signal", lambda *_: None)
+        with pytest.raises(SystemExit) as ended:
+            main(["cam", str(path), "--json"])
+        out, err = capsys.readouterr()
+        assert (ended.value.code, err, json.loads(out)["status"]) == (2, "", "refused")
+        return written, json.loads(out)["errors"]
+
+    return find
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_refused_with_place_and_remedy(name, faults_of):
+    block, key, what, said = FAULTS[name]
+    written, found = faults_of(block)
+    full = f"cams.intake.{key}".rstrip(".")
+    told = [one for one in found if re.sub(r" \(line \d+\)", "", one["where"]).replace(": ", ".").startswith(full)]
+    assert told, f"nothing is said about {full}: {[one['where'] for one in found]}"
+    assert [one for one in told if what in one["given"] and said in " ".join(one.values())], told
+    assert all(list(one) == ["where", "given", "allowed", "why", "remedy"] and one["allowed"] for one in found)
+    assert [word for word in PYTHONS_OWN if word in json.dumps(found)] == []
+    lines = [written.splitlines()[int(n) - 1] for one in told for n in re.findall(r"\(line (\d+)\)", one["where"])]
+    assert [line for line in lines if re.match(rf"{key.partition('.')[0]}\b|\[cams\.intake\]", line)], lines
+
+
+def test_many_faults_come_in_one_report(faults_of):
+    names = ["law of the return", "lift in kg", "key of the cam", "another dwell", "key of a follower"]
+    keys = [*(f"intake.{FAULTS[name][1]}" for name in names), "exhaust.lift_table", "third.law", "third.lift_table"]
+    block = cam("6 mm", "6 kg", "rise", "rize", '"9 mm" }', '"9 mm", ofset = 1 }')
+    block += 'return_law = "cycloid"\nsingle_dwell = "middle"\n[cams.exhaust]\nat = "cam"\nlift_table = "gap.csv"\n'
+    block += '[cams.third]\nat = "cam"\nlaw = { id = "scca", b = 1 }\nlift_table = "none.csv"\n'
+    _, found = faults_of(block)
+    places = [one["where"] for one in found]
+    assert [key for key in keys if not any(place.startswith(f"cams.{key}") for place in places)] == []
+    assert len({(one["where"], one["given"]) for one in found}) == len(found), "no place is told twice"
+
+
+ODD = [
+    "cam_deg, lift_mm",
+    "crank",
+    "10, 1",
+    "20 2",
+    "nan, 1",
+    "1e400, 1",
+    "-5, -5",
+    "1e200, 1e200",
+    ",",
+    "# x",
+    "\x00",
+    "",
+]
+
+
+@settings(max_examples=200, deadline=None)
+@given(odd=st.lists(st.tuples(st.integers(0, 74), st.sampled_from(ODD)), min_size=1, max_size=4))
+def test_any_table_is_read_or_refused(odd, tmp_path_factory):
+    lines = table().splitlines()
+    for at, line in odd:
+        lines.insert(at, line)
+    path = tmp_path_factory.mktemp("any") / "lift.csv"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    try:
+        columns = read_lift(path)
+        event, _ = lift_table(columns.angle, columns.lift)
+    except InputError:
+        return
+    assert 0.001 < event.height < 0.012

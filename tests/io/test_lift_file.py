@@ -1,0 +1,198 @@
+"""Lift tables as text: how rows are divided, what a head says, what is given beside it; laws and lifts as TOML."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam.case.motions import harmonic_file, law_file
+from flexcam.checks import InputError
+from flexcam.io import read_lift, write_law, write_lift
+from flexcam.motion import KINDS, LAWS, BSplineLaw, HarmonicLift
+
+ROWS = [(0.0, 0.0), (30.0, 1.25), (60.5, 6.0), (90.0, 2.5), (1.2e2, 0.125)]
+ANGLES, LIFTS = np.array(ROWS).T
+ONCE = {"rtol": 4e-16, "atol": 0.0}
+"""One factor, rounded once and multiplied once."""
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Read a table of these bytes or this text."""
+
+    def of(content, **given):
+        path = tmp_path / "lift.csv"
+        path.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
+        return read_lift(path, **given)
+
+    return of
+
+
+@pytest.fixture
+def refusal(read):
+    """Return the faults of a table that must be refused."""
+
+    def of(content, **given):
+        with pytest.raises(InputError) as refused:
+            read(content, **given)
+        assert all(fault.where and fault.given and fault.allowed for fault in refused.value.faults)
+        return refused.value.faults
+
+    return of
+
+
+def rows(separator=", ", values=ROWS):
+    return "\n".join(separator.join(map(repr, row)) for row in values) + "\n"
+
+
+def are_the_rows(columns):
+    np.testing.assert_allclose(columns.angle, np.radians(ANGLES), **ONCE)
+    np.testing.assert_allclose(columns.lift, 1e-3 * LIFTS, **ONCE)
+    return True
+
+
+@pytest.mark.parametrize("separator", [",", ", ", ";", " ; ", "\t", " ", "   ", " \t "])
+@pytest.mark.parametrize("head", ["cam_deg{}lift_mm\n", ""])
+def test_separators(separator, head, read):
+    assert are_the_rows(read(head.format(separator) + rows(separator), angle="cam", unit="mm"))
+
+
+PLAIN = "cam_deg, lift_mm\n" + rows()
+AROUND = {
+    "byte order mark": "\ufeff" + PLAIN,
+    "byte order mark before numbers": "\ufeff" + rows(),
+    "lines of Windows": PLAIN.replace("\n", "\r\n"),
+    "comments": "# measured on\n#\n" + PLAIN.replace("6.0\n", "6.0  # nose, 2nd of 3\n") + "# end\n",
+    "empty lines": "\n\n" + PLAIN.replace("\n", "\n   \n"),
+    "no last line end": PLAIN.rstrip("\n"),
+    "signs and powers": PLAIN.replace("30.0", "+3.0e+1").replace("0.125", "1.25E-1"),
+    "indented": PLAIN.replace("\n", "\n\t ").rstrip("\t "),
+    "separator behind": PLAIN.replace("\n", ",\n"),
+}
+
+
+@pytest.mark.parametrize("name", AROUND)
+def test_what_stands_around_the_numbers(name, read):
+    assert are_the_rows(read(AROUND[name], **({} if "cam_deg" in AROUND[name] else {"angle": "cam", "unit": "mm"})))
+
+
+HEADS = {  # head, rad of the cam per angle as written, m per lift as written
+    "cam_deg, lift_mm": (math.pi / 180, 1e-3),
+    "cam_deg lift_um": (math.pi / 180, 1e-6),
+    "cam_deg; lift_µm": (math.pi / 180, 1e-6),
+    "cam_deg, lift_m": (math.pi / 180, 1.0),
+    "cam_deg, lift_in": (math.pi / 180, 0.0254),
+    "crank_deg, lift_mm": (math.pi / 360, 1e-3),
+    "crank_rad, lift_in": (0.5, 0.0254),
+    "cam_rad, lift_mm": (1.0, 1e-3),
+    "Cam angle [deg], Lift [mm]": (math.pi / 180, 1e-3),
+    "CRANK ANGLE (RAD); LIFT (IN)": (0.5, 0.0254),
+    "camshaft angle in deg\tvalve lift in mm": (math.pi / 180, 1e-3),
+    "crankshaft °, lift m": (math.pi / 360, 1.0),
+}
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_heads(head, read):
+    to_rad, to_m = HEADS[head]
+    columns = read(f"{head}\n{rows()}")
+    np.testing.assert_allclose(columns.angle, to_rad * ANGLES, **ONCE)
+    np.testing.assert_allclose(columns.lift, to_m * LIFTS, **ONCE)
+    assert columns.angle.shape == columns.lift.shape == (len(ROWS),)
+
+
+@pytest.mark.parametrize(("head", "given", "half", "to_m"), [
+    ("", {"angle": "cam", "unit": "mm"}, 1.0, 1e-3),
+    ("", {"angle": "crank", "unit": "in"}, 0.5, 0.0254),
+    ("cam_deg, lift_mm\n", {"angle": "crank"}, 0.5, 1e-3),
+    ("crank_deg, lift_mm\n", {"angle": "cam"}, 1.0, 1e-3),
+    ("cam_deg, lift_mm\n", {"unit": "um"}, 1.0, 1e-6),
+    ("angle, lift_in\n", {"angle": "cam"}, 1.0, 0.0254),
+    ("crank_deg, lift\n", {"unit": "m"}, 0.5, 1.0),
+])  # fmt: skip
+def test_what_is_given_goes_before_the_head(head, given, half, to_m, read):
+    columns = read(head + rows(), **given)
+    np.testing.assert_allclose(columns.angle, half * np.radians(ANGLES), **ONCE)
+    np.testing.assert_allclose(columns.lift, to_m * LIFTS, **ONCE)
+
+
+UNSAID = {  # head, what is given, what is asked for, a part of the remedy
+    "no head": ("", {}, "angle", 'angle = "cam"'),
+    "no head, shaft given": ("", {"angle": "cam"}, "unit", 'unit = "mm"'),
+    "no head, unit given": ("", {"unit": "mm"}, "angle", 'angle = "crank"'),
+    "no shaft": ("angle_deg, lift_mm\n", {}, "angle", "cam_deg, lift_mm"),
+    "two shafts": ("cam crank, lift_mm\n", {}, "angle", "cam_deg, lift_mm"),
+    "no unit": ("cam_deg, lift\n", {}, "unit", "cam_deg, lift_mm"),
+    "unknown unit": ("cam_deg, lift_thou\n", {}, "unit", 'unit = "in"'),
+    "unknown unit given": ("cam_deg, lift_mm\n", {"unit": "ft"}, "unit", 'unit = "in"'),
+}
+
+
+@pytest.mark.parametrize("name", UNSAID)
+def test_nothing_is_assumed(name, refusal):
+    head, given, asked, remedy = UNSAID[name]
+    (fault,) = refusal(head + rows(), **given)
+    assert "lift.csv" in fault.where
+    assert asked in fault.where
+    assert remedy in fault.remedy
+    assert head.strip() in fault.given or given.get("unit") in fault.given
+
+
+BAD = {
+    "one number": "12.5", "three numbers": "1, 2, 3", "a word": "90, open", "a second head": "cam_deg, lift_mm",
+    "nothing behind": "90,", "two separators": "90,,", "decimal commas": "90,5; 1,25", "hexadecimal": "0x10, 1",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_rows_that_are_no_pair(name, refusal):
+    """The line is that of the file: comments and empty lines count."""
+    lines = ["# by hand", *PLAIN.splitlines()]
+    (fault,) = refusal("\n".join([*lines[:4], "", BAD[name], *lines[4:]]))
+    assert "lift.csv" in fault.where
+    assert "line 6" in fault.where
+    assert BAD[name] in fault.given
+    assert fault.remedy
+
+
+def test_all_bad_rows_are_named_up_to_five(refusal):
+    faults = refusal(PLAIN + "a, b\n" * 3)
+    assert [fault.where for fault in faults] == [f"lift.csv, line {n}" for n in (7, 8, 9)]
+    assert len(refusal(PLAIN + "a, b\n" * 300)) == 5
+
+
+@pytest.mark.parametrize("content", [b"cam_\xb0, lift_mm\n1, 2\n", b"\xff\xfec\x00a\x00m\x00"])
+def test_files_that_are_no_text(content, refusal):
+    (fault,) = refusal(content)
+    assert "lift.csv" in str(fault)
+
+
+@pytest.mark.parametrize("name", ["none.csv", "."])
+def test_files_that_are_not_there(name, tmp_path):
+    with pytest.raises(InputError) as refused:
+        read_lift(tmp_path / name)
+    assert str(tmp_path) in str(refused.value)
+
+
+WRITTEN = {name: law for name, law in LAWS.items() if type(law) in KINDS.values()}
+WRITTEN |= {
+    "knots": BSplineLaw((0.0, 0.0, 0.0, 0.1 + 0.2, 1.0, 1.0, 1.0), 5, (1 / 3,)),
+    "degree": BSplineLaw((0.0,) * 3 + (0.3,) + (1.0,) * 3, 6),
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_laws_read_back_bit_for_bit(name, tmp_path):
+    assert law_file(write_law(WRITTEN[name], tmp_path / "a.toml", about={"of": "a test"})).law == WRITTEN[name]
+
+
+def test_lifts_read_back_bit_for_bit(tmp_path):
+    lift = HarmonicLift(1 / 300, (-1 / 300, 1e-300), (0.1 + 0.2, 0.0))
+    assert harmonic_file(write_lift(lift, tmp_path / "a.toml", about={})) == lift
+    with pytest.raises(InputError, match="overwrite"):
+        write_lift(lift, tmp_path / "a.toml", about={})
+    with pytest.raises(InputError, match=r"\.toml"):
+        write_lift(lift, tmp_path / "a.csv", about={})
+    assert [path.name for path in tmp_path.iterdir()] == ["a.toml"]

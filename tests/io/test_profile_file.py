@@ -1,0 +1,166 @@
+"""Cam profiles as CSV, DXF and VTK, read back by numpy, ezdxf and VTK's own reader."""
+
+from __future__ import annotations
+
+import csv
+import math
+
+import ezdxf
+import numpy as np
+import pytest
+from ezdxf import units
+
+from flexcam.cam import FlatFollower, RollerFollower, SwingRollerFollower, cam_profile
+from flexcam.cams import profile_table
+from flexcam.checks import InputError
+from flexcam.io import ProfileTable, write_profile
+from flexcam.motion import LAWS, LiftEvent
+
+pyvista = pytest.importorskip("pyvista")
+
+EVENT = LiftEvent(LAWS["3-4-5"], lift=0.006, rise=1.5, fall=1.4, dwell=0.2, phase=0.7)
+FOLLOWERS = {
+    "flat": (FlatFollower(0.018), 1),
+    "roller": (RollerFollower(0.018, 0.009, 0.002), -1),
+    "swinging roller": (SwingRollerFollower(0.02, 0.009, 0.05, 0.055), 1),
+}
+CUTTER = 0.04
+PRINTED = 6e-12
+"""Numbers are written with twelve digits: half a unit of the last is 5e-12 of 1 at most."""
+
+HEADS = [
+    "cam angle [deg]", "lift [mm]", "velocity [mm/rad]", "acceleration [mm/rad^2]", "radius of curvature [mm]",
+    "pressure angle [deg]", "contact offset [mm]", "sliding velocity [mm/rad]",
+]  # fmt: skip
+
+
+@pytest.fixture(params=FOLLOWERS.values(), ids=FOLLOWERS.keys())
+def made(request):
+    follower, turn = request.param
+    return cam_profile(EVENT, follower, count=120, turn=turn)
+
+
+@pytest.fixture
+def curves(made):
+    """Return the closed curves that a file must hold, m, shape (n, 2)."""
+    found = {"profile": made.points}
+    if not isinstance(made.follower, FlatFollower):
+        found["pitch curve"] = made.pitch
+    return {**found, "cutter path": made.points + CUTTER * made.normals}
+
+
+@pytest.fixture
+def files(made, tmp_path):
+    """Write all forms and return them by their endings."""
+    paths = write_profile(profile_table(made, CUTTER), tmp_path / "of.a cam", ["vtp", "csv", "dxf"])
+    assert [path.name for path in paths] == ["of.a cam.vtp", "of.a cam.csv", "of.a cam.dxf"]
+    assert sorted(tmp_path.iterdir()) == sorted(paths)
+    return {path.suffix: path for path in paths}
+
+
+def test_csv(files, made, curves):
+    with files[".csv"].open(encoding="utf-8", newline="") as file:
+        head, *rows = csv.reader(file)
+    assert head == HEADS + [f"{name} {axis} [mm]" for name in curves for axis in "xy"]
+    table = dict(zip(head, np.array(rows, dtype=float).T, strict=True))
+    assert len(rows) == 120
+    expected = {
+        "cam angle [deg]": np.arange(120) * 3.0,
+        "lift [mm]": 1e3 * EVENT(made.angle),
+        "velocity [mm/rad]": 1e3 * EVENT(made.angle, 1),
+        "acceleration [mm/rad^2]": 1e3 * EVENT(made.angle, 2),
+        "radius of curvature [mm]": 1e3 * made.radius,
+        "pressure angle [deg]": np.degrees(made.pressure_angle),
+        "contact offset [mm]": 1e3 * made.offset,
+        "sliding velocity [mm/rad]": 1e3 * made.touch.sliding,
+    }
+    expected |= {f"{name} {axis} [mm]": 1e3 * xy[:, i] for name, xy in curves.items() for i, axis in enumerate("xy")}
+    assert expected.keys() == table.keys()
+    for name, values in expected.items():
+        np.testing.assert_allclose(table[name], values, rtol=PRINTED, atol=1e-9, err_msg=name)
+
+
+def test_dxf(files, made, curves):
+    """A drawing in millimetres that a workshop reads: no faults, every curve closed and in a layer of its own."""
+    drawing = ezdxf.readfile(files[".dxf"])
+    assert drawing.units == units.MM
+    assert drawing.header["$INSUNITS"] == 4
+    assert not drawing.audit().errors
+    lines = {line.dxf.layer: line for line in drawing.modelspace().query("LWPOLYLINE")}
+    assert lines.keys() == curves.keys()
+    assert len(drawing.modelspace()) == len(curves) + 1
+    for name, points in curves.items():
+        assert lines[name].closed
+        assert not any(bulge for *_, bulge in lines[name].get_points("xyb"))
+        np.testing.assert_allclose(np.array(lines[name].get_points("xy")), 1e3 * points, rtol=0.0, atol=1e-9)
+    (circle,) = drawing.modelspace().query("CIRCLE")
+    assert circle.dxf.layer == "base circle"
+    assert circle.dxf.radius == pytest.approx(1e3 * made.follower.base_radius, rel=1e-12)
+    assert tuple(circle.dxf.center) == (0.0, 0.0, 0.0)
+    colours = [drawing.layers.get(name).color for name in (*curves, "base circle")]
+    assert len(set(colours)) == len(colours)
+
+
+def test_vtp(files, made, curves):
+    """Points in metres, bit for bit; every curve a line that ends where it begins."""
+    read = pyvista.read(files[".vtp"])
+    assert read.n_lines == read.n_cells == len(curves)
+    assert read.cell_data["curve"].tolist() == list(range(len(curves)))
+    assert set(read.point_data.keys()) == {head.partition(" [")[0] for head in HEADS}
+    for i, points in enumerate(curves.values()):
+        at = read.get_cell(i).point_ids
+        line = read.points[at]
+        assert np.array_equal(line[0], line[-1])
+        assert np.array_equal(line[:-1, :2], points)
+        assert not line[:, 2].any()
+        assert np.array_equal(read.point_data["lift"][at][:-1], 1e3 * made.lift)
+        assert np.array_equal(read.point_data["pressure angle"][at][:-1], np.degrees(made.pressure_angle))
+        assert np.array_equal(read.point_data["cam angle"][at], np.degrees([*made.angle, 0.0]))
+    # Once round the cam: a convex curve is longer than twice its width and shorter than the box around it.
+    length = read.compute_cell_sizes(length=True)["Length"][0]
+    across = np.ptp(made.points, axis=0)
+    assert 2.0 * across.max() < length < 2.0 * across.sum()
+
+
+def test_a_straight_flank_is_written_as_a_number(tmp_path):
+    """Infinite radii would be read as text by a spreadsheet."""
+    made = cam_profile(EVENT, FlatFollower(0.018), count=12)
+    made.touch.radius[3] = math.inf
+    (path,) = write_profile(profile_table(made), tmp_path / "a", ["csv"])
+    column = np.loadtxt(path, delimiter=",", skiprows=1)[:, HEADS.index("radius of curvature [mm]")]
+    assert np.isfinite(column).all()
+    assert column[3] > 1e9
+
+
+def square():
+    corners = 0.01 * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    return ProfileTable({"profile": corners}, 0.007, {"height [mm]": np.arange(4.0)})
+
+
+@pytest.mark.parametrize("taken", ["csv", "dxf", "vtp"])
+def test_writes_over_nothing_unasked(taken, tmp_path):
+    """Where one file stands in the way none is written."""
+    old = tmp_path / f"a.{taken}"
+    old.write_text("mine")
+    with pytest.raises(InputError, match="overwrite") as refusal:
+        write_profile(square(), tmp_path / "a", ["csv", "dxf", "vtp"])
+    assert str(old) in str(refusal.value)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
+    assert len(write_profile(square(), tmp_path / "a", ["csv", "dxf", "vtp"], overwrite=True)) == 3
+    assert old.read_bytes() != b"mine"
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+@pytest.mark.parametrize("forms", [["dxf"], ["csv", "vtp"]])
+def test_only_the_forms_asked_for(forms, tmp_path):
+    write_profile(square(), tmp_path / "a", forms)
+    assert {path.suffix[1:] for path in tmp_path.iterdir()} == set(forms)
+
+
+def test_a_table_of_one_curve(tmp_path):
+    files = write_profile(square(), tmp_path / "a", ["csv", "dxf", "vtp"])
+    assert files[0].read_text().splitlines() == [
+        "height [mm],profile x [mm],profile y [mm]", "0,10,0", "1,0,10", "2,-10,0", "3,0,-10"
+    ]  # fmt: skip
+    assert len(ezdxf.readfile(files[1]).modelspace().query("LWPOLYLINE")) == 1
+    assert pyvista.read(files[2]).points.tolist()[0] == pyvista.read(files[2]).points.tolist()[-1] == [0.01, 0.0, 0.0]
