@@ -13,7 +13,7 @@ from flexcam.linalg import FloatArray
 from flexcam.motion import Event
 
 _REVOLUTION = 2.0 * math.pi
-_MOST_POINTS = 100_000
+_MOST_POINTS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
