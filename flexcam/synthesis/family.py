@@ -14,6 +14,9 @@ from flexcam.linalg import FloatArray
 from flexcam.motion import BSplineLaw, Harmonic, Law
 
 
+_MOST_DEGREE, _MOST_PIECES = 40, 300
+
+
 class Family(Protocol):
     """Laws s = offset(z) + rows(z) x with free coefficients x."""
 
@@ -72,9 +75,10 @@ class SplineFamily:
     symmetric: bool = True
 
     def __post_init__(self) -> None:
-        if self.rest < 1 or self.degree < 5 or self.pieces < 1:
+        if self.rest < 1 or not 5 <= self.degree <= _MOST_DEGREE or not 1 <= self.pieces <= _MOST_PIECES:
             given = f"degree {self.degree}, {self.pieces} pieces, rest {self.rest}"
-            raise refuse("family", given, "degree from 5, one piece or more, rest from 1")
+            allowed = f"degree 5 to {_MOST_DEGREE}, 1 to {_MOST_PIECES} pieces, rest from 1"
+            raise refuse("family", given, allowed, "beyond these the programs take minutes and gain nothing")
         if self._count < 2 * (self.rest + 1) + 1 or not self.size:
             given = f"{self._count} coefficients with {self.rest + 1} held at each end"
             raise refuse("family", given, "some left to choose", "", "a higher degree or more pieces")
