@@ -13,7 +13,6 @@ from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
 from flexcam.motion import BSplineLaw, Harmonic, Law
 
-
 _MOST_DEGREE, _MOST_PIECES = 40, 300
 
 
