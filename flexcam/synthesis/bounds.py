@@ -9,10 +9,10 @@ from collections.abc import Mapping
 def bound_over_all(weights: Mapping[str, float], limits: Mapping[str, float], *, free_ends: bool) -> float | None:
     """Return a lower bound of the objective over all laws from rest to rest.
 
-    C_v >= 1 (the mean velocity), C_a >= 4 (the parabola), C_j >= 32 (three stretches of constant jerk), rms of s'' at
-    least sqrt(12) (the 2-3 polynomial), C_m >= 9/4 (s'^2 rises and falls linearly). With a bound J
-    on the jerk, C_a is at least that of the law whose acceleration is a trapezoid of slopes J, as bang-bang control
-    has it.
+    C_v >= 1 (the mean velocity), C_a >= 4 (the parabola), C_j >= 32 (three stretches of constant jerk; 12, the 2-3
+    polynomial's, where the acceleration may step at the ends), rms of s'' at least sqrt(12) (the 2-3 polynomial),
+    C_m >= 9/4 (s'^2 rises and falls linearly). With a bound J on the jerk, C_a is at least that of the law whose
+    acceleration is a trapezoid of slopes J, as bang-bang control has it.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def bound_over_all(weights: Mapping[str, float], limits: Mapping[str, float], *,
     >>> round(bound_over_all({"Ca": 1.0}, {"Cj": 52.5}, free_ends=False), 4)
     4.9234
     """
-    least = {"Cv": 1.0, "Ca": 4.0, "Cj": 0.0 if free_ends else 32.0, "rms": math.sqrt(12.0), "Cm": 2.25}
+    least = {"Cv": 1.0, "Ca": 4.0, "Cj": 12.0 if free_ends else 32.0, "rms": math.sqrt(12.0), "Cm": 2.25}
     if "Cj" in limits:
         least["Ca"] = least_acceleration(limits["Cj"], free_ends=free_ends)
     if any(name not in least for name in weights):
