@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexcam.case import Case
-from flexcam.case.records import SeatRecord
+from flexcam.case.tables.contacts import SeatRecord
 from flexcam.checks import positive, refuse
 from flexcam.integrate import solve
 from flexcam.linalg import FloatArray
@@ -238,10 +238,8 @@ def _rigid(case: Case) -> float | None:
 
 def _rigid_force(case: Case, contact: str, speed: float, angle: FloatArray) -> FloatArray:
     ready = prepare(_at(case, speed), rigid=True)
-    system = ready.problem.system
-    motion = ready.problem.drive.at(angle / speed)
-    channel = next(c for c in system.channels if c.name == f"contacts.{contact}.force")
-    return system.load_histories(motion)[:, list(channel.loads)].sum(axis=1)
+    steps = replace(ready.problem, step=(angle[1] - angle[0]) / speed, steps=len(angle) - 1)
+    return solve(steps, ready.scheme).channels[f"contacts.{contact}.force"]
 
 
 def _at(case: Case, speed: float) -> Case:

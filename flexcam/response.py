@@ -96,6 +96,8 @@ class Stats:
         Degrees of freedom integrated.
     iterations
         Newton iterations of local forces, all steps together.
+    events
+        Moments located inside a step, where a contact opens or closes.
     seconds
         Time spent in the step loop, s.
     """
@@ -103,6 +105,7 @@ class Stats:
     steps: int = 0
     unknowns: int = 0
     iterations: int = 0
+    events: int = 0
     seconds: float = 0.0
 
 

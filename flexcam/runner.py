@@ -19,7 +19,7 @@ from typing import Literal
 import numpy as np
 
 from flexcam.case import Case, build_model
-from flexcam.case.records import GivenStartRecord, ResultStartRecord
+from flexcam.case.tables.run import GivenStartRecord, ResultStartRecord
 from flexcam.checks import InputError, did_you_mean, refuse
 from flexcam.integrate import (
     Problem,

@@ -8,8 +8,9 @@ from typing import TypeVar
 import numpy as np
 
 from flexcam import fem, train
-from flexcam.case import records as r
 from flexcam.case.read import Case
+from flexcam.case.records import CaseRecord
+from flexcam.case.tables import cams, contacts, members, parts
 from flexcam.checks import Fault, InputError, refuse
 from flexcam.fem import Member, Mesh
 from flexcam.fem.frames import default_orientation
@@ -103,14 +104,14 @@ def _inline_mesh(case: Case) -> Mesh:
     return Mesh(np.array(list(case.record.nodes.values())), lines, index)
 
 
-def _member(member: r.MemberRecord, case: r.CaseRecord) -> Member:
+def _member(member: members.MemberRecord, case: CaseRecord) -> Member:
     return Member(
         case.materials[member.material].made(), case.sections[member.section].made(), member.orientation,
-        member.shear, member.rotary_inertia, member.mass,
+        member.shear, member.rotary_inertia, member.mass, member.geometric_stiffness, member.bow,
     )  # fmt: skip
 
 
-def _bearings(case: r.CaseRecord, mesh: Mesh) -> dict[str, train.Spring]:
+def _bearings(case: CaseRecord, mesh: Mesh) -> dict[str, train.Spring]:
     """Return two springs per bearing, square to the shaft and to each other."""
     springs: dict[str, train.Spring] = {}
     for name, bearing in case.bearings.items():
@@ -126,7 +127,7 @@ def _shared_trains(case: Case, mesh: Mesh) -> list[Fault]:
     faults: list[Fault] = []
     seen: dict[int, str] = {}
     for name, contact in case.record.contacts.items():
-        if not isinstance(contact, r.PublishedLoadRecord):
+        if not isinstance(contact, contacts.PublishedLoadRecord):
             continue
         part = int(mesh.connected(mesh.node(contact.follower, "follower"))[0])
         if part in seen:
@@ -142,47 +143,50 @@ def _shared_trains(case: Case, mesh: Mesh) -> list[Fault]:
     return faults
 
 
-def _rocker(record: r.RockerRecord, case: r.CaseRecord, mesh: Mesh) -> train.Rocker:
+def _rocker(record: parts.RockerRecord, case: CaseRecord, mesh: Mesh) -> train.Rocker:
     start = mesh.node(record.start, "from")
     if record.direction is not None:
         along = fem.direction(record.direction)
     else:
         tangent = _tangent(mesh, start)
-        driven = [one for one in case.contacts.values() if isinstance(one, r.CamContactRecord)]
+        driven = [one for one in case.contacts.values() if isinstance(one, contacts.CamContactRecord)]
         lifts = [_lift(one, case, mesh) for one in driven if _meets(one, start, mesh)]
         against = any(float(lift[:3] @ tangent) < 0.0 for lift in lifts)
         along = _six(-tangent if against else tangent)
     return train.Rocker(record.start, record.to, record.arms, record.inertia, along)
 
 
-def _meets(contact: r.CamContactRecord, node: int, mesh: Mesh) -> bool:
+def _meets(contact: contacts.CamContactRecord, node: int, mesh: Mesh) -> bool:
     return node in mesh.connected(mesh.node(contact.follower, "follower"))
 
 
-def _contact(record: r.ContactRecord, case: r.CaseRecord, mesh: Mesh) -> train.Contact:
+def _contact(record: contacts.ContactRecord, case: CaseRecord, mesh: Mesh) -> train.Contact:
     match record:
-        case r.SeatRecord():
+        case contacts.SeatRecord():
             along = np.zeros(6) if record.direction is None else fem.direction(record.direction)
-            return train.Seat(record.at, along, record.stiffness, record.damping)
-        case r.LashRecord():
+            return train.Seat(record.at, along, record.stiffness, record.damping, record.restitution)
+        case contacts.LashRecord():
             return train.Lash(record.at, record.gap, record.stiffness, record.damping)
         case _:
             return _driven(record, case, mesh)
 
 
-def _driven(record: r.CamContactRecord, case: r.CaseRecord, mesh: Mesh) -> train.PublishedLoad | train.CamContact:
+def _driven(record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> train.PublishedLoad | train.CamContact:
     between = record.cam, record.follower, _lift(record, case, mesh), _axis(case.cams[record.cam], mesh)
     match record:
-        case r.PublishedLoadRecord():
+        case contacts.PublishedLoadRecord():
             return train.PublishedLoad(*between, record.preload_factor, record.cam_deflection, record.cam_torque)
-        case r.BilateralRecord():
+        case contacts.BilateralRecord():
             return train.CamContact(*between, record.stiffness, unilateral=False)
-        case r.UnilateralRecord():
+        case contacts.UnilateralRecord():
             stiffness = None if record.stiffness == "hertz" else record.stiffness
-            return train.CamContact(*between, stiffness, unilateral=True, dissipation=record.dissipation)
+            return train.CamContact(
+                *between, stiffness, unilateral=True, dissipation=record.dissipation, restitution=record.restitution,
+                friction=record.friction, friction_speed=record.friction_speed,
+            )  # fmt: skip
 
 
-def _lift(record: r.CamContactRecord, case: r.CaseRecord, mesh: Mesh) -> FloatArray:
+def _lift(record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> FloatArray:
     """Return the direction of the lift: given, or from cam to follower square to the shaft."""
     if record.direction is not None:
         return fem.direction(record.direction)
@@ -190,7 +194,7 @@ def _lift(record: r.CamContactRecord, case: r.CaseRecord, mesh: Mesh) -> FloatAr
     return _six(_across(mesh.nodes[follower] - mesh.nodes[cam], _tangent(mesh, cam)))
 
 
-def _axis(cam: r.CamRecord, mesh: Mesh) -> FloatArray:
+def _axis(cam: cams.CamRecord, mesh: Mesh) -> FloatArray:
     """Return the axis of rotation: along the shaft, to the side given or to that of positive coordinates."""
     along = _tangent(mesh, mesh.node(cam.at, "at"))
     side = np.array(cam.axis) if cam.axis is not None else np.sign(along[np.argmax(np.abs(along))]) * along

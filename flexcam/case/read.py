@@ -12,9 +12,10 @@ from pydantic import ValidationError
 
 from flexcam.case.lines import Path as KeyPath
 from flexcam.case.lines import Places
-from flexcam.case.records import CamsRecord, CaseRecord, Record
+from flexcam.case.records import CamsRecord, CaseRecord
 from flexcam.case.references import References
 from flexcam.case.report import faults
+from flexcam.case.tables.base import Record
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
 from flexcam.io import read_mesh

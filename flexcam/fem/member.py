@@ -33,6 +33,10 @@ class Member:
         Rotary inertia of the sections in bending (the torsional inertia always counts).
     mass
         ``"consistent"`` or ``"lumped"``.
+    geometric_stiffness
+        Whether axial force and bending act on each other within a run.
+    bow
+        Initial half wave in the local x-y plane, at mid-length, m; only with the geometric stiffness.
 
     Examples
     --------
@@ -46,6 +50,8 @@ class Member:
     shear: bool = False
     rotary_inertia: bool = True
     mass: Literal["consistent", "lumped"] = "consistent"
+    geometric_stiffness: bool = False
+    bow: float = 0.0
 
 
 def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:

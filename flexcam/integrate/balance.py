@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexcam.integrate.energy import Storing
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.linalg import FloatArray, Triplets, factorize, null_space
 from flexcam.response import Cause, RunFailedError, Status
-from flexcam.system import CamMotion, System
+from flexcam.system import CamMotion, Storing, System
 
 _MOST_ITERATIONS = 300
 _TOLERANCE = 1e-9
@@ -86,8 +85,8 @@ class _Potential:
 
     def at(self, u: FloatArray) -> tuple[FloatArray, float, Triplets]:
         """Return the forces out of balance (n,), the size of the forces, and the tangent."""
-        still, states = np.zeros(self.forces.count), list(self.forces.start_states)
-        reaction, _ = self.forces.respond(self._gap(u), still, states, float(self.schedule.angle[0]))
+        still, states = np.zeros(self.forces.count), self.forces.start_state
+        reaction = self.forces.respond(self._gap(u), still, states, float(self.schedule.angle[0]))
         act = self.schedule.act[0] @ self.forces.act.vectors
         sense = self.schedule.sense[0] @ self.forces.sense.vectors
         strain, pushed = self.system.stiffness.times(u), reaction.force @ act
@@ -100,12 +99,14 @@ class _Potential:
     def energy(self, u: FloatArray) -> float:
         """Return the potential energy; laws that store none count with nothing."""
         gap, angle = self._gap(u), float(self.schedule.angle[0])
-        stored = sum(law.stored(gap[part], angle)[0] for law, part in self.forces.laws if isinstance(law, Storing))
+        state = self.forces.start_state
+        laws = [(law, part, inner) for law, part, inner in self.forces.laws if isinstance(law, Storing)]
+        stored = sum(law.stored(gap[part], state[inner], angle).energy for law, part, inner in laws)
         return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
 
     def shortened(self, u: FloatArray, step: FloatArray, missing: FloatArray) -> float:
         """Return the part of a step that lowers the energy enough."""
-        if not all(isinstance(law, Storing) for law, _ in self.forces.laws):
+        if not all(isinstance(law, Storing) for law, *_ in self.forces.laws):
             return 1.0  # a linear coupling: the whole step is right
         before, slope, part = self.energy(u), float(missing @ step), 1.0
         for _ in range(_HALVINGS):

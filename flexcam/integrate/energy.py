@@ -5,20 +5,21 @@ integration itself takes from the linear system (numerical) and the closing resi
 
     work = kinetic + strain + contact (each less its start) + dissipated + numerical + residual
 
-Integrals over time are trapezoidal over the steps.
+Between two instants a force does its mean times the path: with the average acceleration that is what the time
+integration itself does, so that a linear system closes to rounding, and what is left tells of the contacts' curvature.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.step import Moment
 from flexcam.linalg import FloatArray, operator
-from flexcam.system import CamMotion, System
+from flexcam.system import Observed, Storing, System
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -27,33 +28,37 @@ PARTS = ("work", "kinetic", "strain", "contact", "dissipated", "numerical", "res
 """Names of the balance's parts, in order."""
 
 
-@runtime_checkable
-class Storing(Protocol):
-    """A local law that stores energy: it acts along what it senses, A = -G."""
-
-    def stored(self, gap: FloatArray, angle: float) -> tuple[float, FloatArray]:
-        """Return the energy stored, J, and the force at rest, shape (c,)."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
-class _Rates:
-    """Powers (W) and energies (J) of some instants, shape (m,) each, and the forces on the unknowns, shape (m, n)."""
+class _Held:
+    """Energies of some instants, J, shape (m,), and what the work between them is computed from.
 
-    drive: FloatArray
-    damped: FloatArray
-    crushed: FloatArray
+    `loads` are histories, `still` the contacts' forces without their dissipation,
+    `by_state` the derivatives of their energy by internal states, `carried` the part of the sensed
+    rates that the cam alone causes.
+    """
+
+    time: FloatArray
     kinetic: FloatArray
     strain: FloatArray
     contact: FloatArray
+    d: FloatArray
+    v: FloatArray
     applied: FloatArray
-    displacement: FloatArray
-    time: FloatArray
+    loads: FloatArray
+    acted: FloatArray
+    force: FloatArray
+    still: FloatArray
+    gap: FloatArray
+    rate: FloatArray
+    carried: FloatArray
+    states: FloatArray
+    by_state: FloatArray
+    impulse: FloatArray
 
-    def after(self, last: _Rates) -> _Rates:
+    def after(self, last: _Held) -> _Held:
         """Return the instants behind the last one of an earlier block."""
         names = self.__dataclass_fields__
-        return _Rates(*(np.concatenate([getattr(last, n)[-1:], getattr(self, n)]) for n in names))
+        return _Held(*(np.concatenate([getattr(last, n)[-1:], getattr(self, n)]) for n in names))
 
 
 class EnergyAccount:
@@ -72,67 +77,69 @@ class EnergyAccount:
         self._M, self._C, self._K = (operator(m) for m in (system.mass, system.damping, system.stiffness))
         self._damped = bool(system.damping.values.any())
         self._vectors = system.load_vectors()
-        self._last: _Rates | None = None
+        self._last: _Held | None = None
         self._sums = np.zeros(4)  # work, dissipated, numerical, and the energy at the start
 
-    def block(self, moments: list[Moment], motion: CamMotion, schedule: Schedule, time: FloatArray) -> FloatArray:
+    def block(self, moments: list[Moment], seen: Observed, carried: FloatArray, schedule: Schedule) -> FloatArray:
         """Return the parts of the balance at the instants of a block, shape (m, 7), J."""
-        new = self._rates(moments, motion, schedule, time)
-        held = new.kinetic + new.strain + new.contact
+        new = self._held(moments, seen, carried, schedule)
+        energy = new.kinetic + new.strain + new.contact
         first = self._last is None
         if first:
-            self._sums[3] = held[0]
-        both = new if self._last is None else new.after(self._last)
-        step = np.diff(both.time)
-        work, damped, crushed = (_trapezoids(p, step) for p in (both.drive, both.damped, both.crushed))
-        linear = both.kinetic + both.strain
-        pushed = 0.5 * np.einsum("mn,mn->m", both.applied[1:] + both.applied[:-1], np.diff(both.displacement, axis=0))
-        numerical = pushed - np.diff(linear) - damped
-        gone = np.column_stack([work, damped + crushed, numerical])
+            self._sums[3] = energy[0]
+        gone = self._gone(new if self._last is None else new.after(self._last))
         sums = self._sums[:3] + np.cumsum(np.vstack([np.zeros((int(first), 3)), gone]), axis=0)
         self._sums[:3], self._last = sums[-1], new
-        residual = sums[:, 0] - (held - self._sums[3]) - sums[:, 1] - sums[:, 2]
+        residual = sums[:, 0] - (energy - self._sums[3]) - sums[:, 1] - sums[:, 2]
         return np.column_stack([sums[:, 0], new.kinetic, new.strain, new.contact, sums[:, 1], sums[:, 2], residual])
 
-    def _rates(self, moments: list[Moment], motion: CamMotion, schedule: Schedule, time: FloatArray) -> _Rates:
-        d, v = (np.array([getattr(m, name) for m in moments]) for name in ("d", "v"))
-        histories = self._system.load_histories(motion)
-        drive = np.einsum("mk,mk->m", histories, v @ self._vectors.T)
-        contact, crushed, prescribed = self._contacts(moments, d, v, schedule)
-        nothing = np.zeros(len(moments))
-        return _Rates(
-            drive + prescribed, _quadratic(self._C, v) if self._damped else nothing, crushed,
-            0.5 * _quadratic(self._M, v), 0.5 * _quadratic(self._K, d), contact,
-            np.array([m.applied for m in moments]), d, time,
+    def _gone(self, both: _Held) -> FloatArray:
+        """Return work, dissipation and numerical loss between successive instants, shape (m - 1, 3)."""
+        moved = np.diff(both.d, axis=0)
+        pushed = _dot(_mean(both.applied), moved)
+        damped = _dot(_mean(both.v @ self._C), moved) if self._damped else np.zeros(len(moved))
+        given = _dot(_mean(both.loads), moved @ self._vectors.T)
+        # What a contact does: along its whole depth, and on the unknowns; the difference comes from the cam.
+        deepened = np.diff(both.gap, axis=0)
+        along, on_unknowns = _dot(_mean(both.force), deepened), _dot(_mean(both.acted), moved)
+        crushed = _dot(_mean(both.force - both.still), deepened)
+        crushed -= _dot(_mean(both.by_state), np.diff(both.states, axis=0))
+        impulse = both.impulse[1:]
+        struck, impact_lost = _dot(impulse, _mean(both.carried)), _dot(impulse, _mean(both.rate))
+        numerical = pushed - np.diff(both.kinetic + both.strain) - damped + (struck - impact_lost)
+        work = given + along + on_unknowns + struck
+        return np.column_stack([work, damped + crushed + impact_lost, numerical])
+
+    def _held(self, moments: list[Moment], seen: Observed, carried: FloatArray, schedule: Schedule) -> _Held:
+        energy, conservative = np.zeros(len(moments)), np.zeros(self._forces.count)
+        still, by_state = np.zeros_like(seen.forces), np.zeros_like(seen.states)
+        for law, part, inner in self._forces.laws:
+            if not isinstance(law, Storing):
+                continue
+            conservative[part] = 1.0
+            for i, angle in enumerate(schedule.angle.tolist()):
+                stored = law.stored(seen.gaps[i, part], seen.states[i, inner], angle)
+                energy[i] += stored.energy
+                still[i, part], by_state[i, inner] = stored.by_gap, stored.by_state
+        nothing = np.zeros(self._forces.count)
+        weights = np.einsum("mc,mck->mk", seen.forces, schedule.act)
+        return _Held(
+            np.array([m.time for m in moments]), 0.5 * _quadratic(self._M, seen.velocity),
+            0.5 * _quadratic(self._K, seen.displacement), energy, seen.displacement, seen.velocity,
+            np.array([m.applied for m in moments]), seen.histories, weights @ self._forces.act.vectors,
+            seen.forces * conservative, still, seen.gaps, seen.rates, carried, seen.states, by_state,
+            np.array([nothing if m.impulse is None else m.impulse for m in moments]),
         )  # fmt: skip
 
-    def _contacts(
-        self, moments: list[Moment], d: FloatArray, v: FloatArray, schedule: Schedule
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the energy in the contacts, the power they dissipate, and the power that comes in through them."""
-        energy, lost, drive = (np.zeros(len(moments)) for _ in range(3))
-        sense, act = self._forces.sense.vectors, self._forces.act.vectors
-        on_d, on_v, acted = d @ sense.T, v @ sense.T, v @ act.T
-        for i, moment in enumerate(moments if self._forces.count else ()):
-            gap = schedule.sense[i] @ on_d[i] + schedule.offset[i]
-            moving = schedule.sense_rate[i] @ on_d[i] + schedule.offset_rate[i]
-            rate = schedule.sense[i] @ on_v[i] + moving
-            for law, part in self._forces.laws:
-                force = moment.local[part]
-                if isinstance(law, Storing):
-                    stored, still = law.stored(gap[part], float(schedule.angle[i]))
-                    energy[i] += stored
-                    lost[i] += float((force - still) @ rate[part])
-                    drive[i] += float(force @ moving[part])
-                else:
-                    drive[i] += float(force @ (schedule.act[i][part] @ acted[i]))
-        return energy, lost, drive
+
+def _mean(values: FloatArray) -> FloatArray:
+    return 0.5 * (values[1:] + values[:-1])
+
+
+def _dot(values: FloatArray, others: FloatArray) -> FloatArray:
+    return np.einsum("mi,mi->m", values, others)
 
 
 def _quadratic(matrix: FloatArray | csr_array, rows: FloatArray) -> FloatArray:
     products = np.asarray(matrix @ rows.T, dtype=float)
     return np.einsum("mn,nm->m", rows, products)
-
-
-def _trapezoids(power: FloatArray, step: FloatArray) -> FloatArray:
-    return 0.5 * (power[1:] + power[:-1]) * step

@@ -1,7 +1,7 @@
-"""Local forces inside a step: a small Newton iteration on the few scalars they sense.
+"""The local forces of a system side by side: what they sense, how they act, what they answer.
 
-With the constant operator S of the step, the new acceleration is ``a = a_free + S^-1 w sum A f``, so the sensed scalars
-are affine in f and Newton's matrix is c x c, c being the number of local scalars; nothing is factorized again.
+With the constant operator S of a step, the new acceleration is ``a = a_free + S^-1 w sum A f``, so the sensed scalars
+are affine in f, and only a small system is left to iterate on (`settle`).
 """
 
 from __future__ import annotations
@@ -10,22 +10,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexcam.linalg import FloatArray
-from flexcam.system import AngleVector, CamMotion, LocalForce, Reaction, System
-
-_TOLERANCE = 1e-12
-"""Of the force: three digits above rounding, so that Newton's last quadratic step reaches it."""
-
-_ROUNDING = 16.0 * np.finfo(float).eps
-"""Of the terms a stiff law multiplies: the sensed scalars themselves carry a few eps."""
-
-_MOST_ITERATIONS = 80
-_WHOLE_STEPS = 20
-
-
-class NoConvergenceError(ArithmeticError):
-    """Newton's iteration on the local forces did not settle."""
+from flexcam.linalg import FloatArray, IntArray
+from flexcam.system import AngleVector, CamMotion, Reaction, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +36,16 @@ class _Stack:
 
     def weights(self, angle: FloatArray, order: int = 0) -> FloatArray:
         """Return the weights of all vectors, shape (times, scalars, vectors)."""
-        if not self.terms:
-            return np.zeros((*angle.shape, 0, 0))
-        side_by_side = np.concatenate([t.weights(angle, order) for t in self.terms], axis=-1)
-        return self.owner * side_by_side[..., None, :]
+        found = np.zeros((*angle.shape, *self.owner.shape))
+        if order == 0:
+            found[...] = self.owner
+        first = 0
+        for i, term in enumerate(self.terms):
+            behind = first + len(term.vectors)
+            if term.functions:
+                found[..., i, first:behind] = term.weights(angle, order)
+            first = behind
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +71,11 @@ class Schedule:
     offset_rate: FloatArray
     angle: FloatArray
 
+    def row(self, i: int) -> Schedule:
+        """Return one instant of it."""
+        names = self.__dataclass_fields__
+        return Schedule(*(getattr(self, name)[i : i + 1] for name in names))
+
 
 class LocalForces:
     """The local forces of a system, stacked.
@@ -89,12 +88,17 @@ class LocalForces:
 
     def __init__(self, system: System) -> None:
         forces = system.local_forces
-        self.laws = [(f.law, slice_) for f, slice_ in zip(forces, _slices(forces), strict=True)]
+        self.names = [f.name for f in forces for _ in f.sense]
         self.sense = _Stack.of(tuple(t for f in forces for t in f.sense), system.size)
         self.act = _Stack.of(tuple(t for f in forces for t in f.act), system.size)
         self._offsets = tuple(g for f in forces for g in f.offset)
         self.count = len(self._offsets)
-        self.start_states = [f.law.start_state for f in forces]
+        self.start_state = np.concatenate([f.law.start_state for f in forces]) if forces else np.zeros(0)
+        scalars, states = _slices([len(f.sense) for f in forces]), _slices([len(f.law.start_state) for f in forces])
+        self.laws = [(f.law, *places) for f, *places in zip(forces, scalars, states, strict=True)]
+        switches = [(scalars[i].start + one, f.restitution) for i, f in enumerate(forces) for one in f.switching]
+        self.switching: IntArray = np.array([one for one, _ in switches], dtype=np.intp)
+        self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
 
     def schedule(self, motion: CamMotion) -> Schedule:
         """Return the parts that follow from the cam motion at some instants."""
@@ -106,105 +110,52 @@ class LocalForces:
             self.act.weights(angle), offset[0], offset[1] * speed[:, None], angle,
         )  # fmt: skip
 
-    def respond(
-        self, gap: FloatArray, rate: FloatArray, states: list[FloatArray], angle: float
-    ) -> tuple[Reaction, list[FloatArray]]:
-        """Return the reaction of all laws side by side, and the rates of their states."""
-        force = np.zeros(self.count)
-        by_gap, by_rate = np.zeros((self.count, self.count)), np.zeros((self.count, self.count))
-        state_rates: list[FloatArray] = []
-        for (law, part), state in zip(self.laws, states, strict=True):
-            reaction = law.respond(gap[part], rate[part], state, angle)
+    def sensed(self, d: FloatArray, v: FloatArray, schedule: Schedule) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return gamma, gamma', and the part of gamma' that the cam alone causes.
+
+        Parameters
+        ----------
+        d, v
+            Displacements and velocities at the instants of the schedule, shape (m, n).
+        schedule
+            The instants.
+
+        Returns
+        -------
+        tuple
+            Shape (m, c) each.
+        """
+        on_d, on_v = d @ self.sense.vectors.T, v @ self.sense.vectors.T
+        gap = np.einsum("mck,mk->mc", schedule.sense, on_d) + schedule.offset
+        carried = np.einsum("mck,mk->mc", schedule.sense_rate, on_d) + schedule.offset_rate
+        return gap, np.einsum("mck,mk->mc", schedule.sense, on_v) + carried, carried
+
+    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
+        """Return the reaction of all laws side by side to gamma and gamma', shape (c,), and all states, shape (s,)."""
+        c, s = self.count, len(state)
+        force, by_gap, by_rate = np.zeros(c), np.zeros((c, c)), np.zeros((c, c))
+        state_rate, by_state, of_gap, of_rate, of_state = (
+            np.zeros(shape) for shape in ((s,), (c, s), (s, c), (s, c), (s, s))
+        )
+        for law, part, inner in self.laws:
+            reaction = law.respond(gap[part], rate[part], state[inner], angle)
             force[part], by_gap[part, part], by_rate[part, part] = reaction.force, reaction.by_gap, reaction.by_rate
-            state_rates.append(reaction.state_rate)
-        return Reaction(force, by_gap, by_rate, np.zeros(0)), state_rates
+            if inner.start == inner.stop:
+                continue
+            state_rate[inner] = reaction.state_rate
+            for whole, places, one in (
+                (by_state, (part, inner), reaction.by_state),
+                (of_gap, (inner, part), reaction.state_rate_by_gap),
+                (of_rate, (inner, part), reaction.state_rate_by_rate),
+                (of_state, (inner, inner), reaction.state_rate_by_state),
+            ):
+                whole[places] = one if one.size else 0.0
+        return Reaction(force, by_gap, by_rate, state_rate, by_state, of_gap, of_rate, of_state)
+
+    def pressed(self, gap: FloatArray) -> NDArray[np.bool_]:
+        """Return on which side of zero the switching scalars are."""
+        return gap[self.switching] > 0.0
 
 
-def _slices(forces: tuple[LocalForce, ...]) -> list[slice]:
-    ends = np.cumsum([0, *(len(f.offset) for f in forces)]).tolist()
-    return [slice(a, b) for a, b in pairwise(ends)]
-
-
-@dataclass(frozen=True, eq=False)
-class Compliance:
-    """How the sensed scalars answer to the local forces within a step, and the scalars without them.
-
-    Parameters
-    ----------
-    gap, rate
-        gamma and gamma' if the new local forces were zero, shape (c,).
-    gap_by_force, rate_by_force
-        Their change per unit of each force, shape (c, c).
-    """
-
-    gap: FloatArray
-    rate: FloatArray
-    gap_by_force: FloatArray
-    rate_by_force: FloatArray
-
-
-def settle(
-    forces: LocalForces, within: Compliance, guess: FloatArray, states: list[FloatArray], state_rates: list[FloatArray],
-    step: float, angle: float,
-) -> tuple[FloatArray, list[FloatArray], list[FloatArray], int]:  # fmt: skip
-    """Return the local forces that agree with the motion they cause.
-
-    Internal states advance by the trapezoidal rule within the same iteration.
-
-    Parameters
-    ----------
-    forces
-        The local forces.
-    within
-        Response of the sensed scalars within this step.
-    guess
-        Forces to start from, shape (c,).
-    states, state_rates
-        Internal states and their rates at the step's beginning, one array per law.
-    step
-        s; zero to find the forces of an instant.
-    angle
-        Cam angle at the step's end, rad.
-
-    Returns
-    -------
-    tuple
-        Forces (c,), new states, new state rates, iterations.
-
-    Raises
-    ------
-    NoConvergenceError
-        If the forces do not settle.
-    """
-    f, new_states, rates = guess, states, state_rates
-    for iteration in range(1, _MOST_ITERATIONS + 1):
-        gap, rate = within.gap + within.gap_by_force @ f, within.rate + within.rate_by_force @ f
-        new_states = [z + 0.5 * step * (r0 + r1) for z, r0, r1 in zip(states, state_rates, rates, strict=True)]
-        reaction, new_rates = forces.respond(gap, rate, new_states, angle)
-        moved = max((float(np.abs(a - b).max(initial=0.0)) for a, b in zip(new_rates, rates, strict=True)), default=0.0)
-        still = moved * step <= _TOLERANCE * max((float(np.abs(z).max(initial=0.0)) for z in new_states), default=0.0)
-        residual = f - reaction.force
-        rates = new_rates
-        settled = np.abs(residual).max(initial=0.0) <= _TOLERANCE * np.abs(reaction.force).max(
-            initial=0.0
-        ) + _ROUNDING * _sensed_size(within, reaction, f)
-        if (still and settled) or not np.isfinite(residual).all():  # a non-finite force is reported by `solve`
-            return reaction.force, new_states, new_rates, iteration
-        tangent = np.eye(len(f)) - reaction.by_gap @ within.gap_by_force - reaction.by_rate @ within.rate_by_force
-        try:
-            f = f - _shortened(iteration) * np.linalg.solve(tangent, residual)
-        except np.linalg.LinAlgError:
-            raise NoConvergenceError from None
-    raise NoConvergenceError
-
-
-def _shortened(iteration: int) -> float:
-    """Return the part of Newton's step that is taken: the whole, until contacts that open and close do not settle."""
-    return 1.0 if iteration <= _WHOLE_STEPS else 0.5
-
-
-def _sensed_size(within: Compliance, reaction: Reaction, f: FloatArray) -> float:
-    """Return the size of the terms that the laws' stiffnesses multiply, as forces."""
-    gap = np.abs(reaction.by_gap) @ (np.abs(within.gap) + np.abs(within.gap_by_force) @ np.abs(f))
-    rate = np.abs(reaction.by_rate) @ (np.abs(within.rate) + np.abs(within.rate_by_force) @ np.abs(f))
-    return float((gap + rate).max(initial=0.0))
+def _slices(sizes: list[int]) -> list[slice]:
+    return [slice(a, b) for a, b in pairwise(np.cumsum([0, *sizes]).tolist())]

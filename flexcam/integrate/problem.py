@@ -21,11 +21,14 @@ class State:
         Shape (n,), SI; copied and read-only.
     time
         s.
+    inner
+        Internal states of the local forces, one after the other, shape (s,); None for those at rest.
     """
 
     displacement: FloatArray
     velocity: FloatArray
     time: float = 0.0
+    inner: FloatArray | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "displacement", finite_array("start displacement", self.displacement, (None,)))

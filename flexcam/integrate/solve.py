@@ -10,10 +10,13 @@ from dataclasses import replace
 import numpy as np
 
 from flexcam.integrate.energy import PARTS, EnergyAccount
-from flexcam.integrate.local import LocalForces, NoConvergenceError, Schedule
+from flexcam.integrate.events import Walker
+from flexcam.integrate.first import Starter
+from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.problem import Problem, State
 from flexcam.integrate.scheme import Scheme
-from flexcam.integrate.step import Moment, Stepper, first_moment
+from flexcam.integrate.settle import NoConvergenceError
+from flexcam.integrate.step import Instant, Moment
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
 from flexcam.response import (
     Block,
@@ -28,7 +31,7 @@ from flexcam.response import (
     Stats,
     Status,
 )
-from flexcam.system import CamMotion, Probe, System
+from flexcam.system import CamMotion, Observed, Probe, System
 
 
 def outline(system: System) -> Outline:
@@ -102,10 +105,11 @@ def solve(
     status, stats = Status(), Stats(unknowns=problem.system.size)
     try:
         run = _Run(problem, scheme, save or SaveAt(), stop or _never)
-        for block, iterations in run.blocks():
+        for block in run.blocks():
             for sink in takers:
                 sink.write(block)
-            stats = replace(stats, steps=stats.steps + len(block.time), iterations=stats.iterations + iterations)
+            steps = stats.steps + len(block.time)
+            stats = replace(stats, steps=steps, iterations=run.iterations, events=run.events)
         status = run.status
     except KeyboardInterrupt:
         status = _STOPPED
@@ -135,19 +139,25 @@ def _singular(fault: SingularMatrixError, system: System) -> Status:
 
 
 class _Run:
-    """One run: the step operator and the walk over the blocks."""
+    """One run: the walk over the blocks."""
 
     def __init__(self, problem: Problem, scheme: Scheme, save: SaveAt, stop: Callable[[], bool]) -> None:
         self._problem, self._save, self._system, self._stop = problem, save, problem.system, stop
         self._forces = LocalForces(problem.system)
-        self._stepper = Stepper(problem.system, scheme, problem.step, self._forces)
+        self._starter = Starter(problem.system, self._forces)
         self._load_vectors = problem.system.load_vectors()
+        self._walker = Walker(problem.system, scheme, problem.step, self._forces, self._starter, self._at)
         self._start = problem.start or State.rest(problem.system.size)
         self._account = EnergyAccount(problem.system, self._forces)
-        self.status = Status()
+        self.status, self.iterations = Status(), 0
 
-    def blocks(self) -> Iterator[tuple[Block, int]]:
-        """Yield the results block by block, the start in the first, with the iterations each took.
+    @property
+    def events(self) -> int:
+        """Events located so far."""
+        return self._walker.events
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the results block by block, the start in the first.
 
         A block is cut before the first instant that is not finite or did not settle, and is then the last one;
         `status` says why.
@@ -158,53 +168,63 @@ class _Run:
         for first in range(0, end, size):
             steps = np.arange(first, min(first + size, end))
             at = np.asarray(self._start.time + steps * self._problem.step, dtype=float)
-            motion = self._problem.drive.at(at)
-            schedule = self._forces.schedule(motion)
             with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
-                moments, self.status = self._advance(motion, schedule, at, last)
-            if moments:
-                good = slice(len(moments))
-                part = CamMotion(motion.angle[good], motion.speed[good], motion.rate[good])
-                block = self._block(steps[good], at[good], part, schedule, moments)
-                yield block, sum(m.iterations for m in moments)
-                last = moments[-1]
+                walked, self.status = self._advance(at, last)
+            if walked:
+                self.iterations += sum(m.iterations for part in walked for m in part)
+                yield self._block(steps[: len(walked)], walked)
+                last = walked[-1][-1]
             if not self.status.ok:
                 return
 
-    def _advance(
-        self, motion: CamMotion, schedule: Schedule, at: FloatArray, last: Moment | None
-    ) -> tuple[list[Moment], Status]:
+    def _at(self, time: float) -> Instant:
+        motion = self._problem.drive.at(np.array([time]))
+        load = self._system.load_histories(motion)[0] @ self._load_vectors
+        return Instant(time, load, self._forces.schedule(motion))
+
+    def _advance(self, at: FloatArray, last: Moment | None) -> tuple[list[list[Moment]], Status]:
+        """Return, per step, the instants that end it: stops at events, and the step's own end as the last."""
+        motion = self._problem.drive.at(at)
+        schedule = self._forces.schedule(motion)
         loads = self._system.load_histories(motion) @ self._load_vectors
-        moments: list[Moment] = []
+        walked: list[list[Moment]] = []
         moment = last
         for i, load in enumerate(loads):
             if self._stop():
-                return moments, _STOPPED
+                return walked, _STOPPED
+            to = Instant(float(at[i]), load, schedule, i)
             try:
-                moment = self._stepper.advance(moment, load, schedule, i) if moment else self._first(load, schedule)
-            except NoConvergenceError:
-                return moments, _unsettled(self._system, at[i], motion.angle[i])
-            moments.append(moment)
-        return _in_range(moments, last, self._system, at, motion.angle)
+                part = self._walker.walk(moment, to) if moment else [self._starter.first(self._start, to)]
+            except NoConvergenceError as fault:
+                return walked, _unsettled(fault.forces, at[i], motion.angle[i])
+            walked.append(part)
+            moment = part[-1]
+        return _in_range(walked, last, self._system, motion.angle)
 
-    def _first(self, load: FloatArray, schedule: Schedule) -> Moment:
-        start = self._start
-        return first_moment(self._system, self._forces, start.displacement, start.velocity, load, schedule)
-
-    def _block(
-        self, steps: IntArray, at: FloatArray, motion: CamMotion, schedule: Schedule, moments: list[Moment]
-    ) -> Block:
-        series = Series(*(np.array([getattr(m, name) for m in moments]) for name in ("d", "v", "a")))
-        local = np.array([m.local for m in moments])
+    def _block(self, steps: IntArray, walked: list[list[Moment]]) -> Block:
+        moments = [moment for part in walked for moment in part]
+        ends: IntArray = np.cumsum([len(part) for part in walked]) - 1
+        motion = self._problem.drive.at(np.array([m.time for m in moments]))
+        schedule = self._forces.schedule(motion)
+        seen, carried = self._observed(moments, motion, schedule)
+        energies = self._account.block(moments, seen, carried, schedule)[ends]
+        seen = seen.at(ends)
+        series = Series(seen.displacement, seen.velocity, seen.acceleration)
         saved = (steps % self._save.field_every == 0) | (steps == self._problem.steps)
+        time, angle = np.array([part[-1].time for part in walked]), seen.motion.angle
+        channels = [channel.value(seen) for channel in self._system.channels]
         return Block(
-            time=at, angle=motion.angle,
-            probes=_probe_series(self._system.probes, series, motion),
-            channels=np.hstack([
-                _channels(self._system, local, motion), self._account.block(moments, motion, schedule, at),
-            ]),
-            field_time=at[saved], field_angle=motion.angle[saved], fields=series.at(saved),
+            time=time, angle=angle, probes=_probe_series(self._system.probes, series, seen.motion),
+            channels=np.column_stack([*channels, energies]),
+            field_time=time[saved], field_angle=angle[saved], fields=series.at(saved),
         )  # fmt: skip
+
+    def _observed(self, moments: list[Moment], motion: CamMotion, schedule: Schedule) -> tuple[Observed, FloatArray]:
+        """Return what is observed, and the part of the sensed rates that the cam alone causes."""
+        d, v, a, forces = (np.array([getattr(m, name) for m in moments]) for name in ("d", "v", "a", "local"))
+        gaps, rates, carried = self._forces.sensed(d, v, schedule)
+        states = np.array([m.inner.state for m in moments])
+        return Observed(motion, d, v, a, self._system.load_histories(motion), forces, gaps, rates, states), carried
 
 
 def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -> Series:
@@ -219,18 +239,6 @@ def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -
     return Series(d, v, a)
 
 
-def _channels(system: System, local: FloatArray, motion: CamMotion) -> FloatArray:
-    histories = system.load_histories(motion)
-    firsts = np.cumsum([0, *(len(f.offset) for f in system.local_forces)])
-    values = np.zeros((len(motion.angle), len(system.channels)))
-    for column, channel in enumerate(system.channels):
-        places = [int(firsts[force]) + scalar for force, scalar in channel.forces]
-        values[:, column] = histories[:, list(channel.loads)].sum(axis=1) + local[:, places].sum(axis=1)
-        if channel.factor is not None:
-            values[:, column] *= channel.factor(motion.angle, 0)
-    return values
-
-
 _STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "what was finished is kept")
 
 _LARGEST = 1e100
@@ -242,31 +250,31 @@ def _never() -> bool:
 
 
 def _in_range(
-    moments: list[Moment], before: Moment | None, system: System, at: FloatArray, angle: FloatArray
-) -> tuple[list[Moment], Status]:
-    """Return the moments up to the last one in range, and a status that names what left it first."""
-    motion = np.array([_everything(m) for m in moments])
+    walked: list[list[Moment]], before: Moment | None, system: System, angle: FloatArray
+) -> tuple[list[list[Moment]], Status]:
+    """Return the steps up to the last one in range, and a status that names what left it first."""
+    motion = np.array([_everything(part[-1]) for part in walked])
     good = (np.abs(motion) < _LARGEST).all(axis=1)  # False for NaN as well
     if good.all():
-        return moments, Status()
+        return walked, Status()
     count = int(np.argmin(good))
-    previous = moments[count - 1] if count else before
+    previous = walked[count - 1][-1] if count else before
     # One overflow spoils every unknown within its step: what was ahead just before is what left.
     ahead = np.where(np.isfinite(motion[count]), np.abs(motion[count]), np.inf)
     if previous is not None and np.count_nonzero(ahead == ahead.max()) > 1:
         ahead = np.abs(_everything(previous))
     names = [*(3 * system.names), *(name for force in system.local_forces for name in [force.name] * len(force.sense))]
-    text = f"{names[int(np.argmax(ahead))]} left the range of numbers {_instant(at[count], angle[count])}"
-    return moments[:count], Status(Cause.NOT_FINITE, text, "take a smaller step, more damping or a lower speed")
+    when = _instant(walked[count][-1].time, angle[count])
+    text = f"{names[int(np.argmax(ahead))]} left the range of numbers {when}"
+    return walked[:count], Status(Cause.NOT_FINITE, text, "take a smaller step, more damping or a lower speed")
 
 
 def _everything(moment: Moment) -> FloatArray:
     return np.concatenate([moment.d, moment.v, moment.a, moment.local])
 
 
-def _unsettled(system: System, at: float, angle: float) -> Status:
-    forces = ", ".join(force.name for force in system.local_forces)
-    text = f"the local forces ({forces}) did not settle within the step {_instant(at, angle)}"
+def _unsettled(forces: list[str], at: float, angle: float) -> Status:
+    text = f"{', '.join(dict.fromkeys(forces))} did not settle within the step {_instant(at, angle)}"
     return Status(Cause.NO_CONVERGENCE, text, "take a smaller step or a softer contact")
 
 

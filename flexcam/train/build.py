@@ -12,8 +12,10 @@ from flexcam.checks import refuse
 from flexcam.fem import COMPONENTS
 from flexcam.fem.damping import modal_damping, rayleigh_damping
 from flexcam.linalg import DENSE_LIMIT, FloatArray, Triplets
-from flexcam.system import AngleFunction, CamMotion, Channel, Load, Probe, System
-from flexcam.train.contacts import clashes, couple_cam, couple_lash, couple_seat
+from flexcam.system import AngleFunction, CamMotion, Channel, Load, Observable, Probe, System, load_sum
+from flexcam.train.bowing import bowings
+from flexcam.train.cam_contact import couple_cam
+from flexcam.train.contacts import clashes, couple_lash, couple_seat
 from flexcam.train.coupling import Coupling
 from flexcam.train.loads import constant_loads
 from flexcam.train.model import CamContact, Contact, Lash, Model, PublishedLoad, Seat
@@ -46,7 +48,7 @@ def build_system(model: Model, speed: float) -> System:
     """
     structure = build_structure(model)
     couplings = [_coupled(structure, name, contact, speed) for name, contact in model.contacts.items()]
-    couplings.append(clashes(structure))
+    couplings += [clashes(structure), bowings(structure)]
     return System(
         mass=structure.mass,
         damping=structure.dampers + _damping(structure),
@@ -86,16 +88,18 @@ def _damping(structure: Structure) -> Triplets:
 
 
 def _numbered(couplings: Iterable[Coupling]) -> Iterable[Channel]:
-    """Yield the channels with positions counted over the whole system."""
-    loads = forces = 0
+    """Yield the channels, each shown what concerns its own coupling."""
+    loads = scalars = states = 0
     for coupling in couplings:
-        for channel in coupling.channels:
-            yield replace(
-                channel,
-                loads=tuple(loads + k for k in channel.loads),
-                forces=tuple((forces + i, scalar) for i, scalar in channel.forces),
-            )
-        loads, forces = loads + len(coupling.loads), forces + len(coupling.forces)
+        sizes = [(len(f.sense), len(f.law.start_state)) for f in coupling.forces]
+        ends = loads + len(coupling.loads), scalars + sum(c for c, _ in sizes), states + sum(s for _, s in sizes)
+        own = slice(loads, ends[0]), slice(scalars, ends[1]), slice(states, ends[2])
+        yield from (replace(channel, value=_within(channel.value, *own)) for channel in coupling.channels)
+        loads, scalars, states = ends
+
+
+def _within(value: Observable, loads: slice, scalars: slice, states: slice) -> Observable:
+    return lambda seen: value(seen.part(loads, scalars, states))
 
 
 def _probe(structure: Structure, point: str) -> Probe:
@@ -160,8 +164,8 @@ def build_rigid(model: Model, speed: float) -> System:
         places = tuple(range(len(loads), len(loads) + len(parts)))
         loads += [Load(f"contacts.{name}", np.zeros(0), part) for part in parts]
         channels += [
-            Channel(f"contacts.{name}.force", "N", places),
-            Channel(f"contacts.{name}.torque", "N m", places, factor=_slope(event)),
+            Channel(f"contacts.{name}.force", "N", load_sum(*places)),
+            Channel(f"contacts.{name}.torque", "N m", load_sum(*places, factor=_slope(event))),
         ]
     nothing = Triplets.zeros(0)
     probes = tuple(_rigid_probe(structure, _probe(structure, point)) for point in model.probes)

@@ -186,6 +186,10 @@ class CamContact:
         Whether it can part; if not, it pulls as well.
     dissipation
         chi of Hunt and Crossley, s/m: the force is that of the stiffness times 1 + chi times the rate of approach.
+    restitution
+        Rate of parting per rate of approach of an impact; None where they meet without one.
+    friction, friction_speed
+        Coulomb's coefficient, and the velocity of sliding over which friction turns over, m/s.
     """
 
     cam: str
@@ -195,6 +199,9 @@ class CamContact:
     stiffness: float | None
     unilateral: bool
     dissipation: float = 0.0
+    restitution: float | None = None
+    friction: float = 0.0
+    friction_speed: float = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,12 +216,15 @@ class Seat:
         Shape (6,): the way off the seat; zeros for a rocker's own.
     stiffness, damping
         N/m and N s/m.
+    restitution
+        Rate of parting per rate of approach of an impact; None where they meet without one.
     """
 
     at: str
     direction: FloatArray
     stiffness: float
     damping: float = 0.0
+    restitution: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from flexcam.linalg import FloatArray
-from flexcam.system import AngleFunction, Reaction
+from flexcam.system import AngleFunction, LocalLaw, Reaction, Stored, Storing
 
 _MOST_ITERATIONS = 60
-_NOTHING = Reaction(np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(0))
+_NO_STATE = np.zeros(0)
+
+
+@lru_cache
+def _nothing(count: int) -> Reaction:
+    return Reaction(np.zeros(count), np.zeros((count, count)), np.zeros((count, count)), np.zeros(0))
 
 
 def _one(force: float, by_gap: float, by_rate: float) -> Reaction:
@@ -50,9 +56,9 @@ class Bilateral(_Stateless):
         force = self.stiffness * float(gap[0]) + self.damping * float(rate[0])
         return _one(force, self.stiffness, self.damping)
 
-    def stored(self, gap: FloatArray, angle: float) -> tuple[float, FloatArray]:
+    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
         """Return the energy stored, J, and the force at rest."""
-        return 0.5 * self.stiffness * float(gap @ gap), self.stiffness * gap
+        return Stored(0.5 * self.stiffness * float(gap @ gap), self.stiffness * gap, _NO_STATE)
 
 
 @dataclass(frozen=True)
@@ -81,6 +87,8 @@ class Stop(_Stateless):
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return force and tangent; a damper that would pull lets go."""
+        if gap.max() <= 0.0:
+            return _nothing(len(gap))
         part = np.clip(gap / self.hold, 0.0, 1.0)
         force = self.stiffness * gap + self.damping * part * rate
         pressed = (gap > 0.0) & (force > 0.0)
@@ -90,10 +98,10 @@ class Stop(_Stateless):
             np.diag(np.where(pressed, self.damping * part, 0.0)), np.zeros(0),
         )  # fmt: skip
 
-    def stored(self, gap: FloatArray, angle: float) -> tuple[float, FloatArray]:
+    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
         """Return the energy stored, J, and the force at rest."""
         pressed = np.maximum(gap, 0.0)
-        return 0.5 * self.stiffness * float(pressed @ pressed), self.stiffness * pressed
+        return Stored(0.5 * self.stiffness * float(pressed @ pressed), self.stiffness * pressed, _NO_STATE)
 
 
 @dataclass(frozen=True)
@@ -124,13 +132,13 @@ class HuntCrossley(_Stateless):
         """Return force and tangent."""
         depth, factor = float(gap[0]), 1.0 + self.dissipation * float(rate[0])
         if depth <= 0.0 or factor <= 0.0:
-            return _NOTHING
+            return _nothing(1)
         return _one(self.stiffness * depth * factor, self.stiffness * factor, self.stiffness * depth * self.dissipation)
 
-    def stored(self, gap: FloatArray, angle: float) -> tuple[float, FloatArray]:
+    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
         """Return the energy stored, J, and the force at rest."""
         pressed = np.maximum(gap, 0.0)
-        return 0.5 * self.stiffness * float(pressed @ pressed), self.stiffness * pressed
+        return Stored(0.5 * self.stiffness * float(pressed @ pressed), self.stiffness * pressed, _NO_STATE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +180,7 @@ class HertzLine(_Stateless):
         """Return force and tangent."""
         depth, factor = float(gap[0]), 1.0 + self.dissipation * float(rate[0])
         if depth <= 0.0 or factor <= 0.0:
-            return _NOTHING
+            return _nothing(1)
         pressed, slope = self.line_load(depth, self._radius(angle))
         force = self.width * pressed
         return _one(force * factor, self.width * slope * factor, force * self.dissipation)
@@ -206,11 +214,11 @@ class HertzLine(_Stateless):
             p = new
         return p, 1.0 / self._approach(p, radius)[1]
 
-    def stored(self, gap: FloatArray, angle: float) -> tuple[float, FloatArray]:
+    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
         """Return the energy stored, J (the integral of the load over the approach, by parts), and the force at rest."""
         depth, radius = float(gap[0]), self._radius(angle)
         if depth <= 0.0:
-            return 0.0, np.zeros(1)
+            return Stored(0.0, np.zeros(1), _NO_STATE)
         p, slope = self.line_load(depth, radius)
         force = self.width * p
         most = radius * math.pi * self.plane_strain / 128.0
@@ -221,7 +229,7 @@ class HertzLine(_Stateless):
         # The approach is one p times terms that fall by 2 ln p: its integral over p is one p^2 (terms + 1)/2.
         one = 1.0 / (math.pi * self.plane_strain)
         inside = p * depth - 0.5 * one * p**2 * (depth / (one * p) + 1.0)
-        return self.width * (inside + beyond), np.array([force])
+        return Stored(self.width * (inside + beyond), np.array([force]), _NO_STATE)
 
     def _radius(self, angle: float) -> float:
         return float(self.radius(np.array([angle]), 0)[0])
@@ -239,3 +247,78 @@ class HertzLine(_Stateless):
         """Return the largest Hertz pressure, sqrt(p E*/(pi R)), Pa, of forces (N) at cam angles (rad), shape (n,)."""
         p = np.maximum(force, 0.0) / self.width
         return np.sqrt(p * 0.5 * self.plane_strain / (math.pi * self.radius(angle, 0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Inclined(_Stateless):
+    """A law of the depth along the normal, asked for by the depth along the lift.
+
+    The normal is inclined by the pressure angle: the depth along it is the cosine's share, and so is the force along
+    the lift of that along the normal.
+
+    Parameters
+    ----------
+    normal
+        Law along the normal.
+    cosine
+        Of the pressure angle, over the cam angle.
+    """
+
+    normal: HertzLine
+    cosine: AngleFunction
+
+    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
+        """Return force and tangent."""
+        share = float(self.cosine(np.array([angle]), 0)[0])
+        answer = self.normal.respond(gap * share, rate * share, state, angle)
+        return Reaction(answer.force * share, answer.by_gap * share**2, answer.by_rate * share**2, _NO_STATE)
+
+    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
+        """Return the energy stored and its derivative."""
+        share = float(self.cosine(np.array([angle]), 0)[0])
+        kept = self.normal.stored(gap * share, state, angle)
+        return Stored(kept.energy, kept.by_gap * share, _NO_STATE)
+
+
+@dataclass(frozen=True, eq=False)
+class Sliding(_Stateless):
+    """A contact with Coulomb's friction: depth and sliding, normal force and friction mu N tanh(v/v0).
+
+    Parameters
+    ----------
+    normal
+        Law of the depth.
+    coefficient
+        mu.
+    speed
+        v0, m/s: the friction turns over within a few of it.
+
+    Examples
+    --------
+    >>> law = Sliding(HuntCrossley(1000.0, 0.0), 0.1, 1e-3)
+    >>> law.respond(np.array([0.01, 0.0]), np.array([0.0, 1.0]), np.zeros(0), 0.0).force
+    array([10.,  1.])
+    """
+
+    normal: LocalLaw
+    coefficient: float
+    speed: float
+
+    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
+        """Return both forces and their tangent."""
+        pressed = self.normal.respond(gap[:1], rate[:1], state, angle)
+        turned = math.tanh(float(rate[1]) / self.speed)
+        share = self.coefficient * turned
+        N = float(pressed.force[0])
+        by_gap, by_rate = np.zeros((2, 2)), np.zeros((2, 2))
+        by_gap[:, 0] = float(pressed.by_gap[0, 0]) * np.array([1.0, share])
+        by_rate[:, 0] = float(pressed.by_rate[0, 0]) * np.array([1.0, share])
+        by_rate[1, 1] = self.coefficient * N * (1.0 - turned**2) / self.speed
+        return Reaction(np.array([N, share * N]), by_gap, by_rate, _NO_STATE)
+
+    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
+        """Return the energy stored in the depth; friction stores none."""
+        if not isinstance(self.normal, Storing):
+            return Stored(0.0, np.zeros(2), _NO_STATE)
+        kept = self.normal.stored(gap[:1], state, angle)
+        return Stored(kept.energy, np.append(kept.by_gap, 0.0), _NO_STATE)

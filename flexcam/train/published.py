@@ -21,7 +21,20 @@ from flexcam.checks import refuse
 from flexcam.integrate import static_displacement
 from flexcam.linalg import FloatArray
 from flexcam.response import Cause, RunFailedError
-from flexcam.system import AngleVector, CamMotion, Channel, Load, LocalForce, Reaction, constant
+from flexcam.system import (
+    AngleFunction,
+    AngleVector,
+    CamMotion,
+    Channel,
+    Load,
+    LocalForce,
+    Observable,
+    Reaction,
+    constant,
+    force_sum,
+    load_sum,
+    total,
+)
 from flexcam.train.coupling import Coupling
 from flexcam.train.model import Cam, CamContact, PublishedLoad
 from flexcam.train.structure import Structure, find_node, spring_row
@@ -227,10 +240,13 @@ def couple(structure: Structure, name: str, contact: PublishedLoad, speed: float
         both = (push[None, :], (_one,)) if not contact.cam_torque else (np.array([push, twist]), (_one, arm))
         sensed = AngleVector.constant(structure.row(cam.at, lift))
         local = (LocalForce(f"contacts.{name}", (sensed,), (AngleVector(*both),), _Linear(K), (_zero,)),)
-    acting = ((0, 0),) if local else ()
+
+    def seen(factor: AngleFunction | None = None) -> Observable:
+        return total(load_sum(0, 1, factor=factor), *[force_sum(0, factor=factor)] if local else [])
+
     return Coupling(tuple(loads), local, (
-        Channel(f"contacts.{name}.force", "N", (0, 1), acting),
-        Channel(f"contacts.{name}.torque", "N m", (0, 1), acting, arm),
+        Channel(f"contacts.{name}.force", "N", seen()),
+        Channel(f"contacts.{name}.torque", "N m", seen(arm)),
     ))  # fmt: skip
 
 

@@ -81,6 +81,10 @@ class Structure:
             return along * self.reach(rocker)
         return self.dofs.vector(find_node(self.model, point, where), direction)
 
+    def is_node(self, point: str) -> bool:
+        """Tell whether a point is a node of the mesh, which can move and turn in every direction."""
+        return self.model.rocker_at(point) is None
+
     def reach(self, rocker: Rocker) -> FloatArray:
         """Return the row of a rocker's end at its point: ratio times the motion it is driven by, shape (n,)."""
         return rocker.ratio * self.row(rocker.start, rocker.direction)

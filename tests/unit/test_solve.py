@@ -8,7 +8,7 @@ import pytest
 from flexcam.checks import InputError
 from flexcam.integrate import Problem, SaveAt, State, newmark, rest, solve
 from flexcam.linalg import Triplets
-from flexcam.system import Channel, ConstantSpeed, Load, Probe, System
+from flexcam.system import Channel, ConstantSpeed, Load, Probe, System, load_sum
 
 W = 7.0
 
@@ -96,7 +96,10 @@ def test_no_unknowns_only_a_prescribed_probe():
             Probe("valve", ("lift",), np.zeros((1, 0)), (lift,)),
             Probe("still", ("a", "b"), np.zeros((2, 0)), (None, lift)),
         ),
-        channels=(Channel("force", "N", (0,)), Channel("torque", "N m", (0,), factor=lambda a, n: lift(a, n + 1))),
+        channels=(
+            Channel("force", "N", load_sum(0)),
+            Channel("torque", "N m", load_sum(0, factor=lambda a, n: lift(a, n + 1))),
+        ),
     )
     response = solve(Problem(system, ConstantSpeed(speed), 0.01, 100), newmark())
     angle = speed * response.time

@@ -17,7 +17,7 @@ import pytest
 
 from flexcam.integrate import Problem, State, newmark, solve
 from flexcam.linalg import Triplets
-from flexcam.system import AngleVector, Channel, ConstantSpeed, Load, LocalForce, Probe, System, constant
+from flexcam.system import AngleVector, Channel, ConstantSpeed, Load, LocalForce, Probe, System, constant, force_sum
 from flexcam.train.penalty import HertzLine, HuntCrossley, Stop
 
 SOURCE = "Contact and springs, closed forms"
@@ -35,7 +35,7 @@ def bouncing(law, steps, periods=1.0):
     weight = Load("weight", np.array([-G]), lambda motion: np.ones_like(motion.angle))
     system = System(
         one, Triplets.zeros(1), Triplets.zeros(1), ("y",), (weight,),
-        (force,), (Probe("y", ("y",), np.eye(1), (None,)),), (Channel("force", "N", (), ((0, 0),)),),
+        (force,), (Probe("y", ("y",), np.eye(1), (None,)),), (Channel("force", "N", force_sum(0)),),
     )  # fmt: skip
     start = State(np.zeros(1), np.array([-V0]))
     response = solve(Problem(system, ConstantSpeed(1.0), cycle * periods / steps, steps, start), newmark())
@@ -100,7 +100,7 @@ def bar(elements, stiffness, speed, law=None):
     names = tuple(f"x{i}" for i in range(n))
     system = System(
         Triplets.from_dense(M), Triplets.zeros(n), Triplets.from_dense(K), names, (), (force,),
-        (Probe("back", ("x",), np.eye(n)[:1], (None,)),), (Channel("force", "N", (), ((0, 0),)),),
+        (Probe("back", ("x",), np.eye(n)[:1], (None,)),), (Channel("force", "N", force_sum(0)),),
     )  # fmt: skip
     c = math.sqrt(E / rho)
     end = 3.0 * L / c

@@ -1,0 +1,39 @@
+"""What every table of the case file has in common."""
+
+from __future__ import annotations
+
+from typing import Annotated, Generic, Self, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from flexcam.case import quantity as q
+from flexcam.checks import InputError
+
+Part = TypeVar("Part")
+Name = Annotated[str, Field(min_length=1, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_ -]*$")]
+Vector = tuple[q.SignedNumber, q.SignedNumber, q.SignedNumber]
+Point = tuple[q.Position, q.Position, q.Position]
+_Acceleration = Annotated[float, q.Unit("acceleration", signed=True)]
+Gravity = tuple[_Acceleration, _Acceleration, _Acceleration]
+
+
+class Record(BaseModel):
+    """A table of the case file: no unknown keys, no changes after reading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class PartRecord(Record, Generic[Part]):
+    """A table that describes one part: reading it makes the part, so that its faults join the one report."""
+
+    def made(self) -> Part:
+        """Return the part, SI."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _is_possible(self) -> Self:
+        try:
+            self.made()
+        except InputError as refusal:
+            raise q.passed_on(refusal, inside=True) from None
+        return self

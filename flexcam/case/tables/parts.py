@@ -1,0 +1,124 @@
+"""Tables of what is attached to the structure: masses, springs, bearings, loads, rockers."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from flexcam import train
+from flexcam.case import quantity as q
+from flexcam.case.tables.base import Name, PartRecord, Point, Record
+from flexcam.fem import PointMass, direction
+
+
+class MassRecord(PartRecord[train.MassAt]):
+    """Rigid body at a point."""
+
+    at: Name
+    mass: q.MassValue
+    inertia: tuple[q.Inertia, q.Inertia, q.Inertia] = Field(
+        (0.0, 0.0, 0.0), description="about its centre, global axes"
+    )
+    offset: Point = Field((0.0, 0.0, 0.0), description="from the node to its centre, global axes")
+
+    def made(self) -> train.MassAt:
+        """Return the body and its place."""
+        return train.MassAt(self.at, PointMass(self.mass, self.inertia, self.offset))
+
+
+_CLASH = 50.0
+"""Stiffness of touching coils over that of the part between them, where none is given: flexcam's choice."""
+
+
+class SpringRecord(PartRecord[train.Spring]):
+    """Spring and damper along one direction, to ground or to another point."""
+
+    at: Name
+    to: Name | None = Field(None, description="the other end; ground where absent")
+    direction: q.DirectionValue
+    stiffness: float = Field(0.0, description="N/m, or N m/rad about an axis")
+    damping: float = Field(0.0, description="N s/m, or N m s/rad about an axis")
+    installed_force: q.Force | None = Field(None, description="force it is installed with, against direction")
+    mass: q.MassValue = Field(0.0, description="spread over its length")
+    elements: int = Field(1, ge=1, le=1000, strict=True, description="equal parts; more than one lets it surge")
+    clash_travel: q.Length | None = Field(None, description="along direction from installed until all coils touch")
+    clash_stiffness: Annotated[float, q.Unit("stiffness", above=True)] | None = Field(
+        None, description="of a contact between neighbouring parts; 50 times a part's own by default"
+    )
+
+    @field_validator("stiffness", "damping", mode="before")
+    @classmethod
+    def _in_its_unit(cls, value: object, info: ValidationInfo) -> float:
+        """Return SI; a rotation has other units than a translation."""
+        along = info.data.get("direction", "uy")
+        turns = not direction(along)[:3].any()
+        return q.Unit(f"rotational {info.field_name}" if turns else str(info.field_name)).validate(value)
+
+    def made(self) -> train.Spring:
+        """Return the spring."""
+        along = direction(self.direction)
+        clash = self.clash_stiffness or _CLASH * self.elements * self.stiffness
+        return train.Spring(
+            self.at, along, self.stiffness, self.damping, self.to, self.installed_force, self.mass, self.elements,
+            self.clash_travel, clash,
+        )  # fmt: skip
+
+
+class BearingRecord(PartRecord[tuple[float, float]]):
+    """Elastic bearing: the same stiffness and damping in every direction square to the shaft."""
+
+    at: Name
+    stiffness: q.Stiffness
+    damping: q.DampingValue = 0.0
+
+    def made(self) -> tuple[float, float]:
+        """Return stiffness and damping; the directions follow from the mesh."""
+        return self.stiffness, self.damping
+
+
+class LoadRecord(Record):
+    """Constant force at a point or spread over a member."""
+
+    at: Name | None = Field(None, description="point it acts at")
+    member: Name | None = Field(None, description="member it is spread over")
+    direction: q.DirectionValue
+    force: float | None = Field(None, description="N at a point, N m about an axis")
+    force_per_length: Annotated[float, q.Unit("stiffness", signed=True)] | None = Field(
+        None, description="N/m over a member"
+    )
+
+    @field_validator("force", mode="before")
+    @classmethod
+    def _in_its_unit(cls, value: object, info: ValidationInfo) -> float | None:
+        """Return SI; about an axis it is a moment."""
+        if value is None:
+            return None
+        turns = not direction(info.data.get("direction", "uy"))[:3].any()
+        return q.Unit("moment" if turns else "force", signed=True).validate(value)
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        point, spread = (
+            self.at is not None and self.force is not None,
+            self.member is not None and self.force_per_length is not None,
+        )
+        if point == spread or (self.at is not None) == (self.member is not None):
+            raise q.refused("either at with force, or member with force_per_length", "a load acts in one way")
+        return self
+
+    def made(self) -> train.GivenLoad:
+        """Return the load."""
+        size = self.force if self.force is not None else self.force_per_length
+        return train.GivenLoad(size or 0.0, direction(self.direction), self.at, self.member)
+
+
+class RockerRecord(Record):
+    """Rocker without bending: the point `to` moves by the ratio of the arms."""
+
+    model: Literal["lumped"]
+    start: Name = Field(alias="from", description="named node it is driven at")
+    to: Name = Field(description="point it defines")
+    arms: tuple[q.Length, q.Length] = Field(description="arm at `from` and at `to`")
+    inertia: q.Inertia = Field(0.0, description="about the rocker's shaft")
+    direction: q.DirectionValue | None = Field(None, description="motion at `from`; along the member there by default")

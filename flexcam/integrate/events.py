@@ -1,0 +1,182 @@
+"""Steps that end where a contact opens or closes.
+
+A step over such a moment would mix two laws. It is found inside the step by the cubic through both ends of what the
+contact senses, corrected by steps of that length, and the integration restarts there: order 2 stays order 2, and an
+impact happens when it does. A step whose forces do not settle is halved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.integrate.first import Starter
+from flexcam.integrate.local import LocalForces
+from flexcam.integrate.scheme import Scheme
+from flexcam.integrate.settle import NoConvergenceError
+from flexcam.integrate.step import Instant, Moment, Stepper
+from flexcam.linalg import FloatArray
+from flexcam.system import System
+
+_MOST_EVENTS = 40
+"""Within one step; what chatters beyond is taken as it comes."""
+
+_MOST_HALVINGS = 6
+_CORRECTIONS = 60
+_CLOSE = 1e-9
+"""Share of a step within which an event counts as at one of its ends."""
+
+_SHARP = 1e-12
+"""Share of a step by which an event may be missed."""
+
+_SLOW = 1e-3
+"""Rate of approach, m/s, up to which bodies meet without an impact: the contact's own law then holds them."""
+
+Bools = NDArray[np.bool_]
+
+
+class Walker:
+    """Walks from instant to instant, with stops in between where a contact switches.
+
+    Parameters
+    ----------
+    system
+        The system.
+    scheme, step
+        Of the time integration, s.
+    forces
+        The system's local forces, stacked.
+    starter
+        Restarts after an event.
+    at
+        What is prescribed at a time, s.
+
+    Attributes
+    ----------
+    events
+        How many were located so far.
+    """
+
+    def __init__(
+        self, system: System, scheme: Scheme, step: float, forces: LocalForces, starter: Starter,
+        at: Callable[[float], Instant],
+    ) -> None:  # fmt: skip
+        self._system, self._scheme, self._step, self._forces = system, scheme, step, forces
+        self._starter, self._at = starter, at
+        self._whole = Stepper(system, scheme, step, forces)
+        self.events = 0
+
+    def walk(self, now: Moment, to: Instant, halvings: int = 0) -> list[Moment]:
+        """Return the instants behind `now` up to `to`, which is the last.
+
+        Raises
+        ------
+        NoConvergenceError
+            If the local forces do not settle however short the step.
+        """
+        try:
+            return self._walk(now, to)
+        except NoConvergenceError:
+            if halvings == _MOST_HALVINGS:
+                raise
+        first = self.walk(now, self._at(0.5 * (now.time + to.time)), halvings + 1)
+        return [*first, *self.walk(first[-1], to, halvings + 1)]
+
+    def _walk(self, now: Moment, to: Instant) -> list[Moment]:
+        walked: list[Moment] = []
+        for _ in range(_MOST_EVENTS):
+            trial = self._advance(now, to)
+            if not len(self._forces.switching) or not (self._side(now) != self._side(trial)).any():
+                return [*walked, trial]
+            walked += self._event(now, trial, to)
+            now = walked[-1]
+            if now.time == to.time:
+                return walked
+        return [*walked, self._advance(now, to)]
+
+    def _advance(self, now: Moment, to: Instant) -> Moment:
+        length = to.time - now.time
+        # Differences of times carry the rounding of the time itself: a whole step is recognized generously.
+        if abs(length - self._step) <= 1e-6 * self._step:
+            return self._whole.advance(now, to)
+        return Stepper(self._system, self._scheme, length, self._forces).advance(now, to)
+
+    def _side(self, moment: Moment) -> Bools:
+        return self._forces.pressed(moment.gap) if moment.pressed is None else moment.pressed
+
+    def _event(self, now: Moment, trial: Moment, to: Instant) -> list[Moment]:
+        """Return the instant of the first switch, and behind it the one after an impact."""
+        self.events += 1
+        side, crossed = self._side(now), self._side(now) != self._side(trial)
+        length = to.time - now.time
+        (gap, rate), (new_gap, new_rate) = self._gaps(now), self._gaps(trial)
+        roots = [
+            _root(bool(side[i]), gap[i], new_gap[i], rate[i], new_rate[i], length) if crossed[i] else np.inf
+            for i in range(len(crossed))
+        ]
+        first = int(np.argmin(roots))
+        moment, there = self._stopped(now, trial, to, first, roots[first])
+        pressed = self._forces.pressed(moment.gap)
+        pressed[first] = not side[first]
+        moment = replace(moment, pressed=pressed)
+        if self._scheme.alpha_m or self._scheme.alpha_f:
+            moment = replace(self._starter.restarted(moment), pressed=pressed)
+        return self._struck(moment, there, pressed & ~side)
+
+    def _stopped(self, now: Moment, trial: Moment, to: Instant, which: int, guess: float) -> tuple[Moment, Instant]:
+        """Return the instant at which a scalar passes zero, about a time after now.
+
+        Newton's method, kept within a bracket.
+        """
+        length, side = to.time - now.time, bool(self._side(now)[which])
+        low, high, after = 0.0, length, guess
+        sharp = max(_SHARP * length, 4.0 * np.finfo(float).eps * abs(to.time))
+        moment, there, beyond = trial, to, 0
+        for _ in range(_CORRECTIONS):
+            if after <= _CLOSE * length:
+                return replace(now, impulse=None, iterations=0), self._at(now.time)
+            if after >= (1.0 - _CLOSE) * length:
+                return trial, to
+            there = self._at(now.time + after)
+            moment = self._advance(now, there)
+            its_gap, its_rate = (float(one[which]) for one in self._gaps(moment))
+            if abs(its_gap) <= sharp * abs(its_rate) or high - low <= sharp:
+                break
+            beyond = beyond + 1 if (its_gap > 0.0) != side else 0
+            low, high = (low, after) if beyond else (after, high)
+            after -= its_gap / its_rate if its_rate else 0.0
+            if beyond > 1 or not low < after < high:  # a stiff contact slows what is beyond: Newton would creep there
+                after = 0.5 * (low + high)
+        return moment, there
+
+    def _struck(self, moment: Moment, there: Instant, closed: Bools) -> list[Moment]:
+        rates = self._gaps(moment)[1]
+        struck = np.flatnonzero(closed & (rates > _SLOW) & ~np.isnan(self._forces.restitution)).tolist()
+        if not struck or moment.pressed is None:
+            return [moment]
+        after = self._starter.impact(moment, there, struck)
+        pressed = moment.pressed.copy()
+        pressed[struck] = self._forces.restitution[struck] == 0.0
+        return [moment, replace(after, pressed=pressed)]
+
+    def _gaps(self, moment: Moment) -> tuple[FloatArray, FloatArray]:
+        """Return the switching scalars and their rates."""
+        schedule = self._at(moment.time).schedule
+        gap, rate, _ = self._forces.sensed(moment.d[None], moment.v[None], schedule)
+        return gap[0][self._forces.switching], rate[0][self._forces.switching]
+
+
+def _root(pressed: bool, gap: float, new_gap: float, rate: float, new_rate: float, length: float) -> float:
+    """Return the time in (0, length) at which the cubic through both ends changes sides, by bisection."""
+    low, high = 0.0, 1.0
+    for _ in range(50):
+        x = 0.5 * (low + high)
+        y = 1.0 - x
+        value = y * y * ((1.0 + 2.0 * x) * gap + x * length * rate) + x * x * (
+            (3.0 - 2.0 * x) * new_gap - y * length * new_rate
+        )
+        low, high = (x, high) if (value > 0.0) == pressed else (low, x)
+    return high * length

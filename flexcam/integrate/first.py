@@ -1,0 +1,177 @@
+"""Where a run begins, or begins again: the acceleration that balances an instant, and what an impact does to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from flexcam.checks import refuse
+from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.problem import State
+from flexcam.integrate.settle import Inner
+from flexcam.integrate.step import Instant, Moment
+from flexcam.linalg import DENSE_LIMIT, Factor, FloatArray, IntArray, Triplets, factorize, null_space, pins
+from flexcam.system import System
+
+
+class Starter:
+    """Balances instants of a system: ``M a = f - C v - K d``.
+
+    Parameters
+    ----------
+    system
+        The system.
+    forces
+        Its local forces, stacked.
+
+    Raises
+    ------
+    InputError
+        If bodies that meet with a coefficient of restitution have no mass there.
+    """
+
+    def __init__(self, system: System, forces: LocalForces) -> None:
+        self._system, self._forces = system, forces
+        self._light = massless(system)
+        self._kept: IntArray = np.setdiff1d(np.arange(system.size), pins(self._light) if self._light.shape[1] else [])
+        self._factor: Factor | None = None
+        self._refuse_light_impacts()
+
+    def first(self, start: State, to: Instant) -> Moment:
+        """Return the first instant.
+
+        Unknowns without mass have no acceleration to start from: their displacement is moved to the balance of the
+        forces on them (of the stiffness and loads; the local forces are those at the given displacement).
+
+        Parameters
+        ----------
+        start
+            Displacement, velocity and internal states.
+        to
+            What is prescribed at the start.
+
+        Returns
+        -------
+        Moment
+            The first instant.
+
+        Raises
+        ------
+        SingularMatrixError
+            If the massless unknowns have no stiffness among them.
+        """
+        d, v = start.displacement, start.velocity
+        inner = self._forces.start_state if start.inner is None else start.inner
+        if self._light.shape[1]:
+            light = self._light
+            missing = self._answered(d, v, inner, to).applied - self._system.stiffness.times(d)
+            K = Triplets.from_dense(light.T @ self._system.stiffness.times_all(light))
+            d = d + light @ factorize(K).solve(light.T @ missing)
+        return self.restarted(self._answered(d, v, inner, to))
+
+    def restarted(self, moment: Moment) -> Moment:
+        """Return an instant with the acceleration that balances it."""
+        system = self._system
+        right = moment.applied - system.damping.times(moment.v) - system.stiffness.times(moment.d)
+        return replace(moment, a=self._accelerated(right))
+
+    def impact(self, moment: Moment, to: Instant, struck: list[int]) -> Moment:
+        """Return the instant after impacts at some of the switching scalars.
+
+        The bodies part with the restitution times the rate at which they met, Newton's law: the impulse is
+        ``(1 + e) gamma' / (G M^-1 G^T)``, of all scalars at once.
+
+        Parameters
+        ----------
+        moment
+            At touchdown.
+        to
+            The instant.
+        struck
+            Which of the switching scalars.
+
+        Returns
+        -------
+        Moment
+            With new velocity, forces and acceleration, and the impulse.
+        """
+        forces, i = self._forces, to.row
+        which = forces.switching[struck]
+        sense = to.schedule.sense[i][which] @ forces.sense.vectors
+        act = to.schedule.act[i][which] @ forces.act.vectors
+        rate = forces.sensed(moment.d[None], moment.v[None], _only(to))[1][0][which]
+        gained = self._accelerated_all(act.T)  # velocity per unit of each impulse
+        turned = -(1.0 + forces.restitution[struck]) * rate
+        size = np.asarray(np.linalg.solve(sense @ gained, turned), dtype=float)
+        impulse = np.zeros(forces.count)
+        impulse[which] = np.maximum(size, 0.0)
+        after = self._answered(moment.d, moment.v + gained @ impulse[which], moment.inner.state, to)
+        return replace(self.restarted(after), impulse=impulse)
+
+    def _answered(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: Instant) -> Moment:
+        """Return an instant with the forces that its motion causes, and no acceleration yet."""
+        forces = self._forces
+        gap, rate, _ = (one[0] for one in forces.sensed(d[None], v[None], _only(to)))
+        answer = forces.respond(gap, rate, inner, to.angle)
+        applied = to.load + (answer.force @ to.schedule.act[to.row]) @ forces.act.vectors
+        return Moment(to.time, d, v, np.zeros(len(d)), applied, answer.force, gap, Inner(inner, answer.state_rate))
+
+    def _accelerated(self, right: FloatArray) -> FloatArray:
+        return self._accelerated_all(right[:, None])[:, 0]
+
+    def _accelerated_all(self, right: FloatArray) -> FloatArray:
+        """Return ``M^-1 f`` for columns f, with no part along the motions without mass."""
+        if self._factor is None:
+            whole = len(self._kept) == self._system.size
+            self._factor = factorize(self._system.mass if whole else self._system.mass.part(self._kept))
+        a = np.zeros(right.shape)
+        a[self._kept] = self._factor.solve(right[self._kept])
+        return a
+
+    def _refuse_light_impacts(self) -> None:
+        forces = self._forces
+        bouncing: list[int] = forces.switching[~np.isnan(forces.restitution)].tolist()
+        for which in bouncing:
+            own = forces.act.owner[which] > 0.0
+            vectors = forces.act.vectors[own]
+            if self._light.shape[1] and float(np.abs(vectors @ self._light).max(initial=0.0)) > 0.0:
+                why = "an impact changes the velocity of a mass"
+                given, allowed = "a restitution where a body has no mass", "a mass on both sides, or ground"
+                raise refuse(forces.names[which], given, allowed, why, "add a mass there, or use dissipation")
+
+
+def _only(to: Instant) -> Schedule:
+    return to.schedule.row(to.row)
+
+
+def massless(system: System) -> FloatArray:
+    """Return the motions without mass as columns.
+
+    Above the dense limit they are sought within the unknowns that mass couples: a massive member is one such group,
+    and regular; a body on an arm at a node is a small one.
+
+    Parameters
+    ----------
+    system
+        The system.
+
+    Returns
+    -------
+    ndarray
+        Shape (n, k).
+    """
+    if system.size <= 2 * DENSE_LIMIT:
+        return null_space(system.mass)
+    from scipy.sparse.csgraph import connected_components
+
+    light = [np.eye(system.size)[:, system.mass.diagonal() <= 0.0]]
+    labels = connected_components(system.mass.csr(), directed=False)[1]
+    sizes = np.bincount(labels)
+    for label in np.flatnonzero((sizes > 1) & (sizes <= DENSE_LIMIT)).tolist():
+        group = np.flatnonzero(labels == label)
+        within = null_space(system.mass.part(group))
+        spread = np.zeros((system.size, within.shape[1]))
+        spread[group] = within
+        light.append(spread)
+    return np.hstack(light)

@@ -1,0 +1,30 @@
+"""The seam between the physics and everything that works on it: see `equations`."""
+
+from flexcam.system.channel import Channel, Observable, Observed, force_sum, load_sum, row_of, total
+from flexcam.system.drive import CamMotion, ConstantSpeed, Drive
+from flexcam.system.equations import Load, Probe, System
+from flexcam.system.local import AngleFunction, AngleVector, LocalForce, LocalLaw, Reaction, Stored, Storing, constant
+
+__all__ = [
+    "AngleFunction",
+    "AngleVector",
+    "CamMotion",
+    "Channel",
+    "ConstantSpeed",
+    "Drive",
+    "Load",
+    "LocalForce",
+    "LocalLaw",
+    "Observable",
+    "Observed",
+    "Probe",
+    "Reaction",
+    "Stored",
+    "Storing",
+    "System",
+    "constant",
+    "force_sum",
+    "load_sum",
+    "row_of",
+    "total",
+]

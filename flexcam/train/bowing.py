@@ -1,0 +1,170 @@
+"""Geometric stiffness within a run: what axial force does to bending, and bending to axial force.
+
+A beam element that bends shortens its chord by half the integral of v'^2. With one axial strain per element its energy
+is ``EA/(2 L) e^2`` with ``e = D + 1/2 (y + y0)^T g (y + y0) - 1/2 y0^T g y0``: D is the stretch of the chord, y the
+bending (slope of the chord and rotations of both ends, in each plane), y0 that of the initial bow, g the geometric
+stiffness under a unit force. What is beyond the linear ``EA/L D^2/2`` acts as a local force: N g (y + y0) on bending
+and the axial force of the shortening on the chord. M. A. Crisfield, Non-linear Finite Element Analysis of Solids and
+Structures 1 (1991), sec. 7.1 and 7.2 (shallow element with constant axial strain).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.fem import Beams
+from flexcam.fem.elements import bending
+from flexcam.fem.elements.beam import PLANE_XY, PLANE_XZ
+from flexcam.linalg import FloatArray, IntArray
+from flexcam.system import AngleVector, Channel, LocalForce, Observable, Observed, Reaction, Stored, constant
+from flexcam.train.coupling import Coupling
+from flexcam.train.structure import Structure
+
+_SCALARS = 7
+"""Per element: the stretch of its chord, then slope of the chord and both end rotations in the x-y and x-z plane."""
+
+_NONE = np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Bowing:
+    """Local law of some elements side by side.
+
+    Parameters
+    ----------
+    axial
+        EA/L, N/m, shape (e,).
+    shortening
+        g over (slope, rotations) of both planes, shape (e, 6, 6), m.
+    bow
+        y0, shape (e, 6).
+    """
+
+    axial: FloatArray
+    shortening: FloatArray
+    bow: FloatArray
+
+    @property
+    def start_state(self) -> FloatArray:
+        """Nothing."""
+        return _NONE
+
+    def axial_force(self, gap: FloatArray) -> FloatArray:
+        """Return the axial force of every element, tension positive, N, shape (..., e)."""
+        stretch, bent, pulled = self._shape(gap)
+        start = np.einsum("ei,eij,ej->e", self.bow, self.shortening, self.bow)
+        return self.axial * (stretch + 0.5 * np.einsum("...ei,...ei->...e", bent, pulled) - 0.5 * start)
+
+    def _shape(self, gap: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the stretch, y + y0 and g (y + y0)."""
+        values = gap.reshape(*gap.shape[:-1], -1, _SCALARS)
+        bent = values[..., 1:] + self.bow
+        return values[..., 0], bent, np.einsum("eij,...ej->...ei", self.shortening, bent)
+
+    def _force(self, gap: FloatArray) -> FloatArray:
+        """Return the forces, shape (e, 7)."""
+        stretch, _, pulled = self._shape(gap)
+        N = self.axial_force(gap)
+        return np.concatenate([(N - self.axial * stretch)[:, None], N[:, None] * pulled], axis=1)
+
+    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
+        """Return force and tangent."""
+        e = len(self.axial)
+        pulled = self._shape(gap)[2]
+        N = self.axial_force(gap)
+        by_gap = np.zeros((e, _SCALARS, e, _SCALARS))
+        each = np.arange(e)
+        across = self.axial[:, None] * pulled
+        by_gap[each, 0, each, 1:] = across
+        by_gap[each, 1:, each, 0] = across
+        by_gap[each, 1:, each, 1:] = N[:, None, None] * self.shortening + across[:, :, None] * pulled[:, None, :]
+        size = e * _SCALARS
+        return Reaction(self._force(gap).ravel(), by_gap.reshape(size, size), np.zeros((size, size)), _NONE)
+
+    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
+        """Return the energy beyond that of the linear bar, and its derivative."""
+        N, stretch = self.axial_force(gap), self._shape(gap)[0]
+        energy = 0.5 * float(np.sum(N**2 / self.axial - self.axial * stretch**2))
+        return Stored(energy, self._force(gap).ravel(), _NONE)
+
+
+def bowings(structure: Structure) -> Coupling:
+    """Return the geometric stiffness of all members that ask for it.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+
+    Returns
+    -------
+    Coupling
+        A local force per member, and the channel of its largest compression.
+    """
+    forces: list[LocalForce] = []
+    channels: list[Channel] = []
+    ranges = structure.model.mesh.element_ranges()
+    first = 0
+    for name, member in structure.model.members.items():
+        if not member.geometric_stiffness:
+            continue
+        elements = np.arange(len(structure.beams))[ranges[name]]
+        rows, law = _sensed(structure, elements), _law(structure.beams, elements, member.bow)
+        sense = tuple(AngleVector.constant(row) for row in rows)
+        act = tuple(AngleVector.constant(-row) for row in rows)
+        where = f"members.{name}"
+        forces.append(LocalForce(f"{where}.bending", sense, act, law, (constant(0.0),) * len(rows)))
+        channels.append(Channel(f"{where}.compression", "N", _compression(law, slice(first, first + len(rows)))))
+        first += len(rows)
+    return Coupling((), tuple(forces), tuple(channels))
+
+
+def _compression(law: Bowing, part: slice) -> Observable:
+    def largest(seen: Observed) -> FloatArray:
+        return -law.axial_force(seen.gaps[:, part]).min(axis=-1)
+
+    return largest
+
+
+def _law(beams: Beams, elements: IntArray, bow: float) -> Bowing:
+    L = beams.length[elements]
+    one = np.ones(len(L))
+    g = np.zeros((len(L), 6, 6))
+    for first, phi in ((0, beams.phi_y), (3, beams.phi_z)):
+        whole = bending.geometric(one, L, phi[elements])
+        turned = _from_chord(L)
+        g[:, first : first + 3, first : first + 3] = np.swapaxes(turned, 1, 2) @ whole @ turned
+    x = np.concatenate([[0.0], np.cumsum(L)])
+    wave = np.pi / x[-1]
+    y0 = np.zeros((len(L), 6))
+    y0[:, 0] = bow * np.diff(np.sin(wave * x)) / L
+    y0[:, 1], y0[:, 2] = bow * wave * np.cos(wave * x[:-1]), bow * wave * np.cos(wave * x[1:])
+    return Bowing(beams.EA[elements] / L, g, y0)
+
+
+def _from_chord(length: FloatArray) -> FloatArray:
+    """Return v1, rotation 1, v2, rotation 2 by slope of the chord and rotations, with v1 = 0, shape (e, 4, 3)."""
+    turned = np.zeros((len(length), 4, 3))
+    turned[:, 1, 1] = turned[:, 3, 2] = 1.0
+    turned[:, 2, 0] = length
+    return turned
+
+
+def _sensed(structure: Structure, elements: IntArray) -> FloatArray:
+    """Return the rows of all scalars, shape (7 e, n)."""
+    beams, dofs = structure.beams, structure.dofs
+    rows: list[FloatArray] = []
+    for e in elements.tolist():
+        a, b = beams.nodes[e].tolist()
+        local = np.zeros((12, dofs.size))
+        for end, node in ((0, a), (6, b)):
+            for k, axis in enumerate(beams.triads[e]):
+                local[end + k] = dofs.vector(node, np.concatenate([axis, np.zeros(3)]))
+                local[end + 3 + k] = dofs.vector(node, np.concatenate([np.zeros(3), axis]))
+        rows.append(local[6] - local[0])
+        for plane, sign in ((PLANE_XY, 1.0), (PLANE_XZ, -1.0)):
+            v1, r1, v2, r2 = local[plane]
+            rows += [(v2 - v1) / beams.length[e], sign * r1, sign * r2]
+    return np.array(rows)

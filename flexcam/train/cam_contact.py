@@ -1,0 +1,264 @@
+"""Contact of a cam and its follower at the true point of contact.
+
+The depth is counted along the lift: the lift, plus what the cam moves towards the follower, less what the follower
+moves away. A flat follower is touched s' beside its axis: the cam's twist lifts it, the force twists the cam by F s',
+and the follower's tilt lets it sink. Under a roller the force is inclined by the pressure angle, so that the cam feels
+it sideways as well; a roller may tilt. Friction acts along the face, against the velocity at which the cam's surface
+slides.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexcam.cam import CamProfile, profile_at, undercut
+from flexcam.checks import refuse
+from flexcam.linalg import FloatArray
+from flexcam.system import (
+    AngleFunction,
+    AngleVector,
+    Channel,
+    LocalForce,
+    LocalLaw,
+    Observable,
+    Observed,
+    constant,
+    force_sum,
+    total,
+)
+from flexcam.train.contacts import conservative
+from flexcam.train.coupling import Coupling
+from flexcam.train.model import Cam, CamContact
+from flexcam.train.penalty import Bilateral, HertzLine, HuntCrossley, Inclined, Sliding
+from flexcam.train.structure import Structure, find_node
+
+_one, _zero = constant(1.0), constant(0.0)
+
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 7201)
+"""Where the curvature is taken; between these it is interpolated, as it is asked for at every iteration."""
+
+_STRAIGHT = 1e-2
+"""Least relative curvature, 1/m: a flank with a radius above 100 m is as good as straight."""
+
+_STEP = 1e-5
+"""Cam angle, rad, over which a slope is taken that only multiplies sideways deflections, micrometres."""
+
+
+def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling:
+    """Return the contact of a cam and its follower.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    name
+        Of the contact.
+    contact
+        The contact.
+
+    Returns
+    -------
+    Coupling
+        A local force with the channels force, torque and gap; pressure, sliding and friction where they are known.
+
+    Raises
+    ------
+    InputError
+        If the follower cannot move, or something is asked of a profile that is not given or not possible.
+    """
+    cam, where = structure.model.cams[contact.cam], f"contacts.{name}"
+    depth = _depth(structure, contact, cam, where)
+    law = _cam_law(structure, name, contact, cam)
+    force = conservative(where, depth, law, cam.event, contact.restitution)
+    torque: Observable = force_sum(0, factor=_slope(cam))
+    if contact.friction:
+        force = _rubbing(structure, name, contact, cam, force)
+        torque = total(torque, force_sum(1, factor=_slide(cam)))
+    return Coupling((), (force,), (
+        Channel(f"{where}.force", "N", force_sum(0)),
+        Channel(f"{where}.torque", "N m", torque),
+        Channel(f"{where}.gap", "m", lambda seen: -seen.gaps[:, 0]),
+        *_profile_channels(structure, name, contact, cam),
+    ))  # fmt: skip
+
+
+def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> AngleVector:
+    """Return the derivative of the depth by the unknowns."""
+    lift, axis = contact.direction, _turning(contact.shaft_axis)
+    follower = structure.row(contact.follower, lift, f"{where}.follower")
+    if not follower.any():
+        given, why = f"{contact.follower!r}, held along the lift", "a follower that cannot move feels no cam"
+        raise refuse(f"{where}.follower", given, "a point that is free along the lift", why, "free it in [supports]")
+    twist = structure.row(cam.at, axis)
+    rolls = cam.follower is not None and np.isfinite(cam.follower.roller_radius)
+    tilts = not rolls and structure.is_node(contact.follower)
+    tilt = structure.row(contact.follower, axis) if tilts else np.zeros_like(twist)
+    rows = [structure.row(cam.at, lift) - follower, twist - tilt]
+    functions: list[AngleFunction] = [_one, _slope(cam)]
+    if rolls:
+        rows.append(_sideways(structure, contact, cam))
+        functions.append(_tangent(cam))
+    return AngleVector(np.array(rows), tuple(functions))
+
+
+def _turning(axis: FloatArray) -> FloatArray:
+    return np.concatenate([np.zeros(3), axis])
+
+
+def _sideways(structure: Structure, contact: CamContact, cam: Cam) -> FloatArray:
+    """Return the row of what the cam moves to the right of the follower, in the profile's drawing."""
+    right = cam.turn * np.cross(contact.direction[:3], contact.shaft_axis)
+    along = np.concatenate([right, np.zeros(3)])
+    own = structure.row(contact.follower, along) if structure.is_node(contact.follower) else 0.0
+    return structure.row(cam.at, along) - own
+
+
+def _slope(cam: Cam) -> AngleFunction:
+    return lambda angle, order: cam.event(angle, order + 1)
+
+
+def _profile(cam: Cam, angle: FloatArray) -> CamProfile:
+    if cam.follower is None:
+        raise refuse("follower", "none", "a follower and a base circle", "the profile follows from them")
+    return profile_at(cam.event, cam.follower, angle, cam.turn)
+
+
+def _tangent(cam: Cam) -> AngleFunction:
+    """Return the tangent of the pressure angle."""
+
+    def tangent(angle: FloatArray, order: int) -> FloatArray:
+        if order == 0:
+            return np.tan(_profile(cam, angle).pressure_angle)
+        return (tangent(angle + _STEP, 0) - tangent(angle - _STEP, 0)) / (2.0 * _STEP)
+
+    return tangent
+
+
+def _slide(cam: Cam) -> AngleFunction:
+    """Return the path per cam angle, m, by which the cam's surface slides to the right of a flat face."""
+
+    def slide(angle: FloatArray, order: int) -> FloatArray:
+        if order == 0:
+            return _profile(cam, angle).touch.sliding
+        return (slide(angle + _STEP, 0) - slide(angle - _STEP, 0)) / (2.0 * _STEP)
+
+    return slide
+
+
+def _rubbing(structure: Structure, name: str, contact: CamContact, cam: Cam, force: LocalForce) -> LocalForce:
+    """Return the contact with friction: a second scalar whose rate is the velocity of sliding."""
+    where = f"contacts.{name}.friction"
+    if cam.follower is None:
+        remedy = "give base_radius and follower of the cam"
+        raise refuse(where, contact.friction, "a cam with a profile", "the velocity of sliding follows from it", remedy)
+    if np.isfinite(cam.follower.roller_radius):
+        why = "a roller takes the sliding up by turning"
+        raise refuse(where, contact.friction, "a follower with a flat face", why, "leave friction out")
+    path = _slide(cam)
+
+    def travelled(angle: FloatArray, order: int) -> FloatArray:
+        # Nothing depends on the path itself, which grows for ever; its rate is what friction feels.
+        return path(angle, order - 1) if order else np.zeros_like(angle)
+
+    rows = np.array([_sideways(structure, contact, cam), structure.row(cam.at, _turning(contact.shaft_axis))])
+    along = AngleVector(rows, (_one, path))
+    acting = AngleVector(-rows, along.functions)
+    law = Sliding(force.law, contact.friction, contact.friction_speed)
+    offset = (*force.offset, travelled)
+    return LocalForce(
+        force.name, (*force.sense, along), (*force.act, acting), law, offset, force.switching, force.restitution
+    )  # fmt: skip
+
+
+def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> LocalLaw:
+    if not contact.unilateral:
+        return Bilateral(contact.stiffness or 0.0)
+    if contact.stiffness is not None:
+        return HuntCrossley(contact.stiffness, contact.dissipation)
+    law = hertz_line(structure, name, contact, cam)
+    if cam.follower is None or not np.isfinite(cam.follower.roller_radius):
+        return law
+    cosines = np.cos(_profile(cam, _ANGLES).pressure_angle)
+    return Inclined(law, _table(cosines))
+
+
+def _table(values: FloatArray) -> AngleFunction:
+    """Return what interpolates values at `_ANGLES`; its derivatives are not asked for."""
+
+    def looked_up(angle: FloatArray, order: int) -> FloatArray:
+        del order
+        return np.interp(np.mod(angle, 2.0 * np.pi), _ANGLES, values)
+
+    return looked_up
+
+
+def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -> HertzLine:
+    """Return the line contact of a cam with its follower.
+
+    Parameters
+    ----------
+    structure
+        The structure: the member at the cam says the material.
+    name
+        Of the contact.
+    contact
+        The contact.
+    cam
+        Its cam, with follower, base circle and width.
+
+    Returns
+    -------
+    HertzLine
+        The law.
+
+    Raises
+    ------
+    InputError
+        If follower or width are not given, or the profile is hollow under a flat face.
+    """
+    where = f"contacts.{name}.stiffness"
+    if cam.follower is None or cam.width is None:
+        remedy = "give base_radius, follower and width of the cam, or a stiffness"
+        raise refuse(where, "hertz", "a cam with a profile and a width", "the radius of curvature decides", remedy)
+    model = structure.model
+    node = find_node(model, cam.at, where)
+    material = next(m.material for n, m in model.members.items() if node in model.mesh.lines[n])
+    follower, roller = cam.follower, cam.follower.roller_radius
+    own = _profile(cam, _ANGLES).radius
+    curvature = 1.0 / own + 1.0 / roller
+    if (undercut(own, follower) | (curvature < 0.0)).any():
+        given = "a profile that is undercut or hollow under its follower"
+        raise refuse(where, given, "one that touches along a line", "see flexcam cam", "a larger base circle")
+    radius = _table(1.0 / np.maximum(curvature, _STRAIGHT))
+    depth = roller if np.isfinite(roller) else cam.follower.base_radius
+    return HertzLine(cam.width, material.E, material.nu, radius, depth, contact.dissipation)
+
+
+def _profile_channels(structure: Structure, name: str, contact: CamContact, cam: Cam) -> list[Channel]:
+    """Return Hertz pressure, sliding velocity and friction, where the profile is known."""
+    if cam.follower is None:
+        return []
+    where = f"contacts.{name}"
+    channels: list[Channel] = []
+    follower = cam.follower
+    whole = not undercut(_profile(cam, _ANGLES).radius, follower).any()
+    if cam.width is not None and whole:
+        line = hertz_line(structure, name, contact, cam)
+        channels.append(Channel(f"{where}.pressure", "Pa", _pressure(line, cam)))
+    if not np.isfinite(follower.roller_radius):
+        channels.append(Channel(f"{where}.sliding", "m/s", _per_time(_slide(cam))))
+    if contact.friction:
+        channels.append(Channel(f"{where}.friction", "N", force_sum(1)))
+    return channels
+
+
+def _per_time(path: AngleFunction) -> Observable:
+    return lambda seen: path(seen.motion.angle, 0) * seen.motion.speed
+
+
+def _pressure(line: HertzLine, cam: Cam) -> Observable:
+    def pressed(seen: Observed) -> FloatArray:
+        angle = seen.motion.angle
+        return line.pressure(seen.forces[:, 0] / np.cos(_profile(cam, angle).pressure_angle), angle)
+
+    return pressed
