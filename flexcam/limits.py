@@ -177,7 +177,11 @@ def _lost(response: Response, ready: Prepared, sink: CompressionSink) -> bool:
 def _main_lift(model: Model, cam: str) -> float:
     """Return the lift above which a cam has taken up ramps and play."""
     ramp = getattr(model.cams[cam].event, "ramp", None)
-    plays = [one.gap / model.rockers[one.rocker].ratio for one in model.contacts.values() if isinstance(one, Lash)]
+    plays = [
+        one.gap / (model.rockers[one.rocker].ratio if one.rocker else 1.0)
+        for one in model.contacts.values()
+        if isinstance(one, Lash)
+    ]
     return max([0.02 * model.cams[cam].event.height, *plays, *([ramp.height] if ramp else [])])
 
 

@@ -129,6 +129,8 @@ def _shared_trains(case: Case, mesh: Mesh) -> list[Fault]:
     for name, contact in case.record.contacts.items():
         if not isinstance(contact, contacts.PublishedLoadRecord):
             continue
+        if contact.follower not in mesh.points:
+            continue
         part = int(mesh.connected(mesh.node(contact.follower, "follower"))[0])
         if part in seen:
             where, given = (
@@ -143,21 +145,39 @@ def _shared_trains(case: Case, mesh: Mesh) -> list[Fault]:
     return faults
 
 
-def _rocker(record: parts.RockerRecord, case: CaseRecord, mesh: Mesh) -> train.Rocker:
-    start = mesh.node(record.start, "from")
+def _rocker(record: parts.LumpedRecord | parts.LeverRecord, case: CaseRecord, mesh: Mesh) -> train.Rocker:
+    finger = isinstance(record, parts.LeverRecord) and record.start not in mesh.points
+    along = _driven_along(record, case, mesh) if not finger else _finger_along(record)
+    if isinstance(record, parts.LumpedRecord):
+        return train.Rocker(record.start, record.to, record.arms, record.inertia, along)
+    stiffness = record.drive_stiffness or record.stiffness, record.stiffness
+    damping = record.drive_damping, record.damping
+    return train.Lever(
+        record.start, record.to, record.arms, record.inertia, along, finger, record.angles, stiffness, damping
+    )
+
+
+def _driven_along(record: parts.LumpedRecord | parts.LeverRecord, case: CaseRecord, mesh: Mesh) -> FloatArray:
+    """Return the direction in which a rocker is driven: given, or along the member, away from the cam."""
     if record.direction is not None:
-        along = fem.direction(record.direction)
-    else:
-        tangent = _tangent(mesh, start)
-        driven = [one for one in case.contacts.values() if isinstance(one, contacts.CamContactRecord)]
-        lifts = [_lift(one, case, mesh) for one in driven if _meets(one, start, mesh)]
-        against = any(float(lift[:3] @ tangent) < 0.0 for lift in lifts)
-        along = _six(-tangent if against else tangent)
-    return train.Rocker(record.start, record.to, record.arms, record.inertia, along)
+        return fem.direction(record.direction)
+    start = mesh.node(record.start, "from")
+    tangent = _tangent(mesh, start)
+    driven = [one for one in case.contacts.values() if isinstance(one, contacts.CamContactRecord)]
+    lifts = [_lift(one, case, mesh) for one in driven if _meets(one, start, mesh)]
+    against = any(float(lift[:3] @ tangent) < 0.0 for lift in lifts)
+    return _six(-tangent if against else tangent)
+
+
+def _finger_along(record: parts.LumpedRecord | parts.LeverRecord) -> FloatArray:
+    if record.direction is None:
+        why = "a finger's point lies on no member whose direction it could take"
+        raise refuse("direction", "nothing", "the direction in which the cam drives it", why, 'add direction = "uy"')
+    return fem.direction(record.direction)
 
 
 def _meets(contact: contacts.CamContactRecord, node: int, mesh: Mesh) -> bool:
-    return node in mesh.connected(mesh.node(contact.follower, "follower"))
+    return contact.follower in mesh.points and node in mesh.connected(mesh.node(contact.follower, "follower"))
 
 
 def _contact(record: contacts.ContactRecord, case: CaseRecord, mesh: Mesh) -> train.Contact:
@@ -166,9 +186,18 @@ def _contact(record: contacts.ContactRecord, case: CaseRecord, mesh: Mesh) -> tr
             along = np.zeros(6) if record.direction is None else fem.direction(record.direction)
             return train.Seat(record.at, along, record.stiffness, record.damping, record.restitution)
         case contacts.LashRecord():
-            return train.Lash(record.at, record.gap, record.stiffness, record.damping)
+            return train.Lash(record.at, record.gap, record.stiffness, record.damping, *_between(record))
+        case contacts.AdjusterRecord():
+            size = record.stiffness, record.leak, record.refill, record.plunger_force
+            return train.Adjuster(record.at, *size, *_between(record))
         case _:
             return _driven(record, case, mesh)
+
+
+def _between(
+    record: contacts.LashRecord | contacts.AdjusterRecord,
+) -> tuple[tuple[str, str] | None, FloatArray | None]:
+    return record.ends, None if record.direction is None else fem.direction(record.direction)
 
 
 def _driven(record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> train.PublishedLoad | train.CamContact:
@@ -190,7 +219,11 @@ def _lift(record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> Fl
     """Return the direction of the lift: given, or from cam to follower square to the shaft."""
     if record.direction is not None:
         return fem.direction(record.direction)
-    cam, follower = mesh.node(case.cams[record.cam].at, "cam"), mesh.node(record.follower, "follower")
+    cam = mesh.node(case.cams[record.cam].at, "cam")
+    for rocker in case.rockers.values():
+        if record.follower == rocker.start and record.follower not in mesh.points:
+            return _finger_along(rocker)
+    follower = mesh.node(record.follower, "follower")
     return _six(_across(mesh.nodes[follower] - mesh.nodes[cam], _tangent(mesh, cam)))
 
 

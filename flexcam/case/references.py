@@ -56,7 +56,7 @@ class References:
 
     def _parts(self) -> Iterator[Fault]:
         for name, table in self._each("contacts"):
-            if table.get("model") == "lash":
+            if table.get("model") in ("lash", "lash-adjuster"):
                 yield from self._known(
                     ("contacts", name, "at"), table.get("at"), list(self._table("rockers")), "a rocker"
                 )
@@ -100,7 +100,8 @@ class References:
         counts = dict.fromkeys(self._table("nodes"), 1)
         if self.mesh is not None:
             counts = {name: len(index) for name, index in self.mesh.points.items()}
-        rockers = [str(rocker["to"]) for _, rocker in self._each("rockers") if "to" in rocker]
+        fingers = [str(one.get("from")) for _, one in self._each("rockers") if _is_finger(one, counts)]
+        rockers = [str(rocker["to"]) for _, rocker in self._each("rockers") if "to" in rocker] + fingers
         for name, rocker in self._each("rockers"):
             to = rocker.get("to")
             if isinstance(to, str) and (to in counts or rockers.count(to) > 1):
@@ -111,6 +112,8 @@ class References:
         for kind, key, of_rockers in _AT:
             for name, table in self._each(kind):
                 if kind == "contacts" and key == "at" and table.get("model") != "seat":
+                    continue
+                if kind == "rockers" and _is_finger(table, counts):
                     continue
                 allowed = {**counts, **(dict.fromkeys(rockers, 1) if of_rockers else {})}
                 yield from self._one_point((kind, name, key), table.get(key), allowed)
@@ -150,11 +153,18 @@ _AT = (
     ("loads", "at", True),
     ("rockers", "from", False),
     ("cams", "at", False),
-    ("contacts", "follower", False),
+    ("contacts", "follower", True),
     ("contacts", "at", True),
+    ("contacts", "from", False),
+    ("contacts", "to", False),
 )
 """Table, key, whether the point of a rocker may stand there."""
 
 
 def _listed(value: object) -> list[object]:
     return cast("list[object]", value) if isinstance(value, list) else []
+
+
+def _is_finger(rocker: Table, nodes: Mapping[str, int]) -> bool:
+    """Tell whether a rocker is driven at a point of its own."""
+    return rocker.get("model") == "lever" and isinstance(rocker.get("from"), str) and rocker["from"] not in nodes

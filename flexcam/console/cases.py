@@ -14,7 +14,7 @@ from flexcam.fidelity import Claim, Comparison
 from flexcam.linalg import FloatArray
 from flexcam.runner import Prepared
 from flexcam.terminal import bare, facts, table
-from flexcam.train import Contact, Lash, ModelModes, Seat, member_masses
+from flexcam.train import Adjuster, Contact, Lash, ModelModes, Seat, member_masses
 
 COUPLINGS = {
     "published-load": (
@@ -108,9 +108,15 @@ def _contact(contact: Contact) -> str:
         case Seat():
             return f"stop of {contact.stiffness:g} N/m at {contact.at}"
         case Lash():
-            return f"play of {1e3 * contact.gap:g} mm at rocker {contact.rocker}, {contact.stiffness:g} N/m"
+            return f"play of {1e3 * contact.gap:g} mm {_place(contact)}, {contact.stiffness:g} N/m"
+        case Adjuster():
+            return f"hydraulic adjuster {_place(contact)}, oil {contact.stiffness:g} N/m, leak {contact.leak:g} N s/m"
         case _:
             return f"{contact.cam} lifts {contact.follower} along {_vector(contact.direction)}"
+
+
+def _place(contact: Lash | Adjuster) -> str:
+    return f"from {contact.ends[0]} to {contact.ends[1]}" if contact.ends else f"at rocker {contact.rocker}"
 
 
 def _weight(ready: Prepared) -> list[tuple[str, str]]:

@@ -5,14 +5,16 @@ A new kind of part is a dataclass in `model` and its rows in `structure`; a new 
 """
 
 from flexcam.train.buckling import CompressionSink, buckling_load
-from flexcam.train.build import build_rigid, build_system
+from flexcam.train.build import build_system
 from flexcam.train.loads import element_loads
 from flexcam.train.model import (
+    Adjuster,
     Cam,
     CamContact,
     Contact,
     GivenLoad,
     Lash,
+    Lever,
     MassAt,
     Model,
     PublishedLoad,
@@ -21,17 +23,20 @@ from flexcam.train.model import (
     Spring,
 )
 from flexcam.train.modes import ModelModes, model_modes
+from flexcam.train.rigid import build_rigid
 from flexcam.train.strength import MemberStrength, StrengthSink
 from flexcam.train.structure import Structure, build_structure, member_masses, valve_ratio
 from flexcam.train.transfer import lift_transfer
 
 __all__ = [
+    "Adjuster",
     "Cam",
     "CamContact",
     "CompressionSink",
     "Contact",
     "GivenLoad",
     "Lash",
+    "Lever",
     "MassAt",
     "MemberStrength",
     "Model",

@@ -1,8 +1,8 @@
-"""From a model to its equations: the flexible system and the rigid one."""
+"""From a model to its equations (the rigid one stands in `rigid`)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -11,15 +11,17 @@ from flexcam import modal
 from flexcam.checks import refuse
 from flexcam.fem import COMPONENTS
 from flexcam.fem.damping import modal_damping, rayleigh_damping
-from flexcam.linalg import DENSE_LIMIT, FloatArray, Triplets
-from flexcam.system import AngleFunction, CamMotion, Channel, Load, Observable, Probe, System, load_sum
+from flexcam.linalg import DENSE_LIMIT, Triplets
+from flexcam.system import Channel, Observable, Probe, System
+from flexcam.train.adjuster import couple_adjuster
 from flexcam.train.bowing import bowings
 from flexcam.train.cam_contact import couple_cam
 from flexcam.train.contacts import clashes, couple_lash, couple_seat
 from flexcam.train.coupling import Coupling
+from flexcam.train.lever import lever_joints
 from flexcam.train.loads import constant_loads
-from flexcam.train.model import CamContact, Contact, Lash, Model, PublishedLoad, Seat
-from flexcam.train.published import couple, follower_train, preload, stated_force, steady
+from flexcam.train.model import Adjuster, CamContact, Contact, Lash, Model, PublishedLoad, Seat
+from flexcam.train.published import couple
 from flexcam.train.structure import Structure, build_structure, find_node, inner_name
 
 _MODAL_LIMIT = 2 * DENSE_LIMIT
@@ -48,7 +50,7 @@ def build_system(model: Model, speed: float) -> System:
     """
     structure = build_structure(model)
     couplings = [_coupled(structure, name, contact, speed) for name, contact in model.contacts.items()]
-    couplings += [clashes(structure), bowings(structure)]
+    couplings += [lever_joints(structure), clashes(structure), bowings(structure)]
     return System(
         mass=structure.mass,
         damping=structure.dampers + _damping(structure),
@@ -56,7 +58,7 @@ def build_system(model: Model, speed: float) -> System:
         names=structure.dofs.names,
         loads=(*(load for c in couplings for load in c.loads), *constant_loads(structure)),
         local_forces=tuple(force for c in couplings for force in c.forces),
-        probes=(*(_probe(structure, point) for point in model.probes), *_inner_probes(structure)),
+        probes=(*(probe_of(structure, point) for point in model.probes), *_inner_probes(structure)),
         channels=tuple(_numbered(couplings)),
         free=structure.free,
     )
@@ -72,6 +74,8 @@ def _coupled(structure: Structure, name: str, contact: Contact, speed: float) ->
             return couple_seat(structure, name, contact)
         case Lash():
             return couple_lash(structure, name, contact)
+        case Adjuster():
+            return couple_adjuster(structure, name, contact)
 
 
 def _damping(structure: Structure) -> Triplets:
@@ -102,7 +106,21 @@ def _within(value: Observable, loads: slice, scalars: slice, states: slice) -> O
     return lambda seen: value(seen.part(loads, scalars, states))
 
 
-def _probe(structure: Structure, point: str) -> Probe:
+def probe_of(structure: Structure, point: str) -> Probe:
+    """Return what a user watches at a point: its six components, or the one motion of a rocker's point.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    point
+        A named node, or the point of a rocker.
+
+    Returns
+    -------
+    Probe
+        Named after the point.
+    """
     if structure.model.rocker_at(point) is not None:
         return Probe(point, (point,), structure.row(point, np.zeros(6))[None, :], (None,))
     node = find_node(structure.model, point, "output.probes")
@@ -116,7 +134,12 @@ def _inner_probes(structure: Structure) -> list[Probe]:
     Results then hold every unknown, so that a run can go on from them.
     """
     model = structure.model
-    loose = [_probe(structure, point) for point in model.loose_points if point not in model.probes]
+    loose = [probe_of(structure, point) for point in model.loose_points if point not in model.probes]
+    loose += [
+        Probe(name, (name,), structure.dofs.unit(name)[None, :], (None,))
+        for name in model.further_unknowns
+        if name not in model.loose_points
+    ]
     springs = [(name, spring) for name, spring in model.springs.items() if spring.elements > 1]
     inner = [
         Probe(
@@ -127,88 +150,3 @@ def _inner_probes(structure: Structure) -> list[Probe]:
         for name, spring in springs
     ]  # fmt: skip
     return loose + inner
-
-
-def build_rigid(model: Model, speed: float) -> System:
-    """Return the same mechanism with rigid members: no unknowns, the follower's train follows the lift.
-
-    Parameters
-    ----------
-    model
-        The model.
-    speed
-        Camshaft speed, rad/s.
-
-    Returns
-    -------
-    System
-        Of size zero; its probes are prescribed, its channels hold the contact force
-        ``P_pr + K s + M (s'' omega^2 + s' omega')`` and the torque of that force.
-
-    Raises
-    ------
-    InputError
-        As `build_system`.
-    """
-    structure = build_structure(model)
-    loads: list[Load] = []
-    channels: list[Channel] = []
-    for name, contact in model.driven.items():
-        event = model.cams[contact.cam].event
-        train = follower_train(structure, contact, f"contacts.{name}.follower")
-        if isinstance(contact, PublishedLoad):
-            force = preload(structure, contact, train, model.cams[contact.cam], speed)
-        else:
-            force = stated_force(structure, train)
-        parts = (_scaled(event, train.stiffness), steady(force), _inertia(train.mass, event))
-        places = tuple(range(len(loads), len(loads) + len(parts)))
-        loads += [Load(f"contacts.{name}", np.zeros(0), part) for part in parts]
-        channels += [
-            Channel(f"contacts.{name}.force", "N", load_sum(*places)),
-            Channel(f"contacts.{name}.torque", "N m", load_sum(*places, factor=_slope(event))),
-        ]
-    nothing = Triplets.zeros(0)
-    probes = tuple(_rigid_probe(structure, _probe(structure, point)) for point in model.probes)
-    return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels))
-
-
-def _scaled(event: AngleFunction, factor: float) -> Callable[[CamMotion], FloatArray]:
-    return lambda motion: factor * event(motion.angle, 0)
-
-
-def _inertia(mass: float, event: AngleFunction) -> Callable[[CamMotion], FloatArray]:
-    return lambda motion: mass * (event(motion.angle, 2) * motion.speed**2 + event(motion.angle, 1) * motion.rate)
-
-
-def _slope(event: AngleFunction) -> AngleFunction:
-    return lambda angle, order: event(angle, order + 1)
-
-
-def _rigid_probe(structure: Structure, probe: Probe) -> Probe:
-    """Return the probe as the rigid train moves it: its share of every follower's motion times that cam's lift."""
-    shares: list[tuple[np.ndarray, AngleFunction]] = []
-    for name, contact in structure.model.driven.items():
-        train = follower_train(structure, contact, f"contacts.{name}.follower")
-        shares.append((probe.rows @ train.motion, structure.model.cams[contact.cam].event))
-    rocker = structure.model.loose_points.get(probe.name)
-    names = [name for name, one in structure.model.rockers.items() if one is rocker]
-    play = structure.model.lash_of(names[0]) if names else None
-    gap = play.gap if play else 0.0
-    offsets = tuple(_combined([(float(s[i]), event) for s, event in shares], gap) for i in range(len(probe.components)))
-    return Probe(probe.name, probe.components, np.zeros((len(probe.components), 0)), offsets)
-
-
-def _combined(parts: list[tuple[float, AngleFunction]], gap: float) -> AngleFunction | None:
-    """Return the sum of shares of lifts, or None where there are none; a play is taken up before anything moves."""
-    moving = [(share, event) for share, event in parts if share != 0.0]
-    if not moving:
-        return None
-
-    def lifted(angle: FloatArray, order: int) -> FloatArray:
-        total = sum((share * event(angle, order) for share, event in moving), np.zeros_like(angle))
-        if gap == 0.0:
-            return total
-        lift = total if order == 0 else sum((k * event(angle, 0) for k, event in moving), np.zeros_like(angle))
-        return np.where(lift > gap, total - (gap if order == 0 else 0.0), 0.0)
-
-    return lifted

@@ -6,10 +6,11 @@ that what the cam's torque puts in is what kinetic, strain and contact energy ta
 
 from __future__ import annotations
 
+from flexcam.linalg import FloatArray
 from flexcam.system import AngleFunction, AngleVector, Channel, LocalForce, LocalLaw, constant, force_sum
 from flexcam.train.coupling import Coupling
-from flexcam.train.model import Lash, Seat
-from flexcam.train.penalty import Bilateral, Stop
+from flexcam.train.model import Adjuster, Lash, Seat
+from flexcam.train.penalty import HertzLine, HuntCrossley, Inclined, Stop
 from flexcam.train.structure import Structure, spring_parts
 
 _one, _zero = constant(1.0), constant(0.0)
@@ -42,7 +43,7 @@ def conservative(
     LocalForce
         With A = -G.
     """
-    switching = () if isinstance(law, Bilateral) else (0,)
+    switching = (0,) if isinstance(law, HuntCrossley | HertzLine | Inclined | Stop) else ()
     act = AngleVector(-sense.vectors, sense.functions)
     return LocalForce(name, (sense,), (act,), law, (offset,), switching, restitution)
 
@@ -87,11 +88,34 @@ def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
     Coupling
         A local force with its channel.
     """
-    rocker = structure.model.rockers[lash.rocker]
-    row = structure.reach(rocker) - structure.dofs.unit(rocker.point)
-    gap = constant(-lash.gap)
-    force = conservative(f"contacts.{name}", AngleVector.constant(row), Stop(lash.stiffness, lash.damping), gap)
-    return Coupling((), (force,), (Channel(f"contacts.{name}.force", "N", force_sum(0)),))
+    where = f"contacts.{name}"
+    row, gap = play_row(structure, lash, where), constant(-lash.gap)
+    force = conservative(where, AngleVector.constant(row), Stop(lash.stiffness, lash.damping), gap)
+    return Coupling((), (force,), (Channel(f"{where}.force", "N", force_sum(0)),))
+
+
+def play_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatArray:
+    """Return the row of how far the two sides of a play have come together, shape (n,).
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    part
+        The play or the adjuster.
+    where
+        The place, for the message.
+
+    Returns
+    -------
+    ndarray
+        Shape (n,).
+    """
+    if part.ends is not None and part.direction is not None:
+        first, second = (structure.row(end, part.direction, where) for end in part.ends)
+        return first - second
+    rocker = structure.model.rockers[str(part.rocker)]
+    return structure.reach(rocker) - structure.dofs.unit(rocker.point)
 
 
 def clashes(structure: Structure) -> Coupling:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+
+import numpy as np
 
 from flexcam.cam import Follower, Turn
 from flexcam.fem import Damping, Member, Mesh, PointMass
@@ -96,6 +99,8 @@ class Rocker:
         About the rocker's shaft, kg m^2.
     direction
         Direction of the motion at the driven node, shape (6,); the point's motion is positive with it.
+    finger
+        Whether it defines the point it is driven at as well.
     """
 
     start: str
@@ -103,11 +108,78 @@ class Rocker:
     arms: tuple[float, float]
     inertia: float
     direction: FloatArray
+    finger: bool = False
 
     @property
     def ratio(self) -> float:
         """Motion of the point per motion of the driven node."""
         return self.arms[1] / self.arms[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Lever(Rocker):
+    """A rocker as a lever that turns: its ratio changes with its angle, its arms give way.
+
+    With p the path of its driven end, the other end moves by ``a2 (sin(b2 + p/a1) - sin b2)``. A
+    finger follower has the lift of its cam along the path p.
+
+    Parameters
+    ----------
+    angles
+        Of both arms as installed, rad: 0 where the arm is square to the motion of its end.
+    stiffness, damping
+        Of the arm at the driven node and at the point, N/m and N s/m; the first counts only at a node.
+    """
+
+    angles: tuple[float, float] = (0.0, 0.0)
+    stiffness: tuple[float, float] = (0.0, 0.0)
+    damping: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def ratio(self) -> float:
+        """Motion of the point per motion of the driven end, as installed."""
+        driven = 1.0 if self.finger else math.cos(self.angles[0])
+        return self.arms[1] / self.arms[0] * math.cos(self.angles[1]) / driven
+
+    def path_at(self, lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the path of the driven end at a motion of what drives it, m, and its first two derivatives.
+
+        Parameters
+        ----------
+        lift
+            m, any shape; for a finger this is the path itself.
+
+        Returns
+        -------
+        tuple
+            Three arrays of that shape: m, 1, 1/m.
+        """
+        if self.finger:
+            return lift, np.ones_like(lift), np.zeros_like(lift)
+        arm, start = self.arms[0], self.angles[0]
+        sine = math.sin(start) + lift / arm
+        cosine = np.sqrt(1.0 - sine**2)
+        return arm * (np.arcsin(sine) - start), 1.0 / cosine, sine / (arm * cosine**3)
+
+    def reach(self, path: FloatArray, end: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the motion of an end at a path of the driven end, m, and its first two derivatives.
+
+        Parameters
+        ----------
+        path
+            m, any shape.
+        end
+            0 for the driven one, 1 for the point.
+
+        Returns
+        -------
+        tuple
+            Three arrays of that shape: m, 1, 1/m.
+        """
+        arm, start, turn = self.arms[end], self.angles[end], path / self.arms[0]
+        there = start + turn
+        share = arm / self.arms[0]
+        return arm * (np.sin(there) - math.sin(start)), share * np.cos(there), -share / self.arms[0] * np.sin(there)
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,25 +301,60 @@ class Seat:
 
 @dataclass(frozen=True, eq=False)
 class Lash:
-    """Play between a rocker and its point, which then moves by itself.
+    """Play between a rocker and its point, or between two nodes, which push each other through it.
 
     Parameters
     ----------
     rocker
-        Name of the rocker.
+        Name of the rocker; None between nodes.
     gap
         m, at the point.
     stiffness, damping
         Of the contact between both, at the point, N/m and N s/m.
+    ends
+        Names of the pushing and the pushed node; None at a rocker.
+    direction
+        In which the first pushes the second, shape (6,); None at a rocker.
     """
 
-    rocker: str
+    rocker: str | None
     gap: float
     stiffness: float
     damping: float = 0.0
+    ends: tuple[str, str] | None = None
+    direction: FloatArray | None = None
 
 
-Contact = PublishedLoad | CamContact | Seat | Lash
+@dataclass(frozen=True, eq=False)
+class Adjuster:
+    """A hydraulic lash adjuster: oil that carries, leaks past the plunger, and is made up for through a check valve.
+
+    Parameters
+    ----------
+    rocker
+        Name of the rocker it stands on, at its point; None between nodes.
+    stiffness
+        Of the oil column, N/m.
+    leak
+        Force per velocity of leak-down, N s/m.
+    refill
+        The same while the check valve is open, N s/m.
+    plunger_force
+        Of the spring that keeps it extended, N.
+    ends, direction
+        As for `Lash`.
+    """
+
+    rocker: str | None
+    stiffness: float
+    leak: float
+    refill: float
+    plunger_force: float
+    ends: tuple[str, str] | None = None
+    direction: FloatArray | None = None
+
+
+Contact = PublishedLoad | CamContact | Seat | Lash | Adjuster
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,16 +405,61 @@ class Model:
         """Contacts of a cam with its follower, by name."""
         return {n: one for n, one in self.contacts.items() if isinstance(one, PublishedLoad | CamContact)}
 
-    def lash_of(self, rocker: str) -> Lash | None:
-        """Return the play of a rocker, or None where its point is one with it."""
-        plays = (one for one in self.contacts.values() if isinstance(one, Lash))
+    def lash_of(self, rocker: str) -> Lash | Adjuster | None:
+        """Return the play or the adjuster of a rocker, or None where its point is one with it."""
+        plays = (one for one in self.contacts.values() if isinstance(one, Lash | Adjuster))
         return next((one for one in plays if one.rocker == rocker), None)
 
     @property
+    def levers(self) -> dict[str, Lever]:
+        """Rockers that turn, by name."""
+        return {name: one for name, one in self.rockers.items() if isinstance(one, Lever)}
+
+    @property
     def loose_points(self) -> dict[str, Rocker]:
-        """Points that move by themselves because their rocker has play, by name."""
-        return {rocker.point: rocker for name, rocker in self.rockers.items() if self.lash_of(name)}
+        """Points that move by themselves, because their rocker has play or turns, by name."""
+        loose = {r.point: r for name, r in self.rockers.items() if self.lash_of(name) or isinstance(r, Lever)}
+        return {**loose, **{r.start: r for r in self.rockers.values() if r.finger}}
+
+    @property
+    def further_unknowns(self) -> list[str]:
+        """Names of the unknowns of rockers: loose points, paths of levers, and their tips where play is behind them."""
+        paths = [path_name(name) for name, one in self.levers.items() if not one.finger]
+        return [*self.loose_points, *paths, *(tip_name(name) for name in self.levers if self.lash_of(name))]
 
     def rocker_at(self, point: str) -> Rocker | None:
         """Return the rocker that defines a point, or None."""
-        return next((r for r in self.rockers.values() if r.point == point), None)
+        own = (r for r in self.rockers.values() if point == r.point or (point == r.start and r.finger))
+        return next(own, None)
+
+
+def path_name(lever: str) -> str:
+    """Return the name of the unknown that is the path of a lever's driven end.
+
+    Parameters
+    ----------
+    lever
+        Name of the lever.
+
+    Returns
+    -------
+    str
+        Such as ``rockers.intake``.
+    """
+    return f"rockers.{lever}"
+
+
+def tip_name(lever: str) -> str:
+    """Return the name of the unknown that is the tip of a lever, where play is between it and its point.
+
+    Parameters
+    ----------
+    lever
+        Name of the lever.
+
+    Returns
+    -------
+    str
+        Such as ``rockers.intake.tip``.
+    """
+    return f"rockers.{lever}.tip"

@@ -98,7 +98,7 @@ def _shares(structure: Structure, shape: FloatArray) -> dict[str, float]:
             motion = nodal[structure.model.mesh.node(part.at)]
             shares[f"mass {name}"] = float(motion @ part.body.matrix() @ motion)
     for name, rocker in structure.model.rockers.items():
-        turn = float(structure.row(rocker.start, rocker.direction) @ shape) / rocker.arms[0]
+        turn = float(structure.path(rocker) @ shape) / rocker.arms[0]
         shares[f"rocker {name}"] = rocker.inertia * turn**2
     return shares
 

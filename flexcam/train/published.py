@@ -77,10 +77,13 @@ def follower_train(structure: Structure, contact: PublishedLoad | CamContact, wh
     FollowerTrain
         Its motion, mass and stiffness at the follower.
     """
-    node = find_node(structure.model, contact.follower, where)
-    numbers = structure.dofs.numbers[structure.model.mesh.connected(node)]
     motion = np.zeros(structure.dofs.size)
-    motion[numbers[numbers >= 0]] = np.broadcast_to(contact.direction, numbers.shape)[numbers >= 0]
+    if structure.is_node(contact.follower):
+        node = find_node(structure.model, contact.follower, where)
+        numbers = structure.dofs.numbers[structure.model.mesh.connected(node)]
+        motion[numbers[numbers >= 0]] = np.broadcast_to(contact.direction, numbers.shape)[numbers >= 0]
+    else:
+        motion = structure.row(contact.follower, contact.direction, where)
     motion = structure.completed(motion)
     mass, stiffness = structure.mass, structure.stiffness
     return FollowerTrain(motion, float(motion @ mass.times(motion)), float(motion @ stiffness.times(motion)))
@@ -146,7 +149,7 @@ def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, 
         The springs' installed force at the follower where one states it, else the factor times the largest force
         the rigid train's inertia needs to stay in contact.
     """
-    if _stated_forces(structure, train):
+    if stated_forces(structure, train):
         force = stated_force(structure, train)
         if force <= 0.0:
             given, why = f"springs that pull the follower with {-force:g} N", "contact needs a push against the lift"
@@ -171,11 +174,24 @@ def stated_force(structure: Structure, train: FollowerTrain) -> float:
     float
         N, positive where they close the contact.
     """
-    return sum(float(train.motion @ row) * size for size, row in _stated_forces(structure, train))
+    return sum(float(train.motion @ row) * size for size, row in stated_forces(structure, train))
 
 
-def _stated_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float, FloatArray]]:
-    """Return installed force and row of the springs on a follower's train that state one."""
+def stated_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float, FloatArray]]:
+    """Return installed force and row of the springs on a follower's train that state one.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    train
+        The follower's train.
+
+    Returns
+    -------
+    list
+        Pairs of N and shape (n,).
+    """
     rows = [(s.installed_force, spring_row(structure, n, s)) for n, s in structure.model.springs.items()]
     return [(size, row) for size, row in rows if size is not None and float(train.motion @ row) != 0.0]
 
@@ -255,7 +271,7 @@ def _spring_share(structure: Structure, train: FollowerTrain) -> FloatArray:
 
     Springs share it as their stated forces do, or as their stiffnesses where none is stated.
     """
-    shares = _stated_forces(structure, train)
+    shares = stated_forces(structure, train)
     if not shares:
         rows = [(s.stiffness, spring_row(structure, n, s)) for n, s in structure.model.springs.items()]
         shares = [(k * float(train.motion @ row), row) for k, row in rows]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -11,7 +12,7 @@ from flexcam import fem
 from flexcam.checks import did_you_mean, refuse
 from flexcam.fem import Beams, DofMap, along, mass_at
 from flexcam.linalg import FloatArray, Triplets
-from flexcam.train.model import MassAt, Model, Rocker, Spring
+from flexcam.train.model import Lever, MassAt, Model, Rocker, Spring, path_name, tip_name
 
 _ACROSS = 1e-6
 """Cosine below which a direction has nothing to do with another."""
@@ -85,9 +86,29 @@ class Structure:
         """Tell whether a point is a node of the mesh, which can move and turn in every direction."""
         return self.model.rocker_at(point) is None
 
+    def path(self, rocker: Rocker) -> FloatArray:
+        """Return the row of the motion of a rocker's driven end, shape (n,): for a lever its path."""
+        if isinstance(rocker, Lever) and not rocker.finger:
+            return self.dofs.unit(path_name(self._name(rocker)))
+        return self.row(rocker.start, rocker.direction)
+
     def reach(self, rocker: Rocker) -> FloatArray:
-        """Return the row of a rocker's end at its point: ratio times the motion it is driven by, shape (n,)."""
-        return rocker.ratio * self.row(rocker.start, rocker.direction)
+        """Return the row of a rocker's end at its point, shape (n,): ratio times its driven end, or a lever's tip."""
+        if not isinstance(rocker, Lever):
+            return rocker.ratio * self.path(rocker)
+        tip = tip_name(self._name(rocker))
+        return self.dofs.unit(tip if tip in self.dofs.names else rocker.point)
+
+    def _shares(self, rocker: Rocker) -> dict[str, float]:
+        """Return what the unknowns of a rocker move per motion of its driven end, as installed, no play being open."""
+        own = {rocker.point: rocker.ratio}
+        if isinstance(rocker, Lever):
+            name = self._name(rocker)
+            own |= {path_name(name): 1.0 / math.cos(rocker.angles[0]), tip_name(name): rocker.ratio}
+        return {name: share for name, share in own.items() if name in self.dofs.names}
+
+    def _name(self, rocker: Rocker) -> str:
+        return next(name for name, one in self.model.rockers.items() if one is rocker)
 
     def completed(self, motion: FloatArray) -> FloatArray:
         """Return a motion of nodes with points and springs following: no play is open, springs stretch evenly.
@@ -103,14 +124,43 @@ class Structure:
             Shape (n,).
         """
         moved = motion.copy()
-        for point, rocker in self.model.loose_points.items():
-            moved += self.dofs.unit(point) * float(self.reach(rocker) @ motion)
+        for rocker in self.model.rockers.values():
+            driven = float(self.row(rocker.start, rocker.direction) @ motion)
+            for name, share in self._shares(rocker).items():
+                moved += self.dofs.unit(name) * share * driven
+        return self.with_springs(moved)
+
+    def with_springs(self, motion: FloatArray) -> FloatArray:
+        """Return a motion with the inner parts of springs evenly between their ends, shape (n,)."""
+        moved = motion.copy()
         for name, spring in self.model.springs.items():
-            ends = [float(row @ moved) for row in spring_ends(self, name, spring)]
+            ends = [float(row @ motion) for row in spring_ends(self, name, spring)]
             for i in range(1, spring.elements):
-                part = i / spring.elements
-                moved += self.dofs.unit(inner_name(name, i)) * ((1.0 - part) * ends[1] + part * ends[0])
+                own, part = self.dofs.unit(inner_name(name, i)), i / spring.elements
+                moved += own * ((1.0 - part) * ends[1] + part * ends[0] - float(own @ motion))
         return moved
+
+
+def lever_ends(structure: Structure, lever: Lever) -> dict[int, tuple[FloatArray, FloatArray]]:
+    """Return, per elastic end of a lever, the rows of its path and of what moves there, shape (n,) each.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    lever
+        The lever.
+
+    Returns
+    -------
+    dict
+        By end: 0 for the driven one where it is a node, 1 for the point.
+    """
+    path = structure.path(lever)
+    ends = {1: (path, structure.reach(lever))}
+    if not lever.finger:
+        ends[0] = path, structure.row(lever.start, lever.direction)
+    return ends
 
 
 def inner_name(spring: str, i: int) -> str:
@@ -179,15 +229,21 @@ def build_structure(model: Model) -> Structure:
     """
     beams = fem.beams(model.mesh, model.members)
     inner = [inner_name(name, i) for name, spring in model.springs.items() for i in range(1, spring.elements)]
-    dofs = fem.dof_map(model.mesh, model.supports.items()).extended([*model.loose_points, *inner])
+    dofs = fem.dof_map(model.mesh, model.supports.items()).extended([*model.further_unknowns, *inner])
     nothing = Triplets.zeros(dofs.size)
     bare = Structure(model, beams, dofs, nothing, nothing, nothing, np.zeros((dofs.size, 0)))
     mass, stiffness, dampers = fem.mass(beams, dofs), fem.stiffness(beams, dofs), nothing
     for name, part in model.masses.items():
         mass = mass + _mass(bare, name, part)
     for rocker in model.rockers.values():
-        mass = mass + along(bare.row(rocker.start, rocker.direction), rocker.inertia / rocker.arms[0] ** 2)
+        mass = mass + along(bare.path(rocker), rocker.inertia / rocker.arms[0] ** 2)
     stretched: list[FloatArray] = []
+    for lever in model.levers.values():
+        for end, (path, moved) in lever_ends(bare, lever).items():
+            bent = float(lever.reach(np.zeros(1), end)[1][0]) * path - moved
+            stiffness = stiffness + along(bent, lever.stiffness[end])
+            dampers = dampers + along(bent, lever.damping[end])
+            stretched.append(bent)
     for name, spring in model.springs.items():
         parts = spring_parts(bare, name, spring)
         for low, high in parts:

@@ -17,7 +17,7 @@ from flexcam.fem.elements import bending
 from flexcam.integrate import Problem, newmark, rest, solve
 from flexcam.modal import modes
 from flexcam.system import ConstantSpeed
-from flexcam.train.build import build_rigid, build_system
+from flexcam.train import build_rigid, build_system
 from flexcam.train.published import follower_train, preload, series_stiffness
 from flexcam.train.structure import build_structure
 

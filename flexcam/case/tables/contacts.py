@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from flexcam.case import quantity as q
 from flexcam.case.tables.base import Name, Record
@@ -68,14 +68,54 @@ class SeatRecord(Record):
     )
 
 
-class LashRecord(Record):
-    """Play between a rocker and the point it drives."""
+class _PlayRecord(Record):
+    """What stands between a rocker and its point, or between two nodes."""
+
+    at: Name | None = Field(None, description="name of a rocker: the play is at its point")
+    start: Name | None = Field(None, alias="from", description="node that pushes, where it is not at a rocker")
+    to: Name | None = Field(None, description="node that is pushed")
+    direction: q.DirectionValue | None = Field(None, description="in which it pushes, between nodes")
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        between = self.start is not None and self.to is not None and self.direction is not None
+        nothing = self.start is None and self.to is None and self.direction is None
+        if not ((self.at is None and between) or (self.at is not None and nothing)):
+            why = "it stands at a rocker's point or between two nodes"
+            raise q.refused("either at = a rocker, or from, to and direction", why)
+        return self
+
+    @property
+    def ends(self) -> tuple[str, str] | None:
+        """Names of both nodes; None at a rocker."""
+        return (self.start, self.to) if self.start is not None and self.to is not None else None
+
+
+class LashRecord(_PlayRecord):
+    """Play between a rocker and the point it drives, or between two nodes."""
 
     model: Literal["lash"]
-    at: Name = Field(description="name of a rocker")
     gap: Annotated[float, q.Unit("length")] = Field(description="at the rocker's point")
-    stiffness: Annotated[float, q.Unit("stiffness", above=True)] = Field(description="of rocker and tip, at the point")
+    stiffness: Annotated[float, q.Unit("stiffness", above=True)] = Field(description="of both sides when they touch")
     damping: q.DampingValue = 0.0
 
 
-ContactRecord = Annotated[CamContactRecord | SeatRecord | LashRecord, Field(discriminator="model")]
+class AdjusterRecord(_PlayRecord):
+    """Hydraulic lash adjuster, in the place of a play."""
+
+    model: Literal["lash-adjuster"]
+    stiffness: Annotated[float, q.Unit("stiffness", above=True)] = Field(description="of the oil column")
+    leak: Annotated[float, q.Unit("damping", above=True)] = Field(description="force per velocity of leak-down")
+    refill: Annotated[float, q.Unit("damping", above=True)] = Field(
+        description="force per velocity while the check valve is open"
+    )
+    plunger_force: q.Force = Field(description="of the spring that keeps it extended")
+
+    @model_validator(mode="after")
+    def _leaks_slowly(self) -> Self:
+        if not self.leak > self.refill:
+            raise q.refused("leak above refill", "the check valve is wider than the gap around the plunger")
+        return self
+
+
+ContactRecord = Annotated[CamContactRecord | SeatRecord | LashRecord | AdjusterRecord, Field(discriminator="model")]

@@ -113,7 +113,7 @@ class LoadRecord(Record):
         return train.GivenLoad(size or 0.0, direction(self.direction), self.at, self.member)
 
 
-class RockerRecord(Record):
+class LumpedRecord(Record):
     """Rocker without bending: the point `to` moves by the ratio of the arms."""
 
     model: Literal["lumped"]
@@ -122,3 +122,28 @@ class RockerRecord(Record):
     arms: tuple[q.Length, q.Length] = Field(description="arm at `from` and at `to`")
     inertia: q.Inertia = Field(0.0, description="about the rocker's shaft")
     direction: q.DirectionValue | None = Field(None, description="motion at `from`; along the member there by default")
+
+
+class LeverRecord(Record):
+    """Rocker or finger follower that turns: its ratio changes with its angle, its arms give way."""
+
+    model: Literal["lever"]
+    start: Name = Field(
+        alias="from", description="named node it is driven at; a new name for a finger that the cam touches"
+    )
+    to: Name = Field(description="point it defines")
+    arms: tuple[q.Length, q.Length] = Field(description="arm at `from` and at `to`")
+    angles: tuple[q.SignedAngle, q.SignedAngle] = Field(
+        (0.0, 0.0), description="of both arms as installed; 0 where an arm is square to the motion of its end"
+    )
+    inertia: Annotated[float, q.Unit("inertia", above=True)] = Field(description="about the lever's axis")
+    stiffness: Annotated[float, q.Unit("stiffness", above=True)] = Field(description="of the arm at `to`")
+    damping: q.DampingValue = Field(0.0, description="of the arm at `to`")
+    drive_stiffness: Annotated[float, q.Unit("stiffness", above=True)] | None = Field(
+        None, description="of the arm at a driven node; as stiffness by default"
+    )
+    drive_damping: q.DampingValue = Field(0.0, description="of the arm at a driven node")
+    direction: q.DirectionValue | None = Field(None, description="motion at `from`; along the member there by default")
+
+
+RockerRecord = Annotated[LumpedRecord | LeverRecord, Field(discriminator="model")]

@@ -1,0 +1,217 @@
+"""The same mechanism with rigid members: no unknowns, a train goes where the lift of its cam sends it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.linalg import FloatArray, Triplets
+from flexcam.motion import Event
+from flexcam.system import AngleFunction, CamMotion, Channel, Load, Probe, System, load_sum
+from flexcam.train.build import probe_of
+from flexcam.train.model import CamContact, Lash, Lever, Model, PublishedLoad, path_name, tip_name
+from flexcam.train.published import FollowerTrain, follower_train, preload, stated_forces
+from flexcam.train.structure import Structure, build_structure, spring_parts
+
+Coordinate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+"""A path of the rigid train over the lift, m, with its first two derivatives."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigidTrain:
+    """What a follower moves, as a sum of motions times coordinates that follow from the lift.
+
+    Parameters
+    ----------
+    motions
+        Shape (b, n): the first is everything that moves in proportion to the lift, then the ends of levers.
+    coordinates
+        One per motion.
+    mass, stiffness
+        Of these motions, shape (b, b).
+    force
+        Of the installed springs along them, N, shape (b,).
+    """
+
+    motions: FloatArray
+    coordinates: tuple[Coordinate, ...]
+    mass: FloatArray
+    stiffness: FloatArray
+    force: FloatArray
+
+    def contact_force(self, event: Event) -> Callable[[CamMotion], FloatArray]:
+        """Return the force at the follower by virtual work, N: ``h'.(M (h' s.. + h'' s.^2) + K h + f)``."""
+
+        def history(motion: CamMotion) -> FloatArray:
+            s, slope, bend = (event(motion.angle, order) for order in range(3))
+            speed, rate = slope * motion.speed, bend * motion.speed**2 + slope * motion.rate
+            h, h1, h2 = (np.stack(one, axis=-1) for one in zip(*(c(s) for c in self.coordinates), strict=True))
+            inertia = (h1 * rate[..., None] + h2 * speed[..., None] ** 2) @ self.mass
+            return np.sum(h1 * (inertia + h @ self.stiffness + self.force), axis=-1)
+
+        return history
+
+
+def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where: str, speed: float) -> RigidTrain:
+    """Return the rigid train of a follower.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    contact
+        The contact.
+    where
+        The place, for the message.
+    speed
+        Camshaft speed, rad/s: the preload of a published load depends on it.
+
+    Returns
+    -------
+    RigidTrain
+        Motions and what belongs to them.
+    """
+    train = follower_train(structure, contact, where)
+    motions, coordinates = _split(structure, train)
+    springs = structure.model.springs.items()
+    stretch = [(s.stiffness * s.elements, motions @ (high - low))
+               for name, s in springs for low, high in spring_parts(structure, name, s)]  # fmt: skip
+    stiffness = sum((k * np.outer(row, row) for k, row in stretch), np.zeros((len(motions),) * 2))
+    mass = motions @ structure.mass.times_all(motions.T)
+    if isinstance(contact, PublishedLoad):
+        force = np.zeros(len(motions))
+        force[0] = preload(structure, contact, train, structure.model.cams[contact.cam], speed)
+    else:
+        given = [(size, motions @ row) for size, row in stated_forces(structure, train)]
+        force = sum((size * row for size, row in given), np.zeros(len(motions)))
+    return RigidTrain(motions, coordinates, mass, stiffness, force)
+
+
+def _split(structure: Structure, train: FollowerTrain) -> tuple[FloatArray, tuple[Coordinate, ...]]:
+    """Return the motions of a train: what is in proportion to the lift, and both ends of every lever."""
+    base = train.motion.copy()
+    motions: list[FloatArray] = []
+    coordinates: list[Coordinate] = []
+    names = structure.dofs.names
+    for name, lever in structure.model.levers.items():
+        driven = float(structure.row(lever.start, lever.direction) @ train.motion)
+        if driven == 0.0:
+            continue
+        for end, own in ((0, [path_name(name)]), (1, [tip_name(name), lever.point])):
+            moved = np.sum([structure.dofs.unit(one) for one in own if one in names] or [np.zeros_like(base)], axis=0)
+            base = np.where(moved > 0.0, 0.0, base)
+            motions.append(moved)
+            coordinates.append(_turned(lever, end, driven))
+    # Springs stretch evenly between their ends, whatever moves these.
+    every = [structure.with_springs(one) for one in [base, *motions]]
+    return np.array(every), (_proportional, *coordinates)
+
+
+def _proportional(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return lift, np.ones_like(lift), np.zeros_like(lift)
+
+
+def _turned(lever: Lever, end: int, driven: float) -> Coordinate:
+    """Return the path of a lever's driven end (0), or of its point (1), over the lift."""
+
+    def moved(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        path, slope, bend = lever.path_at(driven * lift)
+        if end == 0:
+            return path, driven * slope, driven**2 * bend
+        y, by_path, by_path_twice = lever.reach(path, 1)
+        return y, by_path * driven * slope, driven**2 * (by_path_twice * slope**2 + by_path * bend)
+
+    return moved
+
+
+def build_rigid(model: Model, speed: float) -> System:
+    """Return the same mechanism with rigid members: no unknowns, the follower's train follows the lift.
+
+    Parameters
+    ----------
+    model
+        The model.
+    speed
+        Camshaft speed, rad/s.
+
+    Returns
+    -------
+    System
+        Of size zero; its probes are prescribed, its channels hold the contact force (for a train in proportion to the
+        lift ``P_pr + K s + M (s'' omega^2 + s' omega')``) and the torque of that force.
+
+    Raises
+    ------
+    InputError
+        As `build_system`.
+    """
+    structure = build_structure(model)
+    trains = {
+        name: rigid_train(structure, contact, f"contacts.{name}.follower", speed)
+        for name, contact in model.driven.items()
+    }
+    loads: list[Load] = []
+    channels: list[Channel] = []
+    for name, train in trains.items():
+        event = model.cams[model.driven[name].cam].event
+        channels += [
+            Channel(f"contacts.{name}.force", "N", load_sum(len(loads))),
+            Channel(f"contacts.{name}.torque", "N m", load_sum(len(loads), factor=_slope(event))),
+        ]
+        loads.append(Load(f"contacts.{name}", np.zeros(0), train.contact_force(event)))
+    nothing = Triplets.zeros(0)
+    probes = tuple(_rigid_probe(structure, probe_of(structure, point), trains) for point in model.probes)
+    return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels))
+
+
+def _slope(event: AngleFunction) -> AngleFunction:
+    return lambda angle, order: event(angle, order + 1)
+
+
+def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrain]) -> Probe:
+    """Return the probe as the rigid trains move it."""
+    model = structure.model
+    names = [name for name, one in model.rockers.items() if one.point == probe.name]
+    play = model.lash_of(names[0]) if names else None
+    gap = play.gap if isinstance(play, Lash) else 0.0
+    moving: list[list[AngleFunction]] = [[] for _ in probe.components]
+    for name, train in trains.items():
+        event = model.cams[model.driven[name].cam].event
+        for component, shares in zip(moving, probe.rows @ train.motions.T, strict=True):
+            component += [
+                _along(float(share), one, event)
+                for share, one in zip(shares, train.coordinates, strict=True)
+                if share != 0.0
+            ]
+    offsets = tuple(_combined(component, gap) for component in moving)
+    return Probe(probe.name, probe.components, np.zeros((len(probe.components), 0)), offsets)
+
+
+def _along(share: float, coordinate: Coordinate, event: Event) -> AngleFunction:
+    """Return a share of a coordinate over the cam angle."""
+
+    def lifted(angle: FloatArray, order: int) -> FloatArray:
+        h, h1, h2 = coordinate(event(angle, 0))
+        if order == 0:
+            return share * h
+        slope = event(angle, 1)
+        return share * (h1 * slope if order == 1 else h1 * event(angle, 2) + h2 * slope**2)
+
+    return lifted
+
+
+def _combined(moving: list[AngleFunction], gap: float) -> AngleFunction | None:
+    """Return a sum of motions, or None where there are none; a play is taken up before anything moves."""
+    if not moving:
+        return None
+
+    def lifted(angle: FloatArray, order: int) -> FloatArray:
+        total = sum((one(angle, order) for one in moving), np.zeros_like(angle))
+        if gap == 0.0:
+            return total
+        lift = total if order == 0 else sum((one(angle, 0) for one in moving), np.zeros_like(angle))
+        return np.where(lift > gap, total - (gap if order == 0 else 0.0), 0.0)
+
+    return lifted
