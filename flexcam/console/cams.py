@@ -223,7 +223,7 @@ def synthesis_json(found: Synthesized) -> dict[str, object]:
     return {
         "family": found.family, "objective": found.objective, "family_bound": found.bound, "gap": found.gap,
         "bound_over_all_laws": found.bound_all, "Cv": c.Cv, "Ca": c.Ca, "Cj": c.Cj, "Cm": c.Cm, "rms": c.rms[1],
-        "broken": list(c.broken),
+        "broken": list(c.broken), "converged": found.converged, "not_converged": list(found.open),
     }  # fmt: skip
 
 
@@ -243,12 +243,14 @@ def synthesis_table(found: Synthesized) -> Table:
     c = found.criteria
     bound = "none: this objective is not convex, the law is the best nearby"
     if found.bound is not None and found.gap is not None:
-        bound = f"{found.bound:.9g}; the law is at most {max(found.gap, 0.0):.1e} above it (duality gap)"
-    every = "not known" if found.bound_all is None else (
-        f"{found.bound_all:.6g}; the law is {100.0 * (found.objective / found.bound_all - 1.0):.2f} % above it"
-    )  # fmt: skip
+        bound = f"{found.bound:.9g}; the law is at most {found.gap:.1e} above it (duality gap)"
+    every = "not known"
+    if found.bound_all:
+        above = 100.0 * (found.objective / found.bound_all - 1.0)
+        every = f"{found.bound_all:.6g}; the law is {above:.2f} % above it"
     rows = [
         ("objective", f"{found.objective:.9g}"),
+        *(("not converged", said) for said in found.open),
         ("no law of the family has less than", bound),
         ("no law at all has less than", every),
         ("C_v, C_a, C_j, C_m", ", ".join("infinite" if x is None else f"{x:.6g}" for x in (c.Cv, c.Ca, c.Cj, c.Cm))),
@@ -272,10 +274,10 @@ def pareto_table(front: Sequence[Synthesized]) -> Table:
     """
     rows = [
         (str(i), *(f"{x:.5g}" if x is not None else "infinite" for x in (c.Cv, c.Ca, c.Cj, c.Cm)),
-         "-" if one.gap is None else f"{max(one.gap, 0.0):.0e}")
+         "-" if one.gap is None else f"{one.gap:.0e}", "yes" if one.converged else "no")
         for i, one in enumerate(front, start=1) for c in [one.criteria]
     ]  # fmt: skip
-    return table(f"Pareto front of {front[0].family}", ("no.", "C_v", "C_a", "C_j", "C_m", "gap"), rows)
+    return table(f"Pareto front of {front[0].family}", ("no.", "C_v", "C_a", "C_j", "C_m", "gap", "converged"), rows)
 
 
 def harmonic_table(found: HarmonicCam) -> Table:

@@ -26,6 +26,9 @@ _ROUNDS = 200
 _GAP = 1e-8
 """Part of the objective by which a law may miss the bound before places are added."""
 
+_CLOSED = 1e-6
+"""Part of the objective beyond which the law is not called the best: a hundred times what the search asks for."""
+
 
 @dataclass(frozen=True, eq=False)
 class Synthesized:
@@ -45,6 +48,9 @@ class Synthesized:
         Of the law.
     family
         In words.
+    open
+        What keeps the law from being the one sought, in words: a bound it misses, a gap that the search did not close.
+        Empty if it converged.
     """
 
     law: Law
@@ -53,6 +59,12 @@ class Synthesized:
     bound_all: float | None
     criteria: Criteria
     family: str
+    open: tuple[str, ...] = ()
+
+    @property
+    def converged(self) -> bool:
+        """Whether the law meets its bounds and, where there is a proof, is proved to be the best."""
+        return not self.open
 
     @property
     def gap(self) -> float | None:
@@ -109,7 +121,17 @@ def minimax(
     law = family.law(x)
     found = criteria(law)
     least = bound_over_all(weights, limits, free_ends=max(abs(end[2]) for end in found.ends) > 1e-9)
-    return Synthesized(law, _objective(found, weights), bound, least, found, family.name)
+    objective = _objective(found, weights)
+    return Synthesized(law, objective, bound, least, found, family.name, _open(program, law, objective, bound))
+
+
+def _open(program: Program, law: Law, objective: float, bound: float | None) -> tuple[str, ...]:
+    """Return what a law misses of its bounds, its conditions and its proof, in words."""
+    said = list(program.missed(law, ALMOST))
+    if bound is not None and abs(objective - bound) > _CLOSED * max(1.0, abs(bound)):
+        side = "above" if objective > bound else "below"
+        said.append(f"the objective lies {abs(objective - bound):.2g} {side} the bound that is to prove it")
+    return tuple(said)
 
 
 def _exchanged(program: Program) -> tuple[FloatArray, float]:

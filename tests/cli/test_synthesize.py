@@ -4,21 +4,28 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import re
 import signal
+import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from flexcam import read_case, run
 from flexcam.case import build_model, law_file
 from flexcam.cli import main
+from flexcam.console.cams import synthesis_table
+from flexcam.synthesis import SplineFamily, minimax
 
+module = sys.modules["flexcam.synthesis.minimax"]  # the function hides it
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "cases/tayeb/model-3-shm.toml"
 POLYDYNE, HARMONIC = (("synthesize", kind, MODEL) for kind in ("polydyne", "harmonic"))
@@ -26,7 +33,21 @@ LEAST = ("synthesize", "law", "--minimize", "Ca")
 POLYNOMIAL = (*LEAST, "--family", "polynomial")
 SMOOTH = ("--set=cams.intake.law=4-5-6-7", "--set=run.speed=1200rpm")
 SHORT = (*HARMONIC, "--set=cams.intake.law=3-4-5", "--set=cams.intake.rise=80 deg", "--set=cams.intake.return=80 deg", "--set=run.speed=600rpm")  # fmt: skip
-LAW = ["family", "objective", "family_bound", "gap", "bound_over_all_laws", "Cv", "Ca", "Cj", "Cm", "rms", "broken"]
+LAW = [
+    "family",
+    "objective",
+    "family_bound",
+    "gap",
+    "bound_over_all_laws",
+    "Cv",
+    "Ca",
+    "Cj",
+    "Cm",
+    "rms",
+    "broken",
+    "converged",
+    "not_converged",
+]
 ANGLE = np.linspace(0.0, 2 * math.pi, 7201)
 
 
@@ -169,6 +190,37 @@ def test_output(words, told, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["x.toml"]
     assert told(*words, "-o", "x.toml", "--overwrite").code == 0
     assert tomllib.loads((tmp_path / "x.toml").read_text(encoding="utf-8"))["about"]["flexcam"]
+
+
+def test_a_bound_over_all_laws_with_free_ends(told):
+    """12 of the 2-3 polynomial; a bound of zero, such as of no jerk at all, is told as not known."""
+    (law,) = facts(told, *LEAST[:-1], "Cj", "--rest", "1")["laws"]
+    assert (law["bound_over_all_laws"], law["Cj"]) == (12.0, pytest.approx(12.0, rel=1e-9))
+    assert "12; the law is" in told(*LEAST[:-1], "Cj", "--rest", "1").out
+    found = minimax(SplineFamily(7, 1), {"Ca": 1.0})
+    for nothing in (None, 0.0):
+        assert "not known" in rendered(synthesis_table(replace(found, bound_all=nothing)))
+
+
+def test_a_search_that_does_not_converge_says_so(told, monkeypatch):
+    """Between the first places of the program the curve rises above its bound."""
+    monkeypatch.setattr(module, "_ROUNDS", 0)
+    monkeypatch.setattr(module, "_START", np.linspace(0.0, 1.0, 14))
+    words = (*LEAST, "--bound", "Cj=52.5")
+    (law,) = facts(told, *words)["laws"]
+    assert law["converged"] is False
+    assert law["Cj"] > 52.5 * (1.0 + 1e-6)
+    (missed, *_) = law["not_converged"]
+    assert missed.startswith("Cj is ")
+    assert "not converged" in told(*words).out
+    found = minimax(SplineFamily(7, 1), {"Ca": 1.0})
+    assert "-1.0e-03" in rendered(synthesis_table(replace(found, bound=found.objective + 1e-3)))
+
+
+def rendered(table):
+    page = io.StringIO()
+    Console(file=page, width=200).print(table)
+    return page.getvalue()
 
 
 P = " ".join(POLYNOMIAL[1:])

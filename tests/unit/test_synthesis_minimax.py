@@ -65,6 +65,7 @@ def test_ends_and_way_of_every_law_found(family, found):
 
 
 def test_the_gap_proves_the_optimum(found):
+    assert found.converged
     assert -1e-7 <= found.gap <= 1e-6 * max(1.0, found.objective)
     assert found.objective >= found.bound_all - 1e-12
     assert found.objective == pytest.approx(found.gap + found.bound, rel=1e-15)
