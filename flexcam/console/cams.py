@@ -6,15 +6,20 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
-import numpy as np
 from rich.table import Table
 
+from flexcam.cam import Finding
 from flexcam.cams import CamFacts
 from flexcam.design import HarmonicCam, PolydyneCam
-from flexcam.linalg import FloatArray
-from flexcam.motion import Joint, LiftReport, ValveEvent
+from flexcam.motion import THRESHOLDS, Extreme, Joint, LiftReport, ValveEvent
 from flexcam.synthesis import Synthesized
 from flexcam.terminal import facts, table
+
+_NOTHING = 1e-12
+"""A length (m) or an angle (rad) below this is the rounding of a zero."""
+
+_NOISE = 1e-9
+"""Part of the largest lift below which the least one is not worth a word."""
 
 _STEPS = (("lift", "mm"), ("velocity", "mm/rad"), ("acceleration", "mm/rad^2"), ("jerk", "mm/rad^3"))
 
@@ -34,20 +39,12 @@ def cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
     dict
         SI, angles in rad.
     """
-    profile = found.profile
     return {
-        "lift": found.cam.event.height, "velocity": found.velocity, "acceleration": found.acceleration,
-        "jerk": found.jerk, "harmonics": list(found.harmonics),
+        "lift": found.lift[1].value, "least_lift": found.lift[0].value, "velocity": found.velocity,
+        "acceleration": found.acceleration, "jerk": found.jerk, "harmonics": list(found.harmonics),
         "joints": [_joint_json(one) for one in found.joints],
         "valve_events": {name: _event_json(one) for name, one in found.events.items()},
-        "profile": None if profile is None else {
-            "base_radius": profile.follower.base_radius,
-            "least_radius": float(profile.radius.min()), "least_convex_radius": _least_convex(profile.radius),
-            "pressure_angle": float(np.abs(profile.pressure_angle).max()),
-            "contact_offset": [float(profile.offset.min()), float(profile.offset.max())],
-            "sliding_velocity": float(np.abs(profile.touch.sliding).max()),
-            "least_base_radius": found.least_base_radius,
-        },
+        "profile": _profile_json(found),
         "findings": [asdict(one) for one in found.findings],
         "smoothing": None if report is None else asdict(report),
     }  # fmt: skip
@@ -61,9 +58,19 @@ def _event_json(event: ValveEvent | None) -> dict[str, float] | None:
     return None if event is None else {**asdict(event), "duration": event.duration, "centre": event.centre}
 
 
-def _least_convex(radius: FloatArray) -> float | None:
-    convex = radius[radius > 0.0]
-    return float(convex.min()) if convex.size else None
+def _profile_json(found: CamFacts) -> dict[str, object] | None:
+    if found.profile is None:
+        return None
+    seen, hollow = found.profile.extremes, found.profile.extremes.hollow
+    return {
+        "base_radius": found.profile.follower.base_radius,
+        "convex_radius": seen.convex.value, "convex_radius_at": seen.convex.at,
+        "hollow_radius": hollow and hollow.value, "hollow_radius_at": hollow and hollow.at,
+        "pressure_angle": abs(seen.pressure_angle.value), "pressure_angle_at": seen.pressure_angle.at,
+        "contact_offset": [end.value for end in seen.offset],
+        "sliding_velocity": abs(seen.sliding.value),
+        "least_base_radius": found.least_base_radius,
+    }  # fmt: skip
 
 
 def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float) -> Table:
@@ -86,17 +93,29 @@ def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float) -> 
         For rich.
     """
     rows = [
-        ("lift", f"{1e3 * found.cam.event.height:.6g} mm" + (f", at the valve x {ratio:g}" if ratio != 1.0 else "")),
+        ("lift", _lift(found, ratio)),
         ("largest velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
         ("largest acceleration", _at_speed(found.acceleration, "mm/rad^2", "m/s^2", 2, speed)),
         ("largest jerk", _jerk(found.jerk)),
-        ("harmonics 1 to 10", ", ".join(f"{1e3 * one:.3g}" for one in found.harmonics) + " mm"),
-        *((f"valve open beyond {lift}", _event(event)) for lift, event in found.events.items()),
+        ("harmonics 1 to 10", ", ".join(_mm(one, 3) for one in found.harmonics) + " mm"),
+        *((f"valve open beyond {lift}", _event(event, ratio * found.lift[0].value > THRESHOLDS[lift]))
+          for lift, event in found.events.items()),
         *_joints(found.joints),
         *_profile(found, speed),
-        *(("attention", _finding(one.what, one.angle, one.value, one.limit)) for one in found.findings),
-    ]
+        *(("attention", _finding(one)) for one in found.findings),
+    ]  # fmt: skip
     return facts(f"Cam {name}", rows)
+
+
+def _lift(found: CamFacts, ratio: float) -> str:
+    least, largest = (one.value for one in found.lift)
+    low = f"{_mm(least)} to " if abs(least) > _NOISE * largest else ""
+    return f"{low}{_mm(largest)} mm" + (f", at the valve x {ratio:g}" if ratio != 1.0 else "")
+
+
+def _mm(value: float, digits: int = 6) -> str:
+    """Return a length in millimetres; what is only the rounding of a zero is one."""
+    return f"{0.0 if abs(value) < _NOTHING else 1e3 * value:.{digits}g}"
 
 
 def _jerk(jerk: float | None) -> str:
@@ -110,9 +129,9 @@ def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float |
     )
 
 
-def _event(event: ValveEvent | None) -> str:
+def _event(event: ValveEvent | None, always: bool) -> str:
     if event is None:
-        return "never, or always"
+        return "always" if always else "never"
     opens, closes, span = (math.degrees(x) for x in (event.opens, event.closes, event.duration))
     return f"crank {opens:.2f} to {closes:.2f} deg, duration {span:.2f} deg"
 
@@ -130,34 +149,47 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
     profile = found.profile
     if profile is None:
         return [("profile", "give base_radius and follower for one")]
-    radius, press, angle = profile.radius, np.abs(profile.pressure_angle), np.degrees(profile.angle)
-    low, steep = int(np.argmin(radius)), int(np.argmax(press))
-    slide = float(np.abs(profile.touch.sliding).max())
-    least = found.least_base_radius
+    seen = profile.extremes
     rows = [
-        ("base circle", f"{1e3 * profile.follower.base_radius:.6g} mm; {_least(least)}"),
-        ("least radius of curvature", f"{1e3 * radius[low]:.6g} mm at {angle[low]:.4g} deg"),
-        ("largest pressure angle", f"{math.degrees(press[steep]):.4g} deg at {angle[steep]:.4g} deg"),
-        ("contact offset", f"{1e3 * profile.offset.min():.5g} to {1e3 * profile.offset.max():.5g} mm"),
-        ("largest sliding velocity", _at_speed(slide, "mm/rad", "m/s", 1, speed)),
+        ("base circle", f"{_mm(profile.follower.base_radius)} mm; {_least(found.least_base_radius)}"),
+        ("tightest convex radius", _convex(seen.convex)),
+        ("tightest hollow", f"radius {_mm(seen.hollow.value)} mm {_at(seen.hollow)}" if seen.hollow else "none"),
+        ("largest pressure angle", f"{_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle)}"),
+        ("contact offset", f"{_mm(seen.offset[0].value, 5)} to {_mm(seen.offset[1].value, 5)} mm"),
+        ("largest sliding velocity", _at_speed(abs(seen.sliding.value), "mm/rad", "m/s", 1, speed)),
     ]  # fmt: skip
-    convex = _least_convex(radius)
-    if convex is not None and radius[low] < 0.0:
-        rows.insert(2, ("least convex radius", f"{1e3 * convex:.6g} mm"))
     return rows
+
+
+def _convex(tightest: Extreme) -> str:
+    if tightest.value <= 0.0:
+        return f"none: the profile is undercut {_at(tightest)}"
+    return f"{_mm(tightest.value)} mm {_at(tightest)}"
+
+
+def _at(place: Extreme) -> str:
+    return f"at {math.degrees(place.at):.4g} deg"
+
+
+def _degrees(angle: float) -> str:
+    """Return an angle in degrees; what is only the rounding of a zero is one."""
+    return f"{0.0 if abs(angle) < _NOTHING else math.degrees(angle):.4g}"
 
 
 def _least(radius: float | None) -> str:
     if radius is None:
         return "no other keeps this event within the limits"
-    return f"least within the limits {1e3 * radius:.6g} mm"
+    return f"least within the limits {_mm(radius)} mm" if radius else "any smaller one is within the limits too"
 
 
-def _finding(what: str, angle: float, value: float, limit: float) -> str:
-    measure = f"{1e3 * value:.4g} mm of {1e3 * limit:.4g}"
-    if "angle" in what:
-        measure = f"{math.degrees(value):.4g} deg of {math.degrees(limit):.4g}"
-    return f"{what} (at {math.degrees(angle):.4g} deg: {measure})"
+def _finding(one: Finding) -> str:
+    if one.kind == "angle":
+        measure = f"{_degrees(one.value)} deg, allowed at most {_degrees(one.limit)} deg"
+    else:
+        side = f"at least {_mm(one.limit, 4)} mm" if one.limit else "above 0"
+        measure = f"{_mm(one.value, 4)} mm, allowed {side}"
+    place = f"at {math.degrees(one.angle):.4g} deg: {measure}"
+    return f"{one.what} ({place}); {one.remedy}"
 
 
 def overlap_table(overlaps: Sequence[tuple[str, str, str, float]]) -> Table:

@@ -9,6 +9,7 @@ from flexcam.motion.cosine import CosineSum
 from flexcam.motion.criteria import Criteria, Extreme, criteria
 from flexcam.motion.cycloidal import Cycloidal
 from flexcam.motion.event import Event, LiftEvent, Shifted
+from flexcam.motion.extremes import event_extremes, lowest
 from flexcam.motion.fb2 import CompoundCycloid
 from flexcam.motion.harmonic import Harmonic
 from flexcam.motion.harmonic_acceleration import harmonic_acceleration
@@ -54,11 +55,13 @@ __all__ = [
     "Turned",
     "ValveEvent",
     "criteria",
+    "event_extremes",
     "harmonic_acceleration",
     "harmonics",
     "joints",
     "law_kinds",
     "lift_table",
+    "lowest",
     "overlap",
     "quinquinomial",
     "residual_spectrum",
