@@ -15,6 +15,7 @@ from flexcam.checks import did_you_mean, positive, refuse
 from flexcam.commands.app import Json, Overrides, Overwrite, Picture, app, load
 from flexcam.design import harmonic_cam, polydyne_cam
 from flexcam.io import free_to_write, made_folder, write_law, write_lift, write_profile
+from flexcam.motion import event_extremes
 from flexcam.synthesis import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesized, minimax, pareto
 from flexcam.terminal import out, print_json
 from flexcam.units import parse
@@ -270,10 +271,14 @@ def synthesize_polydyne(
     if as_json:
         print_json({
             "status": "ok", "design_speed_rpm": found.speed * 30.0 / math.pi, "left_out": found.design.left_out,
-            "speeds_rpm": (found.speeds * 30.0 / math.pi).tolist(), "plain": found.plain.tolist(),
-            "polydyne": found.compensated.tolist(), "files": [str(path) for path in files],
+            "lift": [end.value for end in event_extremes(found.design.event)],
+            "acceleration": [end.value for end in event_extremes(found.design.event, 2)], "ratio": found.ratio,
+            "speeds_rpm": (found.speeds * 30.0 / math.pi).tolist(), "plain": console.or_null(found.plain),
+            "polydyne": console.or_null(found.compensated), "files": [str(path) for path in files],
         })  # fmt: skip
         return
+    out().print(console.polydyne_facts(found))
+    out().print()
     out().print(console.polydyne_table(found))
     for path in files:
         out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
