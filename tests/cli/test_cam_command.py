@@ -210,6 +210,10 @@ def test_a_case_without_a_base_circle_says_how_to_get_a_profile(told):
 REFUSED = {  # words, where, what is given, a part of the message
     "--cutter=40 kg": ("--cutter", "40 kg", "does not measure a length"),
     "--pressure-angle=30 mm": ("--pressure-angle", "30 mm", "180 deg"),
+    "--pressure-angle=30": ("--pressure-angle", "30", "write '30 deg'"),
+    "--pressure-angle=90 deg": ("--pressure-angle", "90 deg", "below 90 deg"),
+    "--pressure-angle=0": ("--pressure-angle", "0", "above zero"),
+    "--cutter=40": ("--cutter", "40", "write '40 mm'"),
     "--cam=exhuast": ("--cam", "exhuast", "did you mean 'exhaust'"),
     "--points=11": ("count", "11", "from 12"),
     "--set=cams.exhaust.lft=7 mm": ("cams.exhaust.lft", "lft", "did you mean 'lift'"),
