@@ -217,5 +217,6 @@ def smoothing_table(name: str, report: LiftReport) -> Table:
         ("changed by", f"{changed}, at {math.degrees(report.at):.4g} deg"),
         ("acceleration of the points", before),
         ("acceleration of the spline", after),
+        *(("attention", said) for said in report.remarks),
     ]
     return facts(f"Lift table of {name}", rows)
