@@ -25,7 +25,7 @@ from pydantic_core import CoreSchema, core_schema
 from flexcam.case import quantity as q
 from flexcam.checks import InputError, did_you_mean, positive, refuse
 from flexcam.io import read_lift
-from flexcam.motion import KINDS, LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, law_kinds, lift_table
+from flexcam.motion import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
 
 Table = Mapping[str, Any]
 
@@ -51,7 +51,7 @@ class GivenLaw:
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        table = {"type": "object", "properties": {"id": {"enum": sorted(KINDS)}}, "required": ["id"]}
+        table = {"type": "object", "properties": {"id": {"enum": sorted(kind_names())}}, "required": ["id"]}
         return {"anyOf": [{"type": "string"}, table]}
 
 
@@ -151,16 +151,16 @@ def given_law(value: str | Table) -> GivenLaw:
     table = dict(value)
     name = table.pop("id", None)
     if not isinstance(name, str):
-        raise refuse("id", repr(name), ", ".join(KINDS), "the kind of law is required")
+        raise refuse("id", repr(name), ", ".join(kind_names()), "the kind of law is required")
     if name in LAWS and not table:
         return GivenLaw(dict(value), LAWS[name])
     return GivenLaw(dict(value), _of_kind(name, table))
 
 
 def _of_kind(name: str, parameters: Table) -> Law:
-    kinds = law_kinds()
-    if name not in kinds:
-        known = list(dict.fromkeys([*LAWS, *kinds]))
+    kind = law_kind(name)
+    if kind is None:
+        known = list(dict.fromkeys([*LAWS, *kind_names()]))
         hint = "it takes no parameters" if name in LAWS else did_you_mean(name, known)
         raise refuse("law", repr(name), ", ".join(known), "", hint)
     for key, value in parameters.items():
@@ -168,10 +168,10 @@ def _of_kind(name: str, parameters: Table) -> Law:
             raise refuse(
                 key,
                 repr(value),
-                f"numbers; the parameters of {name} are {', '.join(_record(kinds[name]).model_fields)}",
+                f"numbers; the parameters of {name} are {', '.join(_record(kind).model_fields)}",
             )
-    parameters = _checked(_record(kinds[name]), parameters, f"a parameter of {name}", "law")
-    return kinds[name](**parameters)
+    parameters = _checked(_record(kind), parameters, f"a parameter of {name}", "law")
+    return kind(**parameters)
 
 
 def _only_numbers(value: object) -> bool:

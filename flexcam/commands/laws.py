@@ -12,7 +12,7 @@ from flexcam import console
 from flexcam.case import given_law, law_file
 from flexcam.checks import did_you_mean, refuse
 from flexcam.commands.app import Json, Overwrite, Picture, app
-from flexcam.motion import KINDS, LAWS, Law, criteria, residual_spectrum
+from flexcam.motion import LAWS, Law, criteria, kind_names, residual_spectrum
 from flexcam.terminal import out, print_json
 
 _RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0)
@@ -29,8 +29,8 @@ def find_law(name: str, parameters: list[str] | None = None) -> Law:
         if parameters:
             raise refuse("--with", ", ".join(parameters), "nothing beside a law file", "the file says all of it")
         return law_file(Path(name)).law
-    if not parameters and name not in LAWS and name not in KINDS:
-        known = list(dict.fromkeys([*LAWS, *KINDS]))
+    if not parameters and name not in LAWS and name not in kind_names():
+        known = list(dict.fromkeys([*LAWS, *kind_names()]))
         raise refuse("law", repr(name), ", ".join(known) + ", or a law file (.toml)", "", did_you_mean(name, known))
     given: dict[str, object] = {"id": name}
     for one in parameters or ():
@@ -85,11 +85,11 @@ def laws(*, residual: Ratios = None, plot: Picture = None, overwrite: Overwrite 
         save_figure(law_figure(LAWS), plot, overwrite=overwrite)
     if as_json:
         print_json({
-            "status": "ok", "ratios": list(ratios), "kinds": list(KINDS),
+            "status": "ok", "ratios": list(ratios), "kinds": list(kind_names()),
             "laws": {name: {**console.law_json(one), "residual": spectra[name]} for name, one in found.items()},
         })  # fmt: skip
         return
     out().print(console.laws_table(found))
     out().print()
     out().print(console.spectrum_table(spectra, ratios))
-    out().print(f"\nKinds with parameters (flexcam law KIND --with key=value): {', '.join(KINDS)}")
+    out().print(f"\nKinds with parameters (flexcam law KIND --with key=value): {', '.join(kind_names())}")

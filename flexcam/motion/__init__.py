@@ -20,7 +20,7 @@ from flexcam.motion.parabolic import Parabolic
 from flexcam.motion.periodic import HarmonicLift, PeriodicSpline, harmonics
 from flexcam.motion.polynomial import Polynomial, quinquinomial
 from flexcam.motion.ramp import Ramp
-from flexcam.motion.registry import KINDS, LAWS, LawKind, law_kinds
+from flexcam.motion.registry import KINDS, LAWS, LawKind, kind_names, law_kind
 from flexcam.motion.scca import Scca
 from flexcam.motion.shm import SimpleHarmonic
 from flexcam.motion.spectrum import residual_spectrum
@@ -59,7 +59,8 @@ __all__ = [
     "harmonic_acceleration",
     "harmonics",
     "joints",
-    "law_kinds",
+    "kind_names",
+    "law_kind",
     "lift_table",
     "lowest",
     "overlap",
