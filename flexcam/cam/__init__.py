@@ -16,10 +16,11 @@ from flexcam.cam.follower import (
 from flexcam.cam.limits import PRESSURE_ANGLE, Finding, findings, minimum_base_radius, undercut
 from flexcam.cam.petrescu import petrescu_efficiency, petrescu_profile, relaxed_arm
 from flexcam.cam.profile import CamProfile, ProfileExtremes, cam_profile, profile_at, profile_extremes
-from flexcam.cam.reading import lift_from_profile
+from flexcam.cam.reading import Bridge, bridged, lift_from_profile
 
 __all__ = [
     "PRESSURE_ANGLE",
+    "Bridge",
     "CamProfile",
     "Finding",
     "FlatFollower",
@@ -30,6 +31,7 @@ __all__ = [
     "SwingRollerFollower",
     "Touch",
     "Turn",
+    "bridged",
     "cam_profile",
     "findings",
     "lift_from_profile",

@@ -1,20 +1,25 @@
-"""Commands about cams: cam."""
+"""Commands about cams: cam, lift."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from cyclopts import Parameter
 
 from flexcam import console
-from flexcam.cam import PRESSURE_ANGLE
+from flexcam.cam import PRESSURE_ANGLE, bridged, lift_from_profile
 from flexcam.cams import cam_facts, load_cams, overlaps, profile_table
+from flexcam.case import given_follower
 from flexcam.checks import did_you_mean, positive, refuse
 from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity
-from flexcam.io import free_to_write, made_folder, write_profile
+from flexcam.io import free_to_write, made_folder, read_profile, write_lift_table, write_profile
 from flexcam.terminal import out, print_json
+
+_LEAST_POINTS, _MOST_POINTS = 12, 100_000
 
 CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not needed if there is one.")]
 Forms = Annotated[list[Literal["csv", "dxf", "vtp"]] | None, Parameter("--format", negative=(), help="All by default.")]
@@ -101,3 +106,39 @@ def _pictures(stem: Path, facts: console.CamFacts, *, overwrite: bool) -> list[P
         figures |= {"profile": profile_figure(facts.profile), "pressure": pressure_figure(facts.profile)}
     named = _picture_names(stem)
     return [save_figure(figure, named[kind], overwrite=overwrite) for kind, figure in figures.items()]
+
+
+@app.command(
+    help_prologue="""\
+flexcam lift profile.csv --follower '{ type = "roller", radius = "9 mm" }' --base-radius "18 mm" -o lift.csv
+flexcam lift points.csv --unit mm --follower '{ type = "flat" }' --base-radius "18 mm" --clockwise
+"""
+)
+def lift(
+    profile: Annotated[Path, Parameter(help="Points of the profile (.csv), in the frame of the cam.")], *,
+    follower: Annotated[str, Parameter(help="As a case writes it, such as '{ type = \"flat\" }'.")],
+    base_radius: Annotated[str | None, Parameter(help="Of the base circle, from which the lift counts.")] = None,
+    unit: Annotated[Literal["um", "mm", "cm", "m", "in"] | None, Parameter(help="Where the head is silent.")] = None,
+    clockwise: Annotated[bool, Parameter(negative=(), help="The cam turns so.")] = False,
+    points: Annotated[int, Parameter(help="Of the lift, per revolution.")] = 720,
+    output: Annotated[Path | None, Parameter(["-o", "--output"], help="Lift table (.csv) for a case.")] = None,
+    overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Say what a cam given by points of its profile does to a follower, and write the lift as a table."""
+    if base_radius is not None:
+        positive("--base-radius", quantity("--base-radius", base_radius, "length", "mm"), "m")
+    if not _LEAST_POINTS <= points <= _MOST_POINTS:
+        raise refuse("--points", points, f"a whole number from {_LEAST_POINTS} to {_MOST_POINTS}")
+    made, turn = given_follower(follower, base_radius, clockwise=clockwise)
+    around, xy = np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), read_profile(profile, unit=unit)
+    found, hollow = lift_from_profile(xy, made, around, turn=turn), bridged(xy, made, turn=turn)
+    files = [] if output is None else [write_lift_table(output, around, found, overwrite=overwrite)]
+    if as_json:
+        print_json({
+            "status": "ok", "points": len(xy), "angle": around.tolist(), "lift": found.tolist(),
+            "bridged": None if hollow is None else asdict(hollow), "files": [str(path) for path in files],
+        })  # fmt: skip
+        return
+    out().print(console.read_table(profile.name, len(xy), around, found, hollow))
+    for path in files:
+        out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')

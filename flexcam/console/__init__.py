@@ -4,7 +4,7 @@ A new table is a function in the file of its kind.
 """
 
 from flexcam.cams import CamFacts
-from flexcam.console.cams import cam_json, cam_table, overlap_table, smoothing_table
+from flexcam.console.cams import cam_json, cam_table, overlap_table, read_table, smoothing_table
 from flexcam.console.cases import (
     claim_table,
     comparison_table,
@@ -51,6 +51,7 @@ __all__ = [
     "pareto_table",
     "polydyne_facts",
     "polydyne_table",
+    "read_table",
     "resolved",
     "run_table",
     "smoothing_table",

@@ -6,13 +6,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict
 
+import numpy as np
 from rich.table import Table
 
-from flexcam.cam import Finding
+from flexcam.cam import Bridge, Finding
 from flexcam.cams import CamFacts
 from flexcam.console.words import NOISE, degrees, mm
+from flexcam.linalg import FloatArray
 from flexcam.motion import THRESHOLDS, Extreme, Joint, LiftReport, ValveEvent
 from flexcam.terminal import facts, table
+
+_NEGATIVE = 1e-4
+"""Part of the largest lift by which a profile may lie within its base circle: less than a cam is ground to."""
 
 _STEPS = (("lift", "mm"), ("velocity", "mm/rad"), ("acceleration", "mm/rad^2"), ("jerk", "mm/rad^3"))
 
@@ -220,3 +225,39 @@ def smoothing_table(name: str, report: LiftReport) -> Table:
         *(("attention", said) for said in report.remarks),
     ]
     return facts(f"Lift table of {name}", rows)
+
+
+def read_table(name: str, points: int, angle: FloatArray, lift: FloatArray, hollow: Bridge | None) -> Table:
+    """Return a lift that was read from a profile.
+
+    Parameters
+    ----------
+    name
+        Of the file.
+    points
+        How many the profile has.
+    angle
+        Cam angles, rad, shape (n,).
+    lift
+        m, shape (n,).
+    hollow
+        What the follower bridges.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    low, high = (Extreme(float(lift[i]), float(angle[i])) for i in (int(np.argmin(lift)), int(np.argmax(lift))))
+    rows = [
+        ("points", str(points)),
+        ("largest lift", f"{mm(high.value)} mm {_at(high)}"),
+        ("least lift", f"{mm(low.value)} mm {_at(low)}"),
+    ]
+    if low.value < -_NEGATIVE * high.value:
+        rows.append(("attention", "the profile lies within the base circle; check its radius and the unit"))
+    if hollow is not None:
+        place = f"{mm(hollow.point[0], 4)}, {mm(hollow.point[1], 4)} mm"
+        said = f"the follower bridges a hollow of the profile: {mm(hollow.depth, 3)} mm are left at {place}"
+        rows.append(("attention", f"{said}; a smaller roller follows it"))
+    return facts(f"Lift of {name}", rows)

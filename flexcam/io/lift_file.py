@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from flexcam.checks import Fault, InputError, refuse
+from flexcam.io.target import free_to_write, made_folder
 from flexcam.linalg import FloatArray
 
 AngleKind = Literal["cam", "crank"]
@@ -83,6 +84,39 @@ def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = 
         )
     values = np.array([_numbers(text) for _, text in rows], dtype=float).reshape(-1, 2)
     return LiftColumns(values[:, 0] * to_rad * (0.5 if kind == "crank" else 1.0), values[:, 1] * scale)
+
+
+def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwrite: bool = False) -> Path:
+    """Write a table of angle and lift that `read_lift` reads.
+
+    Parameters
+    ----------
+    path
+        The ``.csv`` file.
+    angle
+        Cam angles, rad, shape (n,).
+    lift
+        m, shape (n,).
+    overwrite
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If its name ends otherwise, or it exists and may not be replaced.
+    """
+    if path.suffix != ".csv":
+        raise refuse("output", str(path), "a name that ends in .csv", "a case tells a table by it")
+    free_to_write("output", path, overwrite=overwrite)
+    made_folder(path.parent)
+    rows = np.column_stack([np.degrees(angle), 1e3 * lift])
+    np.savetxt(path, rows, fmt="%.12g", delimiter=",", header="cam_deg,lift_mm", comments="")
+    return path
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:
