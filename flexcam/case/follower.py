@@ -37,8 +37,9 @@ def given_follower(follower: str, base_radius: str | None = None, *, clockwise: 
 
     Examples
     --------
-    >>> given_follower('{ type = "flat" }', "18 mm")
-    (FlatFollower(base_radius=0.018), 1)
+    >>> from flexcam.case import given_follower
+    >>> given_follower('{ type = "flat" }', "0.5 m")
+    (FlatFollower(base_radius=0.5), 1)
     """
     try:
         table = tomllib.loads(f"follower = {follower}")["follower"]

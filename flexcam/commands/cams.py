@@ -39,7 +39,8 @@ def cam(
     cutter: Annotated[str | None, Parameter(help="Radius of the cutter or grinding wheel, such as '40 mm'.")] = None,
     pressure_angle: Annotated[str, Parameter(help="Largest allowed.")] = f"{math.degrees(PRESSURE_ANGLE):g} deg",
     points: Annotated[int, Parameter(help="Of the profile, per revolution.")] = 720,
-    plot: Annotated[Path | None, Parameter(help="Folder for pictures (.svg).")] = None,
+    plot: Annotated[Path | None, Parameter(help="Folder for pictures.")] = None,
+    plot_format: Annotated[Literal["svg", "png", "pdf"], Parameter(help="Of the pictures.")] = "svg",
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Say what the cams of a file do: lift, joints, valve events, profile and its limits; write profiles to files."""
@@ -55,7 +56,7 @@ def cam(
     }
     files: list[Path] = []
     for one in found:  # before anything is written
-        for path in _picture_names(plot / f"{cams.name}-{one}").values() if plot is not None else ():
+        for path in _picture_names(plot / f"{cams.name}-{one}", plot_format).values() if plot is not None else ():
             free_to_write("picture", path, overwrite=overwrite)
     for one, facts in found.items():
         if folder is not None and facts.profile is not None:
@@ -63,7 +64,7 @@ def cam(
             table = profile_table(facts.profile, wheel)
             files += write_profile(table, stem, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
         if plot is not None:
-            files += _pictures(made_folder(plot) / f"{cams.name}-{one}", facts, overwrite=overwrite)
+            files += _pictures(made_folder(plot) / f"{cams.name}-{one}", plot_format, facts, overwrite=overwrite)
     pairs = overlaps(found)
     if as_json:
         print_json({
@@ -94,17 +95,17 @@ def _pressure_limit(text: str) -> float:
     return limit
 
 
-def _picture_names(stem: Path) -> dict[str, Path]:
-    return {kind: stem.with_name(f"{stem.name}-{kind}.svg") for kind in ("lift", "profile", "pressure")}
+def _picture_names(stem: Path, form: str) -> dict[str, Path]:
+    return {kind: stem.with_name(f"{stem.name}-{kind}.{form}") for kind in ("lift", "profile", "pressure")}
 
 
-def _pictures(stem: Path, facts: console.CamFacts, *, overwrite: bool) -> list[Path]:
+def _pictures(stem: Path, form: str, facts: console.CamFacts, *, overwrite: bool) -> list[Path]:
     from flexcam.view import lift_figure, pressure_figure, profile_figure, save_figure
 
     figures = {"lift": lift_figure({stem.name: facts.cam.event})}
     if facts.profile is not None:
         figures |= {"profile": profile_figure(facts.profile), "pressure": pressure_figure(facts.profile)}
-    named = _picture_names(stem)
+    named = _picture_names(stem, form)
     return [save_figure(figure, named[kind], overwrite=overwrite) for kind, figure in figures.items()]
 
 

@@ -195,6 +195,9 @@ def test_pictures(told, tmp_path):
         paths = ET.parse(tmp_path / path).iter("{http://www.w3.org/2000/svg}path")  # noqa: S314
         assert sum(len(path.get("d", "")) for path in paths) > 5000
     assert "--overwrite" in told("li-fb2", "--plot", "p").err
+    other = facts(told, "li-swing", "--plot", "q", "--plot-format", "png")["files"]
+    assert other == [f"q/li-swing-swing-{kind}.png" for kind in ("lift", "profile", "pressure")]
+    assert (tmp_path / other[1]).read_bytes().startswith(b"\x89PNG")
     assert facts(told, "model-1-shm", "--plot", "p")["files"] == ["p/model-1-shm-intake-lift.svg"], "without a profile"
 
 
