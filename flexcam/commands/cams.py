@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
@@ -54,6 +55,7 @@ def cam(
         for one, part in cams.cams.items()
         if name in (None, one)
     }
+    _profile_asked(found, folder, cutter)
     files: list[Path] = []
     for one in found:  # before anything is written
         for path in _picture_names(plot / f"{cams.name}-{one}", plot_format).values() if plot is not None else ():
@@ -84,6 +86,14 @@ def cam(
         out().print(console.overlap_table(pairs))
     for path in files:
         out().print(str(path))
+
+
+def _profile_asked(found: Mapping[str, console.CamFacts], folder: Path | None, cutter: str | None) -> None:
+    """Refuse what only a profile has, where there is none."""
+    for option, given in (("-o", folder), ("--cutter", cutter)):
+        if given is not None and not any(one.profile for one in found.values()):
+            why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"
+            raise refuse(option, str(given), "nothing without a profile", why, remedy)
 
 
 def _pressure_limit(text: str) -> float:

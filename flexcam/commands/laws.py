@@ -37,6 +37,10 @@ def find_law(name: str, parameters: list[str] | None = None) -> Law:
         key, equals, value = one.partition("=")
         if not equals:
             raise refuse("--with", repr(one), "key=value, such as b=0.25")
+        if key.strip() in given:
+            raise refuse(
+                "--with", repr(one), "every parameter once", f"{key.strip()!r} is given twice", "leave one out"
+            )
         try:
             given[key.strip()] = tomllib.loads(f"value = {value}")["value"]
         except tomllib.TOMLDecodeError:

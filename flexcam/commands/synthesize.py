@@ -53,24 +53,32 @@ def synthesize_law(
     bound: Bounds = None,
     family: Annotated[Literal["spline", "polynomial", "harmonic"], Parameter(help="Where to look.")] = "spline",
     degree: Annotated[int | None, Parameter(help="Of splines (5) or polynomials (11).")] = None,
-    pieces: Annotated[int, Parameter(help="Of splines.")] = 24,
+    pieces: Annotated[int | None, Parameter(help="Of splines; 24 by default.")] = None,
     orders: Annotated[list[int] | None, Parameter(negative=(), help="Of harmonic laws; 1 to 5 by default.")] = None,
-    rest: Annotated[int, Parameter(help="Derivatives that vanish at both ends.")] = 2,
+    rest: Annotated[int | None, Parameter(help="Derivatives that vanish at both ends; 2 by default.")] = None,
     condition: Conditions = None,
     asymmetric: Annotated[bool, Parameter(negative=(), help="Do not ask for symmetry.")] = False,
     turning_back: Annotated[bool, Parameter(negative=(), help="Allow a negative velocity.")] = False,
     against: Against = None,
-    count: Annotated[int, Parameter(help="Laws of the front.")] = 9,
+    count: Annotated[int | None, Parameter(help="Laws of the front; 9 by default.")] = None,
     output: Output = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Find the law of a family with the least peak values under conditions, and prove how good it is."""
+    _only_with("--count", count, "--pareto", against is not None)
     where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
     weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
     fixed = [_condition(one) for one in condition or []]
     if against is not None:
         if len(weights) != 1 or limits:
             raise refuse("--pareto", "with --bound or several --minimize", "one criterion against another")
-        front = pareto(where, next(iter(weights)), against, count=count, conditions=fixed, monotone=not turning_back)
+        front = pareto(
+            where,
+            next(iter(weights)),
+            against,
+            count=9 if count is None else count,
+            conditions=fixed,
+            monotone=not turning_back,
+        )
     else:
         front = [minimax(where, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
     files = _law_files(front, output, plot, overwrite=overwrite)
@@ -88,14 +96,26 @@ def synthesize_law(
         out().print(f'{path}  (in a case: law = "{path.name}")' if path.suffix == ".toml" else str(path))
 
 
+def _only_with(option: str, given: object, other: str, there: bool) -> None:
+    """Refuse an option that does nothing without another."""
+    if given is not None and given is not False and not there:
+        raise refuse(option, str(given), f"nothing without {other}", f"only {other} asks for it", f"leave out {option}")
+
+
 def _family(
-    kind: str, degree: int | None, pieces: int, orders: list[int] | None, rest: int, *, symmetric: bool
+    kind: str, degree: int | None, pieces: int | None, orders: list[int] | None, rest: int | None, *, symmetric: bool
 ) -> Family:
-    if kind == "harmonic":
+    harmonic = kind == "harmonic"
+    _only_with("--orders", orders, "--family harmonic", harmonic)
+    _only_with("--pieces", pieces, "--family spline", kind == "spline")
+    for option, given in (("--degree", degree), ("--rest", rest), ("--asymmetric", not symmetric)):
+        _only_with(option, given, "--family spline or polynomial", not harmonic)
+    if harmonic:
         return HarmonicFamily(tuple(orders)) if orders else HarmonicFamily()
+    order = 2 if rest is None else rest
     if kind == "polynomial":
-        return SplineFamily(11 if degree is None else degree, 1, rest, symmetric)
-    return SplineFamily(5 if degree is None else degree, pieces, rest, symmetric)
+        return SplineFamily(11 if degree is None else degree, 1, order, symmetric)
+    return SplineFamily(5 if degree is None else degree, 24 if pieces is None else pieces, order, symmetric)
 
 
 def _numbers(where: str, given: list[str], default: float | None) -> dict[str, float]:

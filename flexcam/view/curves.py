@@ -172,7 +172,7 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float) -> None:
     axes.set_aspect("equal")
     axes.grid(alpha=0.3)
     axes.set_title(f"cam angle {math.degrees(profile.angle[at]):.4g} deg, lift {1e3 * profile.lift[at]:.4g} mm")
-    axes.legend(loc="upper left", fontsize="small")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize="small")
 
 
 def _rotation(axes: Axes, radius: float, turn: Turn) -> None:

@@ -202,7 +202,10 @@ def test_pictures(told, tmp_path):
 
 
 def test_a_case_without_a_base_circle_says_how_to_get_a_profile(told):
-    assert "base_radius and follower" in told("model-2-cycloidal", "-o", "x").out
+    assert "base_radius and follower" in told("model-2-cycloidal").out
+    for option, value in (("-o", "x"), ("--cutter", "40 mm")):
+        done = told("model-2-cycloidal", option, value)
+        assert (done.code, "base_radius and follower" in done.err, option in done.err) == (2, True, True)
     more = ("--set", "cams.intake.base_radius=20 mm", "--set", 'cams.intake.follower={ type = "flat" }')
     cam = one(told, "model-2-cycloidal", *more, "--set", "cams.intake.lift=7 mm")
     assert (cam["lift"], cam["profile"]["base_radius"]) == (0.007, 0.02)

@@ -165,6 +165,7 @@ FAULTS = {  # words, where it is found, a part of the message
     "velocity at the ends": ("harmonic-acceleration --with b=[6]", "b", "the velocity must vanish"),
     "points that run back": ("table --with z=[0,0.6,0.5,1] --with s=[0,0.4,0.6,1]", "z", "ascend"),
     "no equals sign": ("scca --with b", "--with", "key=value"),
+    "parameter given twice": ("fb2 --with split=0.3 --with split=0.4", "--with", "'split' is given twice"),
     "no number": ("scca --with b=quarter", "--with", "exponents=[3,4,5]"),
     "parameter of a law without": ("3-4-5 --with b=1", "law", "no parameters"),
     "ratio that is none": ("shm --residual x", "command line", "--residual"),
