@@ -165,10 +165,11 @@ def minimum_base_radius(
     """
     high = 100.0 * positive("lift", event.height, "m")
     angles = np.union1d(np.linspace(0.0, 2.0 * math.pi, count, endpoint=False), _beside(event.joints))
+    motion = event(angles), event(angles, 1), event(angles, 2)
 
     def fits(base: float) -> bool:
         try:
-            made = profile_at(event, follower.with_base(base), angles, turn)
+            made = profile_at(event, follower.with_base(base), angles, turn, motion)
         except InputError:  # the follower does not reach such a circle
             return False
         return _within(made, pressure_angle, radius)
@@ -187,6 +188,7 @@ def minimum_base_radius(
     seen = profile_extremes(event, follower.with_base(least), turn)
     worst = (seen.convex.at, seen.pressure_angle.at)
     angles = np.union1d(angles, [*worst, *_beside(worst)])
+    motion = event(angles), event(angles, 1), event(angles, 2)
     return least if fits(least) else _bisected(fits, least, high)
 
 

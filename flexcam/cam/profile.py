@@ -141,7 +141,13 @@ def cam_profile(event: Event, follower: Follower, *, count: int = 720, turn: Tur
     return profile_at(event, follower, np.linspace(0.0, _REVOLUTION, count, endpoint=False), turn)
 
 
-def profile_at(event: Event, follower: Follower, angle: FloatArray, turn: Turn = 1) -> CamProfile:
+Motion = tuple[FloatArray, FloatArray, FloatArray]
+"""Lift, velocity and acceleration at some cam angles, m, m/rad, m/rad^2."""
+
+
+def profile_at(
+    event: Event, follower: Follower, angle: FloatArray, turn: Turn = 1, motion: Motion | None = None
+) -> CamProfile:
     """Return the profile of a cam at given cam angles.
 
     Parameters
@@ -152,13 +158,15 @@ def profile_at(event: Event, follower: Follower, angle: FloatArray, turn: Turn =
         rad, shape (n,).
     turn
         As for `cam_profile`.
+    motion
+        That of the event at these angles, where it is known already, shape (n,) each.
 
     Returns
     -------
     CamProfile
         The profile.
     """
-    lift, velocity, acceleration = (event(angle, order) for order in range(3))
+    lift, velocity, acceleration = motion or (event(angle), event(angle, 1), event(angle, 2))
     # A radius is infinite at a point of inflection, and where the pitch curve stands still.
     with np.errstate(divide="ignore", invalid="ignore"):
         touch = follower.touch(lift, velocity, acceleration, turn)
