@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -192,6 +193,10 @@ def _checked(record: type[BaseModel], table: object, what: str, example: str) ->
         allowed = f"{what}: {', '.join(record.model_fields)}"
         if error["type"] == "missing":
             raise refuse(key, "nothing", allowed, "the key is required", f"add {key} to the table") from None
+        if error["type"] == "literal_error":
+            known = re.findall(r"'([^']*)'", str(error.get("ctx", {})["expected"]))
+            near = did_you_mean(str(error["input"]), known)
+            raise refuse(key, repr(error["input"]), ", ".join(map(repr, known)), "", near) from None
         hint = "" if key.partition(".")[0] in record.model_fields else did_you_mean(key, record.model_fields)
         raise refuse(key, repr(error["input"]), allowed, error["msg"], hint) from None
     return {key: getattr(checked, key) for key in record.model_fields}
@@ -254,6 +259,9 @@ def toml_table(path: Path, name: str) -> dict[str, Any]:
     """
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
+        raise refuse(str(path), "no such file", f"an existing file with a table [{name}]", "", near) from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as fault:
         raise refuse(str(path), "no TOML document", f"a readable file with a table [{name}]", str(fault)) from None
     if content.get("format", 1) != 1:
@@ -277,8 +285,16 @@ def _given_lift(value: object, folder: Path) -> GivenLift:
         event, report = lift_table(columns.angle, columns.lift, tolerance=record.tolerance)
     except InputError as refusal:
         fault = refusal.faults[0]
-        raise refuse(f"{path.name}: {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy) from None
+        also = [f"also {_by_line(one.where, columns.lines)}: {one.given}" for one in refusal.faults[1:]]
+        why = "; ".join(part for part in (fault.why, *also) if part)
+        where = f"{path.name}: {_by_line(fault.where, columns.lines)}"
+        raise refuse(where, fault.given, fault.allowed, why, fault.remedy) from None
     return GivenLift(cast("str | dict[str, Any]", value), event, report)
+
+
+def _by_line(where: str, lines: Sequence[int]) -> str:
+    """Return a place in a table by the line of its file instead of the row."""
+    return re.sub(r"\brow (\d+)", lambda found: f"line {lines[int(found[1]) - 1]}", where)
 
 
 def harmonic_file(path: Path) -> HarmonicLift:

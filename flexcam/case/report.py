@@ -91,6 +91,10 @@ def _fault(error: ErrorDetails, path: Path, places: Places, root: type[BaseModel
             return Fault(where, repr(value), allowed, "", did_you_mean(value, names))
         case "int_type" | "int_parsing" | "int_from_float":
             return Fault(where, given, f"a whole number: {_about(path, root)}", "", "")
+        case "less_than_equal" | "greater_than_equal" if path == ("format",):
+            return Fault(
+                where, given, "1", "it is the version of the case format", "a newer flexcam may have written it"
+            )
         case "string_pattern_mismatch":
             return Fault(where, given, "a name of letters, digits, '_', '-' and spaces", "", "")
         case _:

@@ -21,7 +21,8 @@ _LENGTHS = {"um": 1e-6, "μm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0
 _DEGREE = math.pi / 180.0
 _ANGLES = {"deg": _DEGREE, "°": _DEGREE, "degree": _DEGREE, "degrees": _DEGREE, "rad": 1.0}
 _SEPARATOR = re.compile(r"[,;\t]|\s+")
-_MOST_FAULTS = 5
+_MOST_FAULTS = 10
+_DECIMAL_COMMA = re.compile(r"\d,\d+\s*[;\t]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,10 +35,13 @@ class LiftColumns:
         Cam angle, rad, shape (n,).
     lift
         m, shape (n,).
+    lines
+        Of the file, counted from 1, that they stand on, n of them.
     """
 
     angle: FloatArray
     lift: FloatArray
+    lines: tuple[int, ...]
 
 
 def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = None) -> LiftColumns:
@@ -77,13 +81,12 @@ def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = 
     bad = [(number, text) for number, text in rows if not _numbers(text)]
     if bad:
         raise InputError(
-            Fault(
-                f"{path.name}, line {number}", repr(text[:40]), "an angle and a lift", "", "correct or remove the row"
-            )
+            Fault(f"{path.name}, line {number}", repr(text[:40]), "an angle and a lift", "", _mend(text))
             for number, text in bad[:_MOST_FAULTS]
         )
     values = np.array([_numbers(text) for _, text in rows], dtype=float).reshape(-1, 2)
-    return LiftColumns(values[:, 0] * to_rad * (0.5 if kind == "crank" else 1.0), values[:, 1] * scale)
+    return LiftColumns(values[:, 0] * to_rad * (0.5 if kind == "crank" else 1.0), values[:, 1] * scale,
+                       tuple(number for number, _ in rows))  # fmt: skip
 
 
 def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwrite: bool = False) -> Path:
@@ -127,6 +130,12 @@ def _lines(path: Path) -> list[tuple[int, str]]:
         raise refuse("lift table", str(path), "a readable text file", str(fault)) from None
     rows = [(number, line.partition("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1)]
     return [(number, line) for number, line in rows if line]
+
+
+def _mend(row: str) -> str:
+    if _DECIMAL_COMMA.search(row):
+        return "write decimal points: 90.5; 1.25"
+    return "correct or remove the row"
 
 
 def _numbers(text: str) -> tuple[float, float] | None:

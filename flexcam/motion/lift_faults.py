@@ -12,6 +12,7 @@ from flexcam.linalg import FloatArray
 
 _REVOLUTION = 2.0 * math.pi
 _LEAST_POINTS = 12
+_MOST_FAULTS = 10
 
 _BASE = 0.01
 """Part of the largest lift below which a point lies on the base circle, and that a lift may bend across a gap."""
@@ -46,9 +47,11 @@ def table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
         return [Fault("lift table", given, "one lift per angle", "", "complete or remove the odd row")]
     lost = np.flatnonzero(~(np.isfinite(theta) & np.isfinite(s)))
     if lost.size:
-        i = int(lost[0])
-        given = f"angle {math.degrees(theta[i]):g} deg, lift {1e3 * s[i]:g} mm"
-        return [Fault(f"lift table, row {i + 1}", given, "finite numbers", "", "mend or remove the row")]
+        return [
+            Fault(f"lift table, row {i + 1}", f"angle {math.degrees(theta[i]):g} deg, lift {1e3 * s[i]:g} mm",
+                  "finite numbers", "", "mend or remove the row")
+            for i in lost[:_MOST_FAULTS].tolist()
+        ]  # fmt: skip
     if len(theta) < _LEAST_POINTS:
         return [Fault("lift table", f"{len(theta)} points", f"{_LEAST_POINTS} or more", "", "measure at more angles")]
     found: list[Fault] = []

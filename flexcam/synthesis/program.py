@@ -12,7 +12,7 @@ from flexcam.linalg import FloatArray
 from flexcam.motion import Law
 from flexcam.motion.criteria import stationary_points
 from flexcam.motion.quadrature import quadrature
-from flexcam.synthesis.family import Family
+from flexcam.synthesis.family import Family, SplineFamily
 from flexcam.synthesis.least_squares import constrained_least_squares
 
 ORDERS = {"Cv": 1, "Ca": 2, "Cj": 3}
@@ -179,6 +179,8 @@ class Program:
     def _impossible(self) -> InputError:
         given = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()]) or "the conditions"
         remedy = "a wider bound, a higher degree or more pieces"
+        if self.conditions and isinstance(self.family, SplineFamily) and self.family.symmetric:
+            remedy += ", or laws without symmetry (--asymmetric)"
         return refuse("bounds", given, f"what {self.family.name} can meet", "there is no such law", remedy)
 
     def _box(self, around: tuple[FloatArray, float] | None) -> list[tuple[float | None, float | None]]:

@@ -244,6 +244,11 @@ def test_infeasible(case):
         minimax(SplineFamily(degree=5, pieces=16), {"Ca": 1.0}, bounds=bounds, conditions=conditions)
 
 
+def test_conditions_that_symmetry_forbids_say_so():
+    with pytest.raises(InputError, match="--asymmetric"):
+        minimax(SplineFamily(degree=5, pieces=8), {"Ca": 1.0}, conditions=[(0.5, 0, 0.6)])
+
+
 REFUSED = {
     "unknown criterion": ({"Cx": 1.0}, {}, "minimize: given 'Cx'; allowed: Cv, Ca, Cj, rms, Cm"),
     "unknown bound": ({"Ca": 1.0}, {"Cx": 1.0}, "bounds: given 'Cx'; allowed: Cv, Ca, Cj"),
