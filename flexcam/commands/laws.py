@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +21,12 @@ _RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0)
 Ratios = Annotated[
     list[float] | None,
     Parameter("--residual", negative=(), help="Rise time over the period of an oscillator. May be repeated."),
+]
+
+
+Spectrum = Annotated[
+    Path | None,
+    Parameter("--spectrum", help="Also draw the residual vibration over the rise time (.svg, .png or .pdf)."),
 ]
 
 
@@ -58,35 +65,44 @@ flexcam law best.toml --residual 1.5 --plot best.svg
 def law(
     name: Annotated[str, Parameter(help="Name of a motion law, or a law file (.toml).")], *,
     parameters: Annotated[list[str] | None, Parameter("--with", negative=(), help="A parameter of the law.")] = None,
-    residual: Ratios = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False,
+    residual: Ratios = None, plot: Picture = None, spectrum: Spectrum = None, overwrite: Overwrite = False,
+    as_json: Json = False,
 ) -> None:  # fmt: skip
     """Say what a motion law does: its criteria, extremes, ends and symmetry, normalized to lift 1 over angle 1."""
     one = find_law(name, parameters)
     found, ratios = criteria(one), tuple(residual or _RATIOS)
-    spectrum = residual_spectrum(one, ratios).tolist()
-    if plot is not None:
-        from flexcam.view import law_figure, save_figure
-
-        save_figure(law_figure({name: one}), plot, overwrite=overwrite)
+    left = residual_spectrum(one, ratios).tolist()
+    _drawn({name: one}, plot, spectrum, overwrite=overwrite)
     if as_json:
-        pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, spectrum, strict=True)]
+        pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, left, strict=True)]
         print_json({"status": "ok", "law": name, **console.law_json(found), "residual": pairs})
         return
     out().print(console.law_facts(name, found))
     out().print()
-    out().print(console.spectrum_table({name: spectrum}, ratios))
+    out().print(console.spectrum_table({name: left}, ratios))
+
+
+def _drawn(found: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *, overwrite: bool) -> None:
+    """Draw laws and what vibration they leave behind, where that is asked for."""
+    if plot is None and spectrum is None:
+        return
+    from flexcam.view import law_figure, save_figure, spectrum_figure
+
+    for path, figure in ((plot, law_figure), (spectrum, spectrum_figure)):
+        if path is not None:
+            save_figure(figure(found), path, overwrite=overwrite)
 
 
 @app.command(help_prologue="flexcam laws\nflexcam laws --plot laws.svg\n")
-def laws(*, residual: Ratios = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False) -> None:
+def laws(
+    *, residual: Ratios = None, plot: Picture = None, spectrum: Spectrum = None, overwrite: Overwrite = False,
+    as_json: Json = False,
+) -> None:  # fmt: skip
     """List all motion laws that are complete by their name, with their criteria side by side."""
     found = {name: criteria(one) for name, one in LAWS.items()}
     ratios = tuple(residual or _RATIOS)
     spectra = {name: residual_spectrum(one, ratios).tolist() for name, one in LAWS.items()}
-    if plot is not None:
-        from flexcam.view import law_figure, save_figure
-
-        save_figure(law_figure(LAWS), plot, overwrite=overwrite)
+    _drawn(LAWS, plot, spectrum, overwrite=overwrite)
     if as_json:
         print_json({
             "status": "ok", "ratios": list(ratios), "kinds": list(kind_names()),

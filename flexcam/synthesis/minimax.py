@@ -138,15 +138,15 @@ def _exchanged(program: Program) -> tuple[FloatArray, float]:
     """Return the coefficients of the best law and the bound that proves it."""
     places: dict[int, FloatArray] = dict.fromkeys((1, 2, 3), _START)
     cuts = list[Cut]()
-    solve = program.least_rms if set(program.weights) == {"rms"} else program.solve
-    x, bound = solve(places, cuts)
+    alone = set(program.weights) == {"rms"}
+    x, bound = program.least_rms(places) if alone else program.solve(places, cuts)
     for _ in range(_ROUNDS):
         law = program.family.law(x)
         if program.met(law, 0.0) and program.objective(law) - bound <= _GAP * abs(bound):
             break
         places = {order: _with(places[order], stationary_points(law, order)) for order in places}
         cuts += [program.tangent(x)] if "rms" in program.weights else []
-        x, bound = solve(places, cuts)
+        x, bound = program.least_rms(places) if alone else program.solve(places, cuts)
     return x, bound
 
 
@@ -219,6 +219,13 @@ def pareto(
     ------
     InputError
         If the criteria are unknown or the same, or the count is too small.
+
+    Examples
+    --------
+    >>> from flexcam.synthesis import HarmonicFamily
+    >>> front = pareto(HarmonicFamily((1, 2, 3)), "Ca", "Cj", count=3)
+    >>> [round(one.criteria.Ca, 2) for one in front]
+    [6.73, 5.81, 5.13]
     """
     if first == second or count < 3:
         raise refuse("pareto", f"{first}, {second}, {count} laws", "two different criteria and three laws or more")

@@ -141,15 +141,13 @@ class Program:
         dual = float(b @ found.ineqlin.marginals + e @ found.eqlin.marginals)
         return np.asarray(found.x[: self.family.size], dtype=float), dual
 
-    def least_rms(self, places: Mapping[int, FloatArray], cuts: Sequence[Cut] = ()) -> tuple[FloatArray, float]:
+    def least_rms(self, places: Mapping[int, FloatArray]) -> tuple[FloatArray, float]:
         """Return the coefficients of least rms alone, by constrained least squares, and that rms.
 
         Parameters
         ----------
         places
             Where each derivative is looked at; no law that meets the conditions there has less.
-        cuts
-            Not needed here.
 
         Returns
         -------
@@ -161,7 +159,6 @@ class Program:
         InputError
             If no law meets the conditions.
         """
-        del cuts
         z, weight = (np.concatenate(parts) for parts in zip(*quadrature(()), strict=True))
         rows, offset = self.family.rows(z, 2)
         root = np.sqrt(weight)

@@ -86,6 +86,13 @@ def test_cos_cam(told):
     assert list(profile.values()) == pytest.approx([0.013, nose, 0.0, 0.0, 0.019, 0.006], **close)
 
 
+def test_peaks_of_a_cycloidal_cam(told):
+    """6 mm in half a turn: 2 h/b, 2 pi h/b^2 and 4 pi^2 h/b^3."""
+    cam = one(told, "model-2-cycloidal")
+    closed = [2 * 0.006 / math.pi, 2 * 0.006 / math.pi, 4 * 0.006 / math.pi]
+    assert [cam[key] for key in ("velocity", "acceleration", "jerk")] == pytest.approx(closed, rel=1e-10)
+
+
 @pytest.mark.parametrize("model", [1, 2, 3])
 def test_valve_events_behind_a_rocker(model, told):
     """The valve moves 1.6 times the cam's 3 mm (1 - cos theta)."""

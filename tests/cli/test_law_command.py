@@ -192,7 +192,9 @@ def test_files_that_hold_no_law(text, told, tmp_path):
 
 
 def test_picture(told, tmp_path):
-    assert told("law", "shm", "--plot", "a.svg").code == 0
+    assert told("law", "shm", "--plot", "a.svg", "--spectrum", "b.png").code == 0
+    assert (tmp_path / "b.png").read_bytes().startswith(b"\x89PNG")
+    assert "--overwrite" in refused(told, "law", "shm", "--spectrum", "b.png")["remedy"]
     tree = ET.parse(tmp_path / "a.svg")  # noqa: S314
     assert len(list(tree.iter("{http://www.w3.org/2000/svg}path"))) > 4
     (tmp_path / "a.svg").write_text("mine")
