@@ -180,6 +180,7 @@ def synthesize_harmonic(
             "status": "ok", "harmonics": found.count, "harmonics_below_first_mode": found.limit,
             "first_mode_hz": found.frequency / (2.0 * math.pi), "dwell_deviation": found.fit.strict_deviation,
             "deviation": found.fit.deviation, "rms_deviation": found.fit.rms_deviation,
+            "lift": [end.value for end in event_extremes(found.fit.event)],
             "files": [str(path) for path in files],
         })  # fmt: skip
         return

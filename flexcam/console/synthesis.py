@@ -110,7 +110,7 @@ def harmonic_table(found: HarmonicCam) -> Table:
         ),
         ("distance in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
         ("distance elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
-        ("largest lift", f"{1e3 * fit.event.height:.6g} mm"),
+        ("lift", " to ".join(mm(end.value) for end in event_extremes(fit.event)) + " mm"),
     ]
     return facts("Lift of few harmonics", rows)
 

@@ -153,7 +153,7 @@ def test_polydyne_of_one_mass(told, tmp_path):
 def test_harmonics_below_the_first_mode(told, tmp_path):
     """Of 67.11 Hz, at 10 Hz: six. In the dwell of 200 deg the lift stays within 20 um."""
     found = facts(told, *SHORT, "-o", "few.toml")
-    assert list(found) == ["status", "harmonics", "harmonics_below_first_mode", "first_mode_hz", "dwell_deviation", "deviation", "rms_deviation", "files"]  # fmt: skip
+    assert list(found) == ["status", "harmonics", "harmonics_below_first_mode", "first_mode_hz", "dwell_deviation", "deviation", "rms_deviation", "lift", "files"]  # fmt: skip
     assert (found["harmonics"], found["harmonics_below_first_mode"], found["files"]) == (6, 6, ["few.toml"])
     assert found["first_mode_hz"] == pytest.approx(67.11, abs=0.005)
     lift = tomllib.loads((tmp_path / "few.toml").read_text(encoding="utf-8"))["lift"]
