@@ -93,6 +93,15 @@ def _drawn(found: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *
             save_figure(figure(found), path, overwrite=overwrite)
 
 
+def _by_law(given: Mapping[str, Law]) -> dict[str, str]:
+    """Return the first name of every law, and all its names together."""
+    rows: dict[str, str] = {}
+    for name, one in given.items():
+        first = next((other for other in rows if given[other] == one), name)
+        rows[first] = f"{rows[first]}, {name}" if first in rows else name
+    return rows
+
+
 @app.command(help_prologue="flexcam laws\nflexcam laws --plot laws.svg\n")
 def laws(
     *, residual: Ratios = None, plot: Picture = None, spectrum: Spectrum = None, overwrite: Overwrite = False,
@@ -109,7 +118,8 @@ def laws(
             "laws": {name: {**console.law_json(one), "residual": spectra[name]} for name, one in found.items()},
         })  # fmt: skip
         return
-    out().print(console.laws_table(found))
+    rows = _by_law(LAWS)
+    out().print(console.laws_table({said: found[name] for name, said in rows.items()}))
     out().print()
-    out().print(console.spectrum_table(spectra, ratios))
+    out().print(console.spectrum_table({said: spectra[name] for name, said in rows.items()}, ratios))
     out().print(f"\nKinds with parameters (flexcam law KIND --with key=value): {', '.join(kind_names())}")

@@ -117,6 +117,7 @@ def test_all_laws_side_by_side(told, tmp_path):
     words = told("laws", "--plot", "all.svg").out
     assert [name for name in (*LAWS, *KINDS) if name not in words.replace(",", " ").split()] == []
     assert [line.split()[0] for line in words.splitlines() if "infinite" in line] == ["parabolic"]
+    assert len([line for line in words.splitlines() if line.startswith("shm, cos ")]) == 2, "one law, one row"
     assert (tmp_path / "all.svg").stat().st_size > 10_000
 
 
