@@ -17,11 +17,24 @@ from flexcam.case import build_model, read_cams, read_case
 from flexcam.case.read import holds_mechanism
 from flexcam.checks import InputError, refuse
 from flexcam.io import ProfileTable
-from flexcam.motion import THRESHOLDS, Event, Joint, LiftReport, ValveEvent, harmonics, joints, overlap, valve_event
+from flexcam.motion import (
+    THRESHOLDS,
+    Event,
+    Extreme,
+    Joint,
+    LiftReport,
+    ValveEvent,
+    event_extremes,
+    harmonics,
+    joints,
+    overlap,
+    valve_event,
+)
 from flexcam.train import Cam, valve_ratio
 
-_GRID = np.linspace(0.0, 2.0 * math.pi, 7201)
 _HARMONICS = 10
+_NEGATIVE = 1e-4
+"""Part of the largest lift below zero that nothing is made of: a ten-thousandth, less than a cam is ground to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +71,8 @@ class CamFacts:
     ----------
     cam
         The cam.
+    lift
+        Least and largest, m, with their cam angles, rad.
     velocity, acceleration, jerk
         Largest absolute values, m/rad, m/rad^2, m/rad^3; None for a jerk that is infinite where the acceleration steps.
     harmonics
@@ -69,12 +84,13 @@ class CamFacts:
     profile
         None where no follower and base circle are given.
     findings
-        What is wrong with the profile.
+        What is wrong with lift and profile.
     least_base_radius
         Smallest base circle within the limits, m; None without profile or where there is none.
     """
 
     cam: Cam
+    lift: tuple[Extreme, Extreme]
     velocity: float
     acceleration: float
     jerk: float | None
@@ -154,15 +170,26 @@ def cam_facts(
     event, profile = cam.event, None
     if cam.follower is not None:
         profile = cam_profile(event, cam.follower, count=count, turn=cam.turn)
-    peaks = [float(np.abs(event(_GRID, order)).max()) for order in (1, 2, 3)]
+    peaks = [max(abs(end.value) for end in event_extremes(event, order)) for order in (1, 2, 3)]
     met = joints(event)
     jerk = None if any(one.steps[2] for one in met) else peaks[2]
+    lift, least = event_extremes(event), _least_base(cam, event, pressure_angle)
     return CamFacts(
-        cam, peaks[0], peaks[1], jerk, tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
+        cam, lift, peaks[0], peaks[1], jerk, tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
         {name: valve_event(event, lift, ratio=ratio) for name, lift in THRESHOLDS.items()}, profile,
-        findings(profile, pressure_angle=pressure_angle, cutter=cutter) if profile else (),
-        _least_base(cam, event, pressure_angle),
+        [*_negative(lift), *(findings(
+            profile, pressure_angle=pressure_angle, cutter=cutter, base_helps=least is not None) if profile else ())],
+        least,
     )  # fmt: skip
+
+
+def _negative(lift: tuple[Extreme, Extreme]) -> list[Finding]:
+    """Return the finding of a lift below the base circle, beyond what grinding could make of it."""
+    least, largest = lift
+    if least.value >= -_NEGATIVE * largest.value:
+        return []
+    what = "the lift is negative: the cam would be cut into its base circle"
+    return [Finding(what, "take another law or table, or smooth less", least.at, least.value, 0.0)]
 
 
 def _least_base(cam: Cam, event: Event, pressure_angle: float) -> float | None:

@@ -199,7 +199,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     >>> did_you_mean("stifness", ["stiffness", "damping"])
     "did you mean 'stiffness'?"
     """
-    names = list(known)
+    names = [other for other in known if other != name]
     swapped = [other for other in names if sorted(other) == sorted(name)]
     near = swapped or difflib.get_close_matches(name, names, n=1, cutoff=0.6)
     return f"did you mean {near[0]!r}?" if near else ""

@@ -64,7 +64,10 @@ class PolydyneCam:
     speeds
         Others, rad/s, shape (n,).
     plain, compensated
-        Largest distance from the wanted motion at these speeds, m, shape (n,): of the cam as it was and of this one.
+        Largest distance of the train's end from the wanted motion at these speeds, m, shape (n,): on the cam as it was
+        and on this one. Infinite in resonance.
+    ratio
+        What the train's end would move per lift of the cam if rigid; 1 for a simpler train. The distances hold it.
     """
 
     design: Polydyne
@@ -72,6 +75,7 @@ class PolydyneCam:
     speeds: FloatArray
     plain: FloatArray
     compensated: FloatArray
+    ratio: float
 
 
 def harmonic_cam(
@@ -150,8 +154,9 @@ def polydyne_cam(
     design = polydyne(wanted, answer, at, count=count)
     plain = Polydyne(design.wanted, design.wanted, 0.0)
     speeds = at * np.array(OFF_DESIGN)
-    return PolydyneCam(design, at, speeds, off_design(plain, answer, speeds.tolist()),
-        off_design(design, answer, speeds.tolist()))  # fmt: skip
+    ratio = valve_ratio(model, name) if transfer is None else 1.0
+    before, after = (ratio * off_design(cam, answer, speeds.tolist()) for cam in (plain, design))
+    return PolydyneCam(design, at, speeds, before, after, ratio)
 
 
 def _train(model: Model, cam: str, speed: float) -> Transfer:

@@ -15,20 +15,23 @@ from flexcam.cam.follower import (
 )
 from flexcam.cam.limits import PRESSURE_ANGLE, Finding, findings, minimum_base_radius, undercut
 from flexcam.cam.petrescu import petrescu_efficiency, petrescu_profile, relaxed_arm
-from flexcam.cam.profile import CamProfile, cam_profile, profile_at
-from flexcam.cam.reading import lift_from_profile
+from flexcam.cam.profile import CamProfile, ProfileExtremes, cam_profile, profile_at, profile_extremes
+from flexcam.cam.reading import Bridge, bridged, lift_from_profile
 
 __all__ = [
     "PRESSURE_ANGLE",
+    "Bridge",
     "CamProfile",
     "Finding",
     "FlatFollower",
     "Follower",
+    "ProfileExtremes",
     "RollerFollower",
     "SwingFlatFollower",
     "SwingRollerFollower",
     "Touch",
     "Turn",
+    "bridged",
     "cam_profile",
     "findings",
     "lift_from_profile",
@@ -36,6 +39,7 @@ __all__ = [
     "petrescu_efficiency",
     "petrescu_profile",
     "profile_at",
+    "profile_extremes",
     "relaxed_arm",
     "undercut",
 ]

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from flexcam.cam.follower import ComplexArray, Follower, Touch, Turn
 from flexcam.checks import positive, refuse
 from flexcam.linalg import FloatArray
-from flexcam.motion import Event
+from flexcam.motion import Event, Extreme, lowest
 
 _REVOLUTION = 2.0 * math.pi
 _MOST_POINTS = 1_000_000
+_STRAIGHT = 1e-9
+"""Curvature of the path of a roller's centre, over that of the roller, that is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +36,8 @@ class CamProfile:
         Of the follower, m, m/rad, m/rad^2, shape (n,).
     touch
         Contact in the fixed frame.
+    event
+        The lift it was made of.
     """
 
     follower: Follower
@@ -41,6 +47,12 @@ class CamProfile:
     velocity: FloatArray
     acceleration: FloatArray
     touch: Touch
+    event: Event
+
+    @cached_property
+    def extremes(self) -> ProfileExtremes:
+        """Extremes over the whole revolution, between the points too."""
+        return profile_extremes(self.event, self.follower, self.turn)
 
     @property
     def points(self) -> FloatArray:
@@ -129,7 +141,13 @@ def cam_profile(event: Event, follower: Follower, *, count: int = 720, turn: Tur
     return profile_at(event, follower, np.linspace(0.0, _REVOLUTION, count, endpoint=False), turn)
 
 
-def profile_at(event: Event, follower: Follower, angle: FloatArray, turn: Turn = 1) -> CamProfile:
+Motion = tuple[FloatArray, FloatArray, FloatArray]
+"""Lift, velocity and acceleration at some cam angles, m, m/rad, m/rad^2."""
+
+
+def profile_at(
+    event: Event, follower: Follower, angle: FloatArray, turn: Turn = 1, motion: Motion | None = None
+) -> CamProfile:
     """Return the profile of a cam at given cam angles.
 
     Parameters
@@ -140,14 +158,97 @@ def profile_at(event: Event, follower: Follower, angle: FloatArray, turn: Turn =
         rad, shape (n,).
     turn
         As for `cam_profile`.
+    motion
+        That of the event at these angles, where it is known already, shape (n,) each.
 
     Returns
     -------
     CamProfile
         The profile.
     """
-    lift, velocity, acceleration = (event(angle, order) for order in range(3))
+    lift, velocity, acceleration = motion or (event(angle), event(angle, 1), event(angle, 2))
     # A radius is infinite at a point of inflection, and where the pitch curve stands still.
     with np.errstate(divide="ignore", invalid="ignore"):
         touch = follower.touch(lift, velocity, acceleration, turn)
-    return CamProfile(follower, turn, angle, lift, velocity, acceleration, touch)
+    return CamProfile(follower, turn, angle, lift, velocity, acceleration, touch, event)
+
+
+@dataclass(frozen=True)
+class ProfileExtremes:
+    """What is largest and least on a profile, each with its cam angle, rad.
+
+    Parameters
+    ----------
+    convex
+        Least radius of curvature where the profile is convex, m; zero or less where it is undercut.
+    hollow
+        Radius of the tightest hollow, m, above zero; None where there is none.
+    pressure_angle
+        The steepest, signed, rad.
+    offset
+        Least and largest distance of the contact, m.
+    sliding
+        The fastest, signed, m/rad.
+    """
+
+    convex: Extreme
+    hollow: Extreme | None
+    pressure_angle: Extreme
+    offset: tuple[Extreme, Extreme]
+    sliding: Extreme
+
+
+def profile_extremes(event: Event, follower: Follower, turn: Turn = 1) -> ProfileExtremes:
+    """Return the extremes of a profile over the whole revolution.
+
+    Under a roller the curvature of its centre's path is what is looked at: it passes smoothly through the points of
+    inflection and through undercut, where the radius of the profile leaps.
+
+    Parameters
+    ----------
+    event, follower, turn
+        As for `cam_profile`.
+
+    Returns
+    -------
+    ProfileExtremes
+        To 1e-10 of each.
+
+    Examples
+    --------
+    >>> from flexcam.cam import FlatFollower
+    >>> from flexcam.motion import HarmonicLift
+    >>> found = profile_extremes(HarmonicLift(0.003, (0.0, -0.003), (0.0, 0.0)), FlatFollower(0.018))
+    >>> round(found.convex.value, 9), found.hollow is None  # 18 + 3 + 9 cos 2 theta mm
+    (0.012, True)
+    """
+
+    def seen(measure: Callable[[CamProfile], FloatArray], sign: float = 1.0) -> Extreme:
+        found = lowest(lambda angle: sign * measure(profile_at(event, follower, angle, turn)), event.joints)
+        return Extreme(sign * found.value, found.at)
+
+    def largest(measure: Callable[[CamProfile], FloatArray]) -> Extreme:
+        ends = seen(measure), seen(measure, -1.0)
+        return max(ends, key=lambda one: abs(one.value))
+
+    convex, hollow = _curvatures(seen, follower)
+    offset = seen(lambda made: made.offset), seen(lambda made: made.offset, -1.0)
+    steepest, fastest = largest(lambda made: made.pressure_angle), largest(lambda made: made.touch.sliding)
+    return ProfileExtremes(convex, hollow, steepest, offset, fastest)
+
+
+def _curvatures(
+    seen: Callable[[Callable[[CamProfile], FloatArray], float], Extreme], follower: Follower
+) -> tuple[Extreme, Extreme | None]:
+    """Return the least radius of convex parts and that of the tightest hollow."""
+    roller = follower.roller_radius
+    if not math.isfinite(roller):
+        return seen(lambda made: made.radius, 1.0), None
+
+    def bend(made: CamProfile) -> FloatArray:
+        with np.errstate(divide="ignore"):
+            return 1.0 / (made.radius + roller)
+
+    tight, deep = seen(bend, -1.0), seen(bend, 1.0)
+    hollow = Extreme(roller - 1.0 / deep.value, deep.at) if deep.value < -_STRAIGHT / roller else None
+    return Extreme(1.0 / tight.value - roller, tight.at), hollow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -85,6 +86,66 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
         raise refuse("points", "a profile the follower does not touch", "one within its reach", "", "check the unit")
     return found.reshape(np.shape(angle))
 
+
+@dataclass(frozen=True)
+class Bridge:
+    """A hollow that a follower cannot enter.
+
+    Parameters
+    ----------
+    depth
+        Largest distance that is left between the follower and the hollow, along its path, m.
+    point
+        Where that is, m, frame of the cam.
+    """
+
+    depth: float
+    point: tuple[float, float]
+
+
+def bridged(points: ArrayLike, follower: Follower, *, turn: Turn = 1) -> Bridge | None:
+    """Return what a follower bridges of a profile given by points, because it is too large or flat for a hollow.
+
+    Parameters
+    ----------
+    points, follower, turn
+        As for `lift_from_profile`.
+
+    Returns
+    -------
+    Bridge
+        The deepest; None where the follower touches every point, to a micrometre.
+
+    Raises
+    ------
+    InputError
+        As `lift_from_profile` does.
+
+    Examples
+    --------
+    >>> from flexcam.cam import FlatFollower
+    >>> around = np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
+    >>> oval = (0.02 + 0.006 * np.cos(2.0 * around)) * np.exp(1j * around)
+    >>> found = bridged(np.column_stack([oval.real, oval.imag]), FlatFollower(0.014))
+    >>> round(found.depth, 4), round(abs(found.point[1]), 4)
+    (0.0007, 0.014)
+    """
+    angle = np.linspace(0.0, 2.0 * math.pi, _TRIED, endpoint=False)
+    lift = lift_from_profile(points, follower, angle, turn=turn)
+    xy = finite_array("points", points, (None, 2))
+    turned, left = np.exp(1j * turn * angle), np.full(len(xy), math.inf)
+    rows = max(1, _AT_ONCE // len(xy))
+    for i in range(0, len(angle), rows):
+        high = follower.lift_at((xy[:, 0] + 1j * xy[:, 1]) * turned[i : i + rows, None])
+        left = np.minimum(left, (lift[i : i + rows, None] - high).min(axis=0))
+    worst = int(np.argmax(np.where(np.isfinite(left), left, 0.0)))
+    depth = float(left[worst])
+    return Bridge(depth, (float(xy[worst, 0]), float(xy[worst, 1]))) if depth > _TOUCHING else None
+
+
+_TRIED = 2880
+_TOUCHING = 1e-6
+"""Between the cam angles that are tried, an eighth of a degree apart, a contact is missed by a tenth of this."""
 
 _LEAST_SAMPLES, _MOST_SAMPLES = 360, 20_000
 _CANDIDATES = 3

@@ -5,6 +5,7 @@ A new key is a field in `records`, acted on in `build` (or in `flexcam.run`), an
 """
 
 from flexcam.case.build import build_model
+from flexcam.case.follower import given_follower
 from flexcam.case.motions import GivenLaw, GivenLift, given_law, law_file
 from flexcam.case.read import Case, read_cams, read_case
 from flexcam.case.records import CamsRecord, CaseRecord
@@ -16,6 +17,7 @@ __all__ = [
     "GivenLaw",
     "GivenLift",
     "build_model",
+    "given_follower",
     "given_law",
     "law_file",
     "read_cams",

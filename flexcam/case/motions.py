@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -25,7 +26,7 @@ from pydantic_core import CoreSchema, core_schema
 from flexcam.case import quantity as q
 from flexcam.checks import InputError, did_you_mean, positive, refuse
 from flexcam.io import read_lift
-from flexcam.motion import KINDS, LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, law_kinds, lift_table
+from flexcam.motion import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
 
 Table = Mapping[str, Any]
 
@@ -51,7 +52,7 @@ class GivenLaw:
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        table = {"type": "object", "properties": {"id": {"enum": sorted(KINDS)}}, "required": ["id"]}
+        table = {"type": "object", "properties": {"id": {"enum": sorted(kind_names())}}, "required": ["id"]}
         return {"anyOf": [{"type": "string"}, table]}
 
 
@@ -151,16 +152,16 @@ def given_law(value: str | Table) -> GivenLaw:
     table = dict(value)
     name = table.pop("id", None)
     if not isinstance(name, str):
-        raise refuse("id", repr(name), ", ".join(KINDS), "the kind of law is required")
+        raise refuse("id", repr(name), ", ".join(kind_names()), "the kind of law is required")
     if name in LAWS and not table:
         return GivenLaw(dict(value), LAWS[name])
     return GivenLaw(dict(value), _of_kind(name, table))
 
 
 def _of_kind(name: str, parameters: Table) -> Law:
-    kinds = law_kinds()
-    if name not in kinds:
-        known = list(dict.fromkeys([*LAWS, *kinds]))
+    kind = law_kind(name)
+    if kind is None:
+        known = list(dict.fromkeys([*LAWS, *kind_names()]))
         hint = "it takes no parameters" if name in LAWS else did_you_mean(name, known)
         raise refuse("law", repr(name), ", ".join(known), "", hint)
     for key, value in parameters.items():
@@ -168,10 +169,10 @@ def _of_kind(name: str, parameters: Table) -> Law:
             raise refuse(
                 key,
                 repr(value),
-                f"numbers; the parameters of {name} are {', '.join(_record(kinds[name]).model_fields)}",
+                f"numbers; the parameters of {name} are {', '.join(_record(kind).model_fields)}",
             )
-    parameters = _checked(_record(kinds[name]), parameters, f"a parameter of {name}", "law")
-    return kinds[name](**parameters)
+    parameters = _checked(_record(kind), parameters, f"a parameter of {name}", "law")
+    return kind(**parameters)
 
 
 def _only_numbers(value: object) -> bool:
@@ -192,6 +193,10 @@ def _checked(record: type[BaseModel], table: object, what: str, example: str) ->
         allowed = f"{what}: {', '.join(record.model_fields)}"
         if error["type"] == "missing":
             raise refuse(key, "nothing", allowed, "the key is required", f"add {key} to the table") from None
+        if error["type"] == "literal_error":
+            known = re.findall(r"'([^']*)'", str(error.get("ctx", {})["expected"]))
+            near = did_you_mean(str(error["input"]), known)
+            raise refuse(key, repr(error["input"]), ", ".join(map(repr, known)), "", near) from None
         hint = "" if key.partition(".")[0] in record.model_fields else did_you_mean(key, record.model_fields)
         raise refuse(key, repr(error["input"]), allowed, error["msg"], hint) from None
     return {key: getattr(checked, key) for key in record.model_fields}
@@ -254,6 +259,9 @@ def toml_table(path: Path, name: str) -> dict[str, Any]:
     """
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
+        raise refuse(str(path), "no such file", f"an existing file with a table [{name}]", "", near) from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as fault:
         raise refuse(str(path), "no TOML document", f"a readable file with a table [{name}]", str(fault)) from None
     if content.get("format", 1) != 1:
@@ -277,8 +285,16 @@ def _given_lift(value: object, folder: Path) -> GivenLift:
         event, report = lift_table(columns.angle, columns.lift, tolerance=record.tolerance)
     except InputError as refusal:
         fault = refusal.faults[0]
-        raise refuse(f"{path.name}: {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy) from None
+        also = [f"also {_by_line(one.where, columns.lines)}: {one.given}" for one in refusal.faults[1:]]
+        why = "; ".join(part for part in (fault.why, *also) if part)
+        where = f"{path.name}: {_by_line(fault.where, columns.lines)}"
+        raise refuse(where, fault.given, fault.allowed, why, fault.remedy) from None
     return GivenLift(cast("str | dict[str, Any]", value), event, report)
+
+
+def _by_line(where: str, lines: Sequence[int]) -> str:
+    """Return a place in a table by the line of its file instead of the row."""
+    return re.sub(r"\brow (\d+)", lambda found: f"line {lines[int(found[1]) - 1]}", where)
 
 
 def harmonic_file(path: Path) -> HarmonicLift:

@@ -186,7 +186,7 @@ def _record(
     try:
         return kind.model_validate(raw, context={"folder": folder}), []
     except ValidationError as refusal:
-        return None, faults(refusal.errors(include_url=False), places)
+        return None, faults(refusal.errors(include_url=False), places, kind)
 
 
 def holds_mechanism(path: Path) -> bool:

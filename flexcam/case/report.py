@@ -13,11 +13,14 @@ from flexcam.case.lines import Path, Places
 from flexcam.case.records import CaseRecord
 from flexcam.checks import Fault, did_you_mean
 
-_TAGGED = (("sections", "*"), ("cams", "*", "follower"), ("contacts", "*"), ("run", "integrator"), ("run", "start"))
+_TAGGED = (
+    ("sections", "*"), ("cams", "*", "follower"), ("follower",), ("contacts", "*"), ("run", "integrator"),
+    ("run", "start"),
+)  # fmt: skip
 """Tables with variants: pydantic puts the variant's tag behind them in a path."""
 
 
-def faults(errors: Iterable[ErrorDetails], places: Places) -> list[Fault]:
+def faults(errors: Iterable[ErrorDetails], places: Places, root: type[BaseModel] = CaseRecord) -> list[Fault]:
     """Return pydantic's errors as faults, one per place.
 
     Parameters
@@ -26,6 +29,8 @@ def faults(errors: Iterable[ErrorDetails], places: Places) -> list[Fault]:
         From ``ValidationError.errors()``.
     places
         Where the keys were given.
+    root
+        The record of the whole file.
 
     Returns
     -------
@@ -35,7 +40,7 @@ def faults(errors: Iterable[ErrorDetails], places: Places) -> list[Fault]:
     found: dict[tuple[str, str], Fault] = {}
     for error in errors:
         path = _path(error)
-        fault = _fault(error, path, places)
+        fault = _fault(error, path, places, root)
         found.setdefault((fault.where, fault.given), fault)
     return list(found.values())
 
@@ -53,12 +58,12 @@ def _inserted(steps: list[str], i: int) -> bool:
     return tag or steps[i].startswith(("function-", "nullable", "tuple[")) or steps[i] == "[key]"
 
 
-def _fault(error: ErrorDetails, path: Path, places: Places) -> Fault:
+def _fault(error: ErrorDetails, path: Path, places: Places, root: type[BaseModel]) -> Fault:
     context = cast("Mapping[str, Any]", error.get("ctx", {}))
     where, given = places.place(path), _shown(error["input"])
     match error["type"]:
         case "flexcam":
-            where, given = _inside(context, path, error["input"], places)
+            where, given = _inside(context, path, error["input"], places, root)
             return Fault(where, given, str(context["allowed"]), str(context["why"]), str(context["remedy"]))
         case "missing" if path[-1].isdigit():  # an element of a row
             return Fault(places.place(path[:-1]), given, f"{int(path[-1]) + 1} values or more", "", "")
@@ -67,12 +72,12 @@ def _fault(error: ErrorDetails, path: Path, places: Places) -> Fault:
         case "model_type" | "model_attributes_type" | "dict_type":
             return Fault(where, given, "a table", "", "write it as { key = value } or under a [header]")
         case "missing":
-            return _missing(path, _about(path) or "a value", places)
+            return _missing(path, _about(path, root) or "a value", places)
         case "union_tag_not_found":
             key = str(context["discriminator"]).strip("'")
-            return _missing((*path, key), _tags(path, key), places)
+            return _missing((*path, key), _tags(path, key, root), places)
         case "extra_forbidden":
-            known = _keys(path[:-1])
+            known = _keys(path[:-1], root)
             hint = (
                 "remove it: another kind has it" if path[-1] in known else did_you_mean(path[-1], known) or "remove it"
             )
@@ -85,21 +90,27 @@ def _fault(error: ErrorDetails, path: Path, places: Places) -> Fault:
                 where = places.place((*path, str(context["discriminator"]).strip("'")))
             return Fault(where, repr(value), allowed, "", did_you_mean(value, names))
         case "int_type" | "int_parsing" | "int_from_float":
-            return Fault(where, given, f"a whole number: {_about(path)}", "", "")
+            return Fault(where, given, f"a whole number: {_about(path, root)}", "", "")
+        case "less_than_equal" | "greater_than_equal" if path == ("format",):
+            return Fault(
+                where, given, "1", "it is the version of the case format", "a newer flexcam may have written it"
+            )
         case "string_pattern_mismatch":
             return Fault(where, given, "a name of letters, digits, '_', '-' and spaces", "", "")
         case _:
             return Fault(where, given, error["msg"].replace("Input should be ", ""), "", "")
 
 
-def _inside(context: Mapping[str, Any], path: Path, value: object, places: Places) -> tuple[str, str]:
+def _inside(
+    context: Mapping[str, Any], path: Path, value: object, places: Places, root: type[BaseModel]
+) -> tuple[str, str]:
     """Return place and value of a fault inside a table: of its key, if it is about one."""
     inside, given = str(context["inside"]), str(context["given"])
     if not inside:
         return places.place(path), _shown(value)
     key = inside.rpartition(".")[2]
     table = cast("dict[str, object]", value) if isinstance(value, dict) else dict[str, object]()
-    if key in _keys(path):
+    if key in _keys(path, root):
         return places.place((*path, key)), _shown(table[key]) if key in table else given
     return f"{places.place(path)}: {inside}", given
 
@@ -108,9 +119,9 @@ def _missing(path: Path, allowed: str, places: Places) -> Fault:
     return Fault(places.place(path), "nothing", allowed, "the key is required", f"add {path[-1]!r}")
 
 
-def _tags(path: Path, key: str) -> str:
+def _tags(path: Path, key: str, root: type[BaseModel]) -> str:
     """Return the values a key of a table with variants may have."""
-    choices = [record.model_fields[key].annotation for record in _records(path) if key in record.model_fields]
+    choices = [record.model_fields[key].annotation for record in _records(path, root) if key in record.model_fields]
     return ", ".join(repr(value) for choice in choices for value in get_args(choice))
 
 
@@ -119,9 +130,9 @@ def _shown(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _records(path: Path) -> list[type[BaseModel]]:
+def _records(path: Path, root: type[BaseModel]) -> list[type[BaseModel]]:
     """Return the records that may stand at a key path (several where a table has variants)."""
-    records: list[type[BaseModel]] = [CaseRecord]
+    records: list[type[BaseModel]] = [root]
     for step in path:
         found: list[type[BaseModel]] = []
         for record in records:
@@ -141,13 +152,13 @@ def _records_in(annotation: object) -> list[type[BaseModel]]:
     return [record for part in parts for record in _records_in(part)]
 
 
-def _keys(path: Path) -> list[str]:
-    keys = [f.alias or name for record in _records(path) for name, f in record.model_fields.items()]
+def _keys(path: Path, root: type[BaseModel]) -> list[str]:
+    keys = [f.alias or name for record in _records(path, root) for name, f in record.model_fields.items()]
     return list(dict.fromkeys(keys))
 
 
-def _about(path: Path) -> str:
-    for record in _records(path[:-1]):
+def _about(path: Path, root: type[BaseModel]) -> str:
+    for record in _records(path[:-1], root):
         for name, field in record.model_fields.items():
             if (field.alias or name) == path[-1]:
                 return field.description or ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -13,6 +14,8 @@ from cyclopts import App, Parameter
 
 from flexcam import __version__
 from flexcam.case import Case, read_case
+from flexcam.checks import refuse
+from flexcam.units import parse
 
 
 @dataclass
@@ -62,6 +65,17 @@ flexcam export results/model-3-shm.vtkhdf --format pvd
     suppress_keyboard_interrupt=False,
 )
 app.register_install_completion_command()  # pyright: ignore[reportUnknownMemberType]
+
+
+_BARE = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*$")
+
+
+def quantity(where: str, text: str, dimension: str, unit: str) -> float:
+    """Return the SI number of an option's text; a number without a unit is refused, for it would be taken as SI."""
+    if _BARE.match(text) and float(text) != 0.0:
+        allowed = f"a number with its unit, such as '{text.strip()} {unit}'"
+        raise refuse(where, text, allowed, "a bare number could be anything", f"write '{text.strip()} {unit}'")
+    return parse(text, dimension, where)
 
 
 def load(path: Path, overrides: Sequence[str] | None) -> Case:

@@ -1,45 +1,29 @@
-"""Commands about cams: cam, synthesize."""
+"""Commands about cams: cam, lift."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import App, Parameter
+import numpy as np
+from cyclopts import Parameter
 
-from flexcam import __version__, console
-from flexcam.cam import PRESSURE_ANGLE
+from flexcam import console
+from flexcam.cam import PRESSURE_ANGLE, bridged, lift_from_profile
 from flexcam.cams import cam_facts, load_cams, overlaps, profile_table
+from flexcam.case import given_follower
 from flexcam.checks import did_you_mean, positive, refuse
-from flexcam.commands.app import Json, Overrides, Overwrite, Picture, app, load
-from flexcam.design import harmonic_cam, polydyne_cam
-from flexcam.io import free_to_write, made_folder, write_law, write_lift, write_profile
-from flexcam.synthesis import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesized, minimax, pareto
+from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity
+from flexcam.io import free_to_write, made_folder, read_profile, write_lift_table, write_profile
 from flexcam.terminal import out, print_json
-from flexcam.units import parse
 
-_ABOUT = "Find a better law or lift, and say how good it can be at all."
-_EXAMPLES = """\
-flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
-flexcam synthesize harmonic case.toml --tolerance "20 um" -o lift.toml
-flexcam synthesize polydyne case.toml --speed 3000rpm -o lift.toml
-"""
-synthesize = App(name="synthesize", help=_ABOUT, help_prologue=_EXAMPLES, help_format="plaintext")
-app.command(synthesize)
+_LEAST_POINTS, _MOST_POINTS = 12, 100_000
 
 CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not needed if there is one.")]
-Output = Annotated[Path | None, Parameter(["-o", "--output"], help="File (.toml) that a case can name.")]
-CasePath = Annotated[Path, Parameter(help="Case file (TOML).")]
 Forms = Annotated[list[Literal["csv", "dxf", "vtp"]] | None, Parameter("--format", negative=(), help="All by default.")]
-Minimize = Annotated[
-    list[str], Parameter("--minimize", negative=(), help="Cv, Ca, Cj, Cm or rms, or CRITERION=WEIGHT. May be repeated.")
-]
-Bounds = Annotated[list[str] | None, Parameter("--bound", negative=(), help="CRITERION=VALUE. May be repeated.")]
-Conditions = Annotated[
-    list[str] | None, Parameter("--condition", negative=(), help="Z,ORDER,VALUE: what the law must be there.")
-]
-Against = Annotated[str | None, Parameter("--pareto", help="A second criterion: a front instead of one law.")]
 
 
 @app.command(
@@ -56,23 +40,25 @@ def cam(
     cutter: Annotated[str | None, Parameter(help="Radius of the cutter or grinding wheel, such as '40 mm'.")] = None,
     pressure_angle: Annotated[str, Parameter(help="Largest allowed.")] = f"{math.degrees(PRESSURE_ANGLE):g} deg",
     points: Annotated[int, Parameter(help="Of the profile, per revolution.")] = 720,
-    plot: Annotated[Path | None, Parameter(help="Folder for pictures (.svg).")] = None,
+    plot: Annotated[Path | None, Parameter(help="Folder for pictures.")] = None,
+    plot_format: Annotated[Literal["svg", "png", "pdf"], Parameter(help="Of the pictures.")] = "svg",
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Say what the cams of a file do: lift, joints, valve events, profile and its limits; write profiles to files."""
     cams = load_cams(case, overrides or ())
     if name is not None and name not in cams.cams:
         raise refuse("--cam", repr(name), ", ".join(cams.cams), "", did_you_mean(name, cams.cams))
-    wheel = parse(cutter, "length", "--cutter") if cutter is not None else None
-    limit = positive("--pressure-angle", parse(pressure_angle, "angle", "--pressure-angle"), "rad")
+    wheel = quantity("--cutter", cutter, "length", "mm") if cutter is not None else None
+    limit = _pressure_limit(pressure_angle)
     found = {
         one: cam_facts(part, ratio=cams.ratios[one], count=points, pressure_angle=limit, cutter=wheel)
         for one, part in cams.cams.items()
         if name in (None, one)
     }
+    _profile_asked(found, folder, cutter)
     files: list[Path] = []
     for one in found:  # before anything is written
-        for path in _picture_names(plot / f"{cams.name}-{one}").values() if plot is not None else ():
+        for path in _picture_names(plot / f"{cams.name}-{one}", plot_format).values() if plot is not None else ():
             free_to_write("picture", path, overwrite=overwrite)
     for one, facts in found.items():
         if folder is not None and facts.profile is not None:
@@ -80,7 +66,7 @@ def cam(
             table = profile_table(facts.profile, wheel)
             files += write_profile(table, stem, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
         if plot is not None:
-            files += _pictures(made_folder(plot) / f"{cams.name}-{one}", facts, overwrite=overwrite)
+            files += _pictures(made_folder(plot) / f"{cams.name}-{one}", plot_format, facts, overwrite=overwrite)
     pairs = overlaps(found)
     if as_json:
         print_json({
@@ -102,178 +88,68 @@ def cam(
         out().print(str(path))
 
 
-def _picture_names(stem: Path) -> dict[str, Path]:
-    return {kind: stem.with_name(f"{stem.name}-{kind}.svg") for kind in ("lift", "profile", "pressure")}
+def _profile_asked(found: Mapping[str, console.CamFacts], folder: Path | None, cutter: str | None) -> None:
+    """Refuse what only a profile has, where there is none."""
+    for option, given in (("-o", folder), ("--cutter", cutter)):
+        if given is not None and not any(one.profile for one in found.values()):
+            why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"
+            raise refuse(option, str(given), "nothing without a profile", why, remedy)
 
 
-def _pictures(stem: Path, facts: console.CamFacts, *, overwrite: bool) -> list[Path]:
+def _pressure_limit(text: str) -> float:
+    limit = positive("--pressure-angle", quantity("--pressure-angle", text, "angle", "deg"), "rad")
+    if limit >= 0.5 * math.pi:
+        raise refuse(
+            "--pressure-angle", text, "an angle below 90 deg", "at 90 deg nothing moves it", "30 deg is common"
+        )
+    return limit
+
+
+def _picture_names(stem: Path, form: str) -> dict[str, Path]:
+    return {kind: stem.with_name(f"{stem.name}-{kind}.{form}") for kind in ("lift", "profile", "pressure")}
+
+
+def _pictures(stem: Path, form: str, facts: console.CamFacts, *, overwrite: bool) -> list[Path]:
     from flexcam.view import lift_figure, pressure_figure, profile_figure, save_figure
 
     figures = {"lift": lift_figure({stem.name: facts.cam.event})}
     if facts.profile is not None:
         figures |= {"profile": profile_figure(facts.profile), "pressure": pressure_figure(facts.profile)}
-    named = _picture_names(stem)
+    named = _picture_names(stem, form)
     return [save_figure(figure, named[kind], overwrite=overwrite) for kind, figure in figures.items()]
 
 
-@synthesize.command(
-    name="law",
+@app.command(
     help_prologue="""\
-flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
-flexcam synthesize law --family polynomial --degree 11 --minimize Ca --pareto Cj
-flexcam synthesize law --family harmonic --orders 1 --orders 3 --orders 5 --minimize Cm
-""",
+flexcam lift profile.csv --follower '{ type = "roller", radius = "9 mm" }' --base-radius "18 mm" -o lift.csv
+flexcam lift points.csv --unit mm --follower '{ type = "flat" }' --base-radius "18 mm" --clockwise
+"""
 )
-def synthesize_law(
-    *, minimize: Minimize,
-    bound: Bounds = None,
-    family: Annotated[Literal["spline", "polynomial", "harmonic"], Parameter(help="Where to look.")] = "spline",
-    degree: Annotated[int | None, Parameter(help="Of splines (5) or polynomials (11).")] = None,
-    pieces: Annotated[int, Parameter(help="Of splines.")] = 24,
-    orders: Annotated[list[int] | None, Parameter(negative=(), help="Of harmonic laws; 1 to 5 by default.")] = None,
-    rest: Annotated[int, Parameter(help="Derivatives that vanish at both ends.")] = 2,
-    condition: Conditions = None,
-    asymmetric: Annotated[bool, Parameter(negative=(), help="Do not ask for symmetry.")] = False,
-    turning_back: Annotated[bool, Parameter(negative=(), help="Allow a negative velocity.")] = False,
-    against: Against = None,
-    count: Annotated[int, Parameter(help="Laws of the front.")] = 9,
-    output: Output = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False,
+def lift(
+    profile: Annotated[Path, Parameter(help="Points of the profile (.csv), in the frame of the cam.")], *,
+    follower: Annotated[str, Parameter(help="As a case writes it, such as '{ type = \"flat\" }'.")],
+    base_radius: Annotated[str | None, Parameter(help="Of the base circle, from which the lift counts.")] = None,
+    unit: Annotated[Literal["um", "mm", "cm", "m", "in"] | None, Parameter(help="Where the head is silent.")] = None,
+    clockwise: Annotated[bool, Parameter(negative=(), help="The cam turns so.")] = False,
+    points: Annotated[int, Parameter(help="Of the lift, per revolution.")] = 720,
+    output: Annotated[Path | None, Parameter(["-o", "--output"], help="Lift table (.csv) for a case.")] = None,
+    overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Find the law of a family with the least peak values under conditions, and prove how good it is."""
-    where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
-    weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
-    fixed = [_condition(one) for one in condition or []]
-    if against is not None:
-        if len(weights) != 1 or limits:
-            raise refuse("--pareto", "with --bound or several --minimize", "one criterion against another")
-        front = pareto(where, next(iter(weights)), against, count=count, conditions=fixed, monotone=not turning_back)
-    else:
-        front = [minimax(where, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
-    files = _law_files(front, output, plot, overwrite=overwrite)
-    if as_json:
-        print_json(
-            {
-                "status": "ok",
-                "laws": [console.synthesis_json(one) for one in front],
-                "files": [str(path) for path in files],
-            }
-        )
-        return
-    out().print(console.pareto_table(front) if against else console.synthesis_table(front[0]))
-    for path in files:
-        out().print(f'{path}  (in a case: law = "{path.name}")' if path.suffix == ".toml" else str(path))
-
-
-def _family(
-    kind: str, degree: int | None, pieces: int, orders: list[int] | None, rest: int, *, symmetric: bool
-) -> Family:
-    if kind == "harmonic":
-        return HarmonicFamily(tuple(orders)) if orders else HarmonicFamily()
-    if kind == "polynomial":
-        return SplineFamily(11 if degree is None else degree, 1, rest, symmetric)
-    return SplineFamily(5 if degree is None else degree, pieces, rest, symmetric)
-
-
-def _numbers(where: str, given: list[str], default: float | None) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for one in given:
-        name, equals, text = one.partition("=")
-        if not equals and default is None:
-            raise refuse(where, repr(one), "CRITERION=VALUE, such as Cj=52.5")
-        found[name.strip()] = parse(text.strip(), "number", where) if equals else default or 0.0
-    return found
-
-
-def _condition(text: str) -> tuple[float, int, float]:
-    try:
-        z, order, value = text.split(",")
-        return float(z), int(order), float(value)
-    except ValueError:
-        allowed = "position, order of the derivative and value, such as 0.5,1,1.8"
-        raise refuse("--condition", repr(text), allowed) from None
-
-
-def _law_files(front: list[Synthesized], output: Path | None, plot: Path | None, *, overwrite: bool) -> list[Path]:
-    files: list[Path] = []
-    for i, found in enumerate(front, start=1):
-        if output is None:
-            break
-        path = output if len(front) == 1 else output.with_name(f"{output.stem}-{i}{output.suffix}")
-        about = {"flexcam": __version__, **{k: v for k, v in console.synthesis_json(found).items() if v is not None}}
-        files.append(write_law(found.law, made_folder(path.parent) / path.name, about=about, overwrite=overwrite))
-    if plot is not None:
-        from flexcam.view import law_figure, save_figure
-
-        laws = {f"{i}" if len(front) > 1 else found.family: found.law for i, found in enumerate(front, start=1)}
-        files.append(save_figure(law_figure(laws), plot, overwrite=overwrite))
-    return files
-
-
-@synthesize.command(
-    name="harmonic",
-    help_prologue="""\
-flexcam synthesize harmonic case.toml --tolerance "20 um" -o intake-harmonic.toml
-flexcam synthesize harmonic case.toml --cam intake --count 12 --bound "0.2 mm"
-""",
-)
-def synthesize_harmonic(
-    case: CasePath, *, name: CamName = None,
-    tolerance: Annotated[str, Parameter(help="Largest distance from the cam's lift in its dwells.")] = "20 um",
-    bound: Annotated[str | None, Parameter(help="Largest distance elsewhere.")] = None,
-    count: Annotated[int | None, Parameter(help="Harmonics; by default those below the train's first mode.")] = None,
-    output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
-) -> None:  # fmt: skip
-    """Replace a cam's lift by harmonics that its train cannot resonate with, dwells kept strictly."""
-    strict, wide = (
-        parse(tolerance, "length", "--tolerance"),
-        None if bound is None else parse(bound, "length", "--bound"),
-    )
-    found = harmonic_cam(load(case, overrides), name, tolerance=strict, count=count, bound=wide)
-    about = {"flexcam": __version__, "made_for": str(case), "harmonics": found.count}
-    files = [] if output is None else [write_lift(found.fit.event, output, about=about, overwrite=overwrite)]
+    """Say what a cam given by points of its profile does to a follower, and write the lift as a table."""
+    if base_radius is not None:
+        positive("--base-radius", quantity("--base-radius", base_radius, "length", "mm"), "m")
+    if not _LEAST_POINTS <= points <= _MOST_POINTS:
+        raise refuse("--points", points, f"a whole number from {_LEAST_POINTS} to {_MOST_POINTS}")
+    made, turn = given_follower(follower, base_radius, clockwise=clockwise)
+    around, xy = np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), read_profile(profile, unit=unit)
+    found, hollow = lift_from_profile(xy, made, around, turn=turn), bridged(xy, made, turn=turn)
+    files = [] if output is None else [write_lift_table(output, around, found, overwrite=overwrite)]
     if as_json:
         print_json({
-            "status": "ok", "harmonics": found.count, "harmonics_below_first_mode": found.limit,
-            "first_mode_hz": found.frequency / (2.0 * math.pi), "dwell_deviation": found.fit.strict_deviation,
-            "deviation": found.fit.deviation, "rms_deviation": found.fit.rms_deviation,
-            "files": [str(path) for path in files],
+            "status": "ok", "points": len(xy), "angle": around.tolist(), "lift": found.tolist(),
+            "bridged": None if hollow is None else asdict(hollow), "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    out().print(console.harmonic_table(found))
-    for path in files:
-        out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
-
-
-@synthesize.command(
-    name="polydyne",
-    help_prologue="""\
-flexcam synthesize polydyne case.toml --speed 3000rpm -o intake-polydyne.toml
-flexcam synthesize polydyne case.toml --frequency "400 Hz" --damping 0.02
-""",
-)
-def synthesize_polydyne(
-    case: CasePath, *, name: CamName = None,
-    speed: Annotated[str | None, Parameter(help="Design speed of the camshaft; the case's by default.")] = None,
-    frequency: Annotated[str | None, Parameter(help="Of one mass on a spring, instead of the case's train.")] = None,
-    damping: Annotated[float, Parameter(help="Of that mass, part of the critical.")] = 0.0,
-    count: Annotated[int, Parameter(help="Harmonics.")] = 60,
-    output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
-) -> None:  # fmt: skip
-    """Find the cam that makes the valve move as the case's cam would move it if everything were rigid."""
-    at = None if speed is None else positive("--speed", parse(speed, "speed", "--speed"), "rad/s")
-    if damping and frequency is None:
-        raise refuse("--damping", damping, "nothing without --frequency", "the case's train has its own")
-    mass = None if frequency is None else SingleMass(2.0 * math.pi * parse(frequency, "rate", "--frequency"), damping)
-    found = polydyne_cam(load(case, overrides), name, speed=at, transfer=mass, count=count)
-    about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed * 30.0 / math.pi}
-    files = [] if output is None else [write_lift(found.design.event, output, about=about, overwrite=overwrite)]
-    if as_json:
-        print_json({
-            "status": "ok", "design_speed_rpm": found.speed * 30.0 / math.pi, "left_out": found.design.left_out,
-            "speeds_rpm": (found.speeds * 30.0 / math.pi).tolist(), "plain": found.plain.tolist(),
-            "polydyne": found.compensated.tolist(), "files": [str(path) for path in files],
-        })  # fmt: skip
-        return
-    out().print(console.polydyne_table(found))
+    out().print(console.read_table(profile.name, len(xy), around, found, hollow))
     for path in files:
         out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +13,7 @@ from flexcam import console
 from flexcam.case import given_law, law_file
 from flexcam.checks import did_you_mean, refuse
 from flexcam.commands.app import Json, Overwrite, Picture, app
-from flexcam.motion import KINDS, LAWS, Law, criteria, residual_spectrum
+from flexcam.motion import LAWS, Law, criteria, kind_names, residual_spectrum
 from flexcam.terminal import out, print_json
 
 _RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0)
@@ -23,20 +24,30 @@ Ratios = Annotated[
 ]
 
 
+Spectrum = Annotated[
+    Path | None,
+    Parameter("--spectrum", help="Also draw the residual vibration over the rise time (.svg, .png or .pdf)."),
+]
+
+
 def find_law(name: str, parameters: list[str] | None = None) -> Law:
     """Return the law of a name with parameters, or of a file."""
     if name.endswith(".toml"):
         if parameters:
             raise refuse("--with", ", ".join(parameters), "nothing beside a law file", "the file says all of it")
         return law_file(Path(name)).law
-    if not parameters and name not in LAWS and name not in KINDS:
-        known = list(dict.fromkeys([*LAWS, *KINDS]))
+    if not parameters and name not in LAWS and name not in kind_names():
+        known = list(dict.fromkeys([*LAWS, *kind_names()]))
         raise refuse("law", repr(name), ", ".join(known) + ", or a law file (.toml)", "", did_you_mean(name, known))
     given: dict[str, object] = {"id": name}
     for one in parameters or ():
         key, equals, value = one.partition("=")
         if not equals:
             raise refuse("--with", repr(one), "key=value, such as b=0.25")
+        if key.strip() in given:
+            raise refuse(
+                "--with", repr(one), "every parameter once", f"{key.strip()!r} is given twice", "leave one out"
+            )
         try:
             given[key.strip()] = tomllib.loads(f"value = {value}")["value"]
         except tomllib.TOMLDecodeError:
@@ -54,42 +65,61 @@ flexcam law best.toml --residual 1.5 --plot best.svg
 def law(
     name: Annotated[str, Parameter(help="Name of a motion law, or a law file (.toml).")], *,
     parameters: Annotated[list[str] | None, Parameter("--with", negative=(), help="A parameter of the law.")] = None,
-    residual: Ratios = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False,
+    residual: Ratios = None, plot: Picture = None, spectrum: Spectrum = None, overwrite: Overwrite = False,
+    as_json: Json = False,
 ) -> None:  # fmt: skip
     """Say what a motion law does: its criteria, extremes, ends and symmetry, normalized to lift 1 over angle 1."""
     one = find_law(name, parameters)
     found, ratios = criteria(one), tuple(residual or _RATIOS)
-    spectrum = residual_spectrum(one, ratios).tolist()
-    if plot is not None:
-        from flexcam.view import law_figure, save_figure
-
-        save_figure(law_figure({name: one}), plot, overwrite=overwrite)
+    left = residual_spectrum(one, ratios).tolist()
+    _drawn({name: one}, plot, spectrum, overwrite=overwrite)
     if as_json:
-        pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, spectrum, strict=True)]
+        pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, left, strict=True)]
         print_json({"status": "ok", "law": name, **console.law_json(found), "residual": pairs})
         return
     out().print(console.law_facts(name, found))
     out().print()
-    out().print(console.spectrum_table({name: spectrum}, ratios))
+    out().print(console.spectrum_table({name: left}, ratios))
+
+
+def _drawn(found: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *, overwrite: bool) -> None:
+    """Draw laws and what vibration they leave behind, where that is asked for."""
+    if plot is None and spectrum is None:
+        return
+    from flexcam.view import law_figure, save_figure, spectrum_figure
+
+    for path, figure in ((plot, law_figure), (spectrum, spectrum_figure)):
+        if path is not None:
+            save_figure(figure(found), path, overwrite=overwrite)
+
+
+def _by_law(given: Mapping[str, Law]) -> dict[str, str]:
+    """Return the first name of every law, and all its names together."""
+    rows: dict[str, str] = {}
+    for name, one in given.items():
+        first = next((other for other in rows if given[other] == one), name)
+        rows[first] = f"{rows[first]}, {name}" if first in rows else name
+    return rows
 
 
 @app.command(help_prologue="flexcam laws\nflexcam laws --plot laws.svg\n")
-def laws(*, residual: Ratios = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False) -> None:
+def laws(
+    *, residual: Ratios = None, plot: Picture = None, spectrum: Spectrum = None, overwrite: Overwrite = False,
+    as_json: Json = False,
+) -> None:  # fmt: skip
     """List all motion laws that are complete by their name, with their criteria side by side."""
     found = {name: criteria(one) for name, one in LAWS.items()}
     ratios = tuple(residual or _RATIOS)
     spectra = {name: residual_spectrum(one, ratios).tolist() for name, one in LAWS.items()}
-    if plot is not None:
-        from flexcam.view import law_figure, save_figure
-
-        save_figure(law_figure(LAWS), plot, overwrite=overwrite)
+    _drawn(LAWS, plot, spectrum, overwrite=overwrite)
     if as_json:
         print_json({
-            "status": "ok", "ratios": list(ratios), "kinds": list(KINDS),
+            "status": "ok", "ratios": list(ratios), "kinds": list(kind_names()),
             "laws": {name: {**console.law_json(one), "residual": spectra[name]} for name, one in found.items()},
         })  # fmt: skip
         return
-    out().print(console.laws_table(found))
+    rows = _by_law(LAWS)
+    out().print(console.laws_table({said: found[name] for name, said in rows.items()}))
     out().print()
-    out().print(console.spectrum_table(spectra, ratios))
-    out().print(f"\nKinds with parameters (flexcam law KIND --with key=value): {', '.join(KINDS)}")
+    out().print(console.spectrum_table({said: spectra[name] for name, said in rows.items()}, ratios))
+    out().print(f"\nKinds with parameters (flexcam law KIND --with key=value): {', '.join(kind_names())}")

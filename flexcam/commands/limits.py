@@ -7,10 +7,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from flexcam import console
-from flexcam.commands.app import CaseFile, Json, Overrides, app, load
+from flexcam.commands.app import CaseFile, Json, Overrides, app, load, quantity
 from flexcam.limits import find_limits
 from flexcam.terminal import out, print_json
-from flexcam.units import parse
 
 
 @app.command(
@@ -33,9 +32,10 @@ def limits(
     """
     read = load(case, overrides)
     scale = 2.0 if read.record.run.speed is None else 1.0
-    low = 0.5 * read.speed if lowest is None else parse(lowest, "speed", "--lowest") / scale
-    high = 2.0 * read.speed if highest is None else parse(highest, "speed", "--highest") / scale
-    width, height = parse(tolerance, "speed", "--tolerance") / scale, parse(bounce_height, "length", "--bounce-height")
+    low = 0.5 * read.speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
+    high = 2.0 * read.speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
+    width = quantity("--tolerance", tolerance, "speed", "rpm") / scale
+    height = quantity("--bounce-height", bounce_height, "length", "mm")
     found = find_limits(read, lowest=low, highest=high, tolerance=width, bounce_height=height)
     if as_json:
         print_json({"status": "ok", **console.limits_json(found, scale)})

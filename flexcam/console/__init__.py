@@ -4,18 +4,7 @@ A new table is a function in the file of its kind.
 """
 
 from flexcam.cams import CamFacts
-from flexcam.console.cams import (
-    cam_json,
-    cam_table,
-    harmonic_table,
-    overlap_table,
-    pareto_table,
-    polydyne_table,
-    smoothing_table,
-    spectrum_table,
-    synthesis_json,
-    synthesis_table,
-)
+from flexcam.console.cams import cam_json, cam_table, overlap_table, read_table, smoothing_table
 from flexcam.console.cases import (
     claim_table,
     comparison_table,
@@ -26,9 +15,18 @@ from flexcam.console.cases import (
     model_table,
     resolved,
 )
-from flexcam.console.laws import law_facts, law_json, laws_table
+from flexcam.console.laws import law_facts, law_json, laws_table, spectrum_table
 from flexcam.console.limits import limits_json, limits_table
 from flexcam.console.results import info_table, run_table, strength_table
+from flexcam.console.synthesis import (
+    harmonic_table,
+    or_null,
+    pareto_table,
+    polydyne_facts,
+    polydyne_table,
+    synthesis_json,
+    synthesis_table,
+)
 
 __all__ = [
     "CamFacts",
@@ -48,9 +46,12 @@ __all__ = [
     "mac_table",
     "mode_table",
     "model_table",
+    "or_null",
     "overlap_table",
     "pareto_table",
+    "polydyne_facts",
     "polydyne_table",
+    "read_table",
     "resolved",
     "run_table",
     "smoothing_table",

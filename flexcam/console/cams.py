@@ -1,20 +1,23 @@
-"""Tables about cams and their synthesis."""
+"""Tables about cams."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 
 import numpy as np
 from rich.table import Table
 
+from flexcam.cam import Bridge, Finding
 from flexcam.cams import CamFacts
-from flexcam.design import HarmonicCam, PolydyneCam
+from flexcam.console.words import NOISE, degrees, mm
 from flexcam.linalg import FloatArray
-from flexcam.motion import Joint, LiftReport, ValveEvent
-from flexcam.synthesis import Synthesized
+from flexcam.motion import THRESHOLDS, Extreme, Joint, LiftReport, ValveEvent
 from flexcam.terminal import facts, table
+
+_NEGATIVE = 1e-4
+"""Part of the largest lift by which a profile may lie within its base circle: less than a cam is ground to."""
 
 _STEPS = (("lift", "mm"), ("velocity", "mm/rad"), ("acceleration", "mm/rad^2"), ("jerk", "mm/rad^3"))
 
@@ -34,20 +37,12 @@ def cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
     dict
         SI, angles in rad.
     """
-    profile = found.profile
     return {
-        "lift": found.cam.event.height, "velocity": found.velocity, "acceleration": found.acceleration,
-        "jerk": found.jerk, "harmonics": list(found.harmonics),
+        "lift": found.lift[1].value, "least_lift": found.lift[0].value, "velocity": found.velocity,
+        "acceleration": found.acceleration, "jerk": found.jerk, "harmonics": list(found.harmonics),
         "joints": [_joint_json(one) for one in found.joints],
         "valve_events": {name: _event_json(one) for name, one in found.events.items()},
-        "profile": None if profile is None else {
-            "base_radius": profile.follower.base_radius,
-            "least_radius": float(profile.radius.min()), "least_convex_radius": _least_convex(profile.radius),
-            "pressure_angle": float(np.abs(profile.pressure_angle).max()),
-            "contact_offset": [float(profile.offset.min()), float(profile.offset.max())],
-            "sliding_velocity": float(np.abs(profile.touch.sliding).max()),
-            "least_base_radius": found.least_base_radius,
-        },
+        "profile": _profile_json(found),
         "findings": [asdict(one) for one in found.findings],
         "smoothing": None if report is None else asdict(report),
     }  # fmt: skip
@@ -61,9 +56,19 @@ def _event_json(event: ValveEvent | None) -> dict[str, float] | None:
     return None if event is None else {**asdict(event), "duration": event.duration, "centre": event.centre}
 
 
-def _least_convex(radius: FloatArray) -> float | None:
-    convex = radius[radius > 0.0]
-    return float(convex.min()) if convex.size else None
+def _profile_json(found: CamFacts) -> dict[str, object] | None:
+    if found.profile is None:
+        return None
+    seen, hollow = found.profile.extremes, found.profile.extremes.hollow
+    return {
+        "base_radius": found.profile.follower.base_radius,
+        "convex_radius": seen.convex.value, "convex_radius_at": seen.convex.at,
+        "hollow_radius": hollow and hollow.value, "hollow_radius_at": hollow and hollow.at,
+        "pressure_angle": abs(seen.pressure_angle.value), "pressure_angle_at": seen.pressure_angle.at,
+        "contact_offset": [end.value for end in seen.offset],
+        "sliding_velocity": abs(seen.sliding.value),
+        "least_base_radius": found.least_base_radius,
+    }  # fmt: skip
 
 
 def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float) -> Table:
@@ -86,17 +91,24 @@ def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float) -> 
         For rich.
     """
     rows = [
-        ("lift", f"{1e3 * found.cam.event.height:.6g} mm" + (f", at the valve x {ratio:g}" if ratio != 1.0 else "")),
+        ("lift", _lift(found, ratio)),
         ("largest velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
         ("largest acceleration", _at_speed(found.acceleration, "mm/rad^2", "m/s^2", 2, speed)),
         ("largest jerk", _jerk(found.jerk)),
-        ("harmonics 1 to 10", ", ".join(f"{1e3 * one:.3g}" for one in found.harmonics) + " mm"),
-        *((f"valve open beyond {lift}", _event(event)) for lift, event in found.events.items()),
+        ("harmonics 1 to 10", ", ".join(mm(one, 3) for one in found.harmonics) + " mm"),
+        *((f"valve open beyond {lift}", _event(event, ratio * found.lift[0].value > THRESHOLDS[lift]))
+          for lift, event in found.events.items()),
         *_joints(found.joints),
         *_profile(found, speed),
-        *(("attention", _finding(one.what, one.angle, one.value, one.limit)) for one in found.findings),
-    ]
+        *(("attention", _finding(one)) for one in found.findings),
+    ]  # fmt: skip
     return facts(f"Cam {name}", rows)
+
+
+def _lift(found: CamFacts, ratio: float) -> str:
+    least, largest = (one.value for one in found.lift)
+    low = f"{mm(least)} to " if abs(least) > NOISE * largest else ""
+    return f"{low}{mm(largest)} mm" + (f", at the valve x {ratio:g}" if ratio != 1.0 else "")
 
 
 def _jerk(jerk: float | None) -> str:
@@ -110,9 +122,9 @@ def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float |
     )
 
 
-def _event(event: ValveEvent | None) -> str:
+def _event(event: ValveEvent | None, always: bool) -> str:
     if event is None:
-        return "never, or always"
+        return "always" if always else "never"
     opens, closes, span = (math.degrees(x) for x in (event.opens, event.closes, event.duration))
     return f"crank {opens:.2f} to {closes:.2f} deg, duration {span:.2f} deg"
 
@@ -130,34 +142,42 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
     profile = found.profile
     if profile is None:
         return [("profile", "give base_radius and follower for one")]
-    radius, press, angle = profile.radius, np.abs(profile.pressure_angle), np.degrees(profile.angle)
-    low, steep = int(np.argmin(radius)), int(np.argmax(press))
-    slide = float(np.abs(profile.touch.sliding).max())
-    least = found.least_base_radius
+    seen = profile.extremes
     rows = [
-        ("base circle", f"{1e3 * profile.follower.base_radius:.6g} mm; {_least(least)}"),
-        ("least radius of curvature", f"{1e3 * radius[low]:.6g} mm at {angle[low]:.4g} deg"),
-        ("largest pressure angle", f"{math.degrees(press[steep]):.4g} deg at {angle[steep]:.4g} deg"),
-        ("contact offset", f"{1e3 * profile.offset.min():.5g} to {1e3 * profile.offset.max():.5g} mm"),
-        ("largest sliding velocity", _at_speed(slide, "mm/rad", "m/s", 1, speed)),
+        ("base circle", f"{mm(profile.follower.base_radius)} mm; {_least(found.least_base_radius)}"),
+        ("tightest convex radius", _convex(seen.convex)),
+        ("tightest hollow", f"radius {mm(seen.hollow.value)} mm {_at(seen.hollow)}" if seen.hollow else "none"),
+        ("largest pressure angle", f"{degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle)}"),
+        ("contact offset", f"{mm(seen.offset[0].value, 5)} to {mm(seen.offset[1].value, 5)} mm"),
+        ("largest sliding velocity", _at_speed(abs(seen.sliding.value), "mm/rad", "m/s", 1, speed)),
     ]  # fmt: skip
-    convex = _least_convex(radius)
-    if convex is not None and radius[low] < 0.0:
-        rows.insert(2, ("least convex radius", f"{1e3 * convex:.6g} mm"))
     return rows
+
+
+def _convex(tightest: Extreme) -> str:
+    if tightest.value <= 0.0:
+        return f"none: the profile is undercut {_at(tightest)}"
+    return f"{mm(tightest.value)} mm {_at(tightest)}"
+
+
+def _at(place: Extreme) -> str:
+    return f"at {math.degrees(place.at):.4g} deg"
 
 
 def _least(radius: float | None) -> str:
     if radius is None:
         return "no other keeps this event within the limits"
-    return f"least within the limits {1e3 * radius:.6g} mm"
+    return f"least within the limits {mm(radius)} mm" if radius else "any smaller one is within the limits too"
 
 
-def _finding(what: str, angle: float, value: float, limit: float) -> str:
-    measure = f"{1e3 * value:.4g} mm of {1e3 * limit:.4g}"
-    if "angle" in what:
-        measure = f"{math.degrees(value):.4g} deg of {math.degrees(limit):.4g}"
-    return f"{what} (at {math.degrees(angle):.4g} deg: {measure})"
+def _finding(one: Finding) -> str:
+    if one.kind == "angle":
+        measure = f"{degrees(one.value)} deg, allowed at most {degrees(one.limit)} deg"
+    else:
+        side = f"at least {mm(one.limit, 4)} mm" if one.limit else "above 0"
+        measure = f"{mm(one.value, 4)} mm, allowed {side}"
+    place = f"at {math.degrees(one.angle):.4g} deg: {measure}"
+    return f"{one.what} ({place}); {one.remedy}"
 
 
 def overlap_table(overlaps: Sequence[tuple[str, str, str, float]]) -> Table:
@@ -202,145 +222,42 @@ def smoothing_table(name: str, report: LiftReport) -> Table:
         ("changed by", f"{changed}, at {math.degrees(report.at):.4g} deg"),
         ("acceleration of the points", before),
         ("acceleration of the spline", after),
+        *(("attention", said) for said in report.remarks),
     ]
     return facts(f"Lift table of {name}", rows)
 
 
-def synthesis_json(found: Synthesized) -> dict[str, object]:
-    """Return a law found as ``--json`` prints it.
+def read_table(name: str, points: int, angle: FloatArray, lift: FloatArray, hollow: Bridge | None) -> Table:
+    """Return a lift that was read from a profile.
 
     Parameters
     ----------
-    found
-        The law and its bounds.
-
-    Returns
-    -------
-    dict
-        Numbers of the normalized law.
-    """
-    c = found.criteria
-    return {
-        "family": found.family, "objective": found.objective, "family_bound": found.bound, "gap": found.gap,
-        "bound_over_all_laws": found.bound_all, "Cv": c.Cv, "Ca": c.Ca, "Cj": c.Cj, "Cm": c.Cm, "rms": c.rms[1],
-        "broken": list(c.broken),
-    }  # fmt: skip
-
-
-def synthesis_table(found: Synthesized) -> Table:
-    """Return a law found, and how good it is.
-
-    Parameters
-    ----------
-    found
-        The law and its bounds.
+    name
+        Of the file.
+    points
+        How many the profile has.
+    angle
+        Cam angles, rad, shape (n,).
+    lift
+        m, shape (n,).
+    hollow
+        What the follower bridges.
 
     Returns
     -------
     Table
         For rich.
     """
-    c = found.criteria
-    bound = "none: this objective is not convex, the law is the best nearby"
-    if found.bound is not None and found.gap is not None:
-        bound = f"{found.bound:.9g}; the law is at most {max(found.gap, 0.0):.1e} above it (duality gap)"
-    every = "not known" if found.bound_all is None else (
-        f"{found.bound_all:.6g}; the law is {100.0 * (found.objective / found.bound_all - 1.0):.2f} % above it"
-    )  # fmt: skip
+    low, high = (Extreme(float(lift[i]), float(angle[i])) for i in (int(np.argmin(lift)), int(np.argmax(lift))))
     rows = [
-        ("objective", f"{found.objective:.9g}"),
-        ("no law of the family has less than", bound),
-        ("no law at all has less than", every),
-        ("C_v, C_a, C_j, C_m", ", ".join("infinite" if x is None else f"{x:.6g}" for x in (c.Cv, c.Ca, c.Cj, c.Cm))),
-        *(("not met", said) for said in c.broken),
+        ("points", str(points)),
+        ("largest lift", f"{mm(high.value)} mm {_at(high)}"),
+        ("least lift", f"{mm(low.value)} mm {_at(low)}"),
     ]
-    return facts(f"Best of {found.family}", rows)
-
-
-def pareto_table(front: Sequence[Synthesized]) -> Table:
-    """Return a front of laws.
-
-    Parameters
-    ----------
-    front
-        The laws.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
-    rows = [
-        (str(i), *(f"{x:.5g}" if x is not None else "infinite" for x in (c.Cv, c.Ca, c.Cj, c.Cm)),
-         "-" if one.gap is None else f"{max(one.gap, 0.0):.0e}")
-        for i, one in enumerate(front, start=1) for c in [one.criteria]
-    ]  # fmt: skip
-    return table(f"Pareto front of {front[0].family}", ("no.", "C_v", "C_a", "C_j", "C_m", "gap"), rows)
-
-
-def harmonic_table(found: HarmonicCam) -> Table:
-    """Return a cam of few harmonics.
-
-    Parameters
-    ----------
-    found
-        The cam.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
-    fit = found.fit
-    rows = [
-        (
-            "harmonics",
-            f"{found.count}; {found.limit} lie below the first mode, {found.frequency / (2.0 * math.pi):.4g} Hz",
-        ),
-        ("distance in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
-        ("distance elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
-        ("largest lift", f"{1e3 * fit.event.height:.6g} mm"),
-    ]
-    return facts("Lift of few harmonics", rows)
-
-
-def polydyne_table(found: PolydyneCam) -> Table:
-    """Return a polydyne cam at its speed and off it.
-
-    Parameters
-    ----------
-    found
-        The cam.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
-    rows = [
-        (f"{speed * 30.0 / math.pi:.6g}", f"{1e6 * plain:.4g}", f"{1e6 * compensated:.4g}")
-        for speed, plain, compensated in zip(
-            found.speeds.tolist(), found.plain.tolist(), found.compensated.tolist(), strict=True
-        )
-    ]
-    head = ("camshaft rpm", "plain cam, um", "polydyne cam, um")
-    return table(f"Distance from the wanted motion; design speed {found.speed * 30.0 / math.pi:.6g} rpm", head, rows)
-
-
-def spectrum_table(spectra: Mapping[str, Sequence[float]], ratios: Sequence[float]) -> Table:
-    """Return residual vibrations side by side.
-
-    Parameters
-    ----------
-    spectra
-        Amplitudes over lift by law.
-    ratios
-        Rise times over the period.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
-    rows = [(name, *(f"{value:.6f}" for value in values)) for name, values in spectra.items()]
-    return table("Residual vibration over lift, by rise time over period", ("law", *(f"{r:g}" for r in ratios)), rows)
+    if low.value < -_NEGATIVE * high.value:
+        rows.append(("attention", "the profile lies within the base circle; check its radius and the unit"))
+    if hollow is not None:
+        place = f"{mm(hollow.point[0], 4)}, {mm(hollow.point[1], 4)} mm"
+        said = f"the follower bridges a hollow of the profile: {mm(hollow.depth, 3)} mm are left at {place}"
+        rows.append(("attention", f"{said}; a smaller roller follows it"))
+    return facts(f"Lift of {name}", rows)

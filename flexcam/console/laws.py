@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from rich.table import Table
@@ -96,3 +96,22 @@ def laws_table(found: Mapping[str, Criteria]) -> Table:
         for name, c in found.items()
     ]  # fmt: skip
     return table("Motion laws, lift 1 over angle 1", ("law", "C_v", "C_a", "C_j", "C_m", "zero at both ends"), rows)
+
+
+def spectrum_table(spectra: Mapping[str, Sequence[float]], ratios: Sequence[float]) -> Table:
+    """Return residual vibrations side by side.
+
+    Parameters
+    ----------
+    spectra
+        Amplitudes over lift by law.
+    ratios
+        Rise times over the period.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    rows = [(name, *(f"{value:.6f}" for value in values)) for name, values in spectra.items()]
+    return table("Residual vibration over lift, by rise time over period", ("law", *(f"{r:g}" for r in ratios)), rows)

@@ -6,11 +6,12 @@ A new format is one file here with one read or write function.
 
 from flexcam.io.csv import write_csv
 from flexcam.io.geometry import Geometry
-from flexcam.io.lift_file import LiftColumns, read_lift
+from flexcam.io.lift_file import LiftColumns, read_lift, write_lift_table
 from flexcam.io.mesh_file import read_mesh, write_mesh
 from flexcam.io.modes_file import write_modes
 from flexcam.io.motion_file import write_law, write_lift
 from flexcam.io.profile_file import ProfileTable, write_profile
+from flexcam.io.profile_points import read_profile
 from flexcam.io.pvd import write_pvd
 from flexcam.io.result import Result, read_result
 from flexcam.io.target import free_to_write, made_folder
@@ -26,10 +27,12 @@ __all__ = [
     "made_folder",
     "read_lift",
     "read_mesh",
+    "read_profile",
     "read_result",
     "write_csv",
     "write_law",
     "write_lift",
+    "write_lift_table",
     "write_mesh",
     "write_modes",
     "write_profile",

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from flexcam.checks import Fault, InputError, refuse
+from flexcam.io.target import free_to_write, made_folder
 from flexcam.linalg import FloatArray
 
 AngleKind = Literal["cam", "crank"]
@@ -20,7 +21,8 @@ _LENGTHS = {"um": 1e-6, "μm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0
 _DEGREE = math.pi / 180.0
 _ANGLES = {"deg": _DEGREE, "°": _DEGREE, "degree": _DEGREE, "degrees": _DEGREE, "rad": 1.0}
 _SEPARATOR = re.compile(r"[,;\t]|\s+")
-_MOST_FAULTS = 5
+_MOST_FAULTS = 10
+_DECIMAL_COMMA = re.compile(r"\d,\d+\s*[;\t]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +35,13 @@ class LiftColumns:
         Cam angle, rad, shape (n,).
     lift
         m, shape (n,).
+    lines
+        Of the file, counted from 1, that they stand on, n of them.
     """
 
     angle: FloatArray
     lift: FloatArray
+    lines: tuple[int, ...]
 
 
 def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = None) -> LiftColumns:
@@ -76,13 +81,45 @@ def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = 
     bad = [(number, text) for number, text in rows if not _numbers(text)]
     if bad:
         raise InputError(
-            Fault(
-                f"{path.name}, line {number}", repr(text[:40]), "an angle and a lift", "", "correct or remove the row"
-            )
+            Fault(f"{path.name}, line {number}", repr(text[:40]), "an angle and a lift", "", _mend(text))
             for number, text in bad[:_MOST_FAULTS]
         )
     values = np.array([_numbers(text) for _, text in rows], dtype=float).reshape(-1, 2)
-    return LiftColumns(values[:, 0] * to_rad * (0.5 if kind == "crank" else 1.0), values[:, 1] * scale)
+    return LiftColumns(values[:, 0] * to_rad * (0.5 if kind == "crank" else 1.0), values[:, 1] * scale,
+                       tuple(number for number, _ in rows))  # fmt: skip
+
+
+def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwrite: bool = False) -> Path:
+    """Write a table of angle and lift that `read_lift` reads.
+
+    Parameters
+    ----------
+    path
+        The ``.csv`` file.
+    angle
+        Cam angles, rad, shape (n,).
+    lift
+        m, shape (n,).
+    overwrite
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If its name ends otherwise, or it exists and may not be replaced.
+    """
+    if path.suffix != ".csv":
+        raise refuse("output", str(path), "a name that ends in .csv", "a case tells a table by it")
+    free_to_write("output", path, overwrite=overwrite)
+    made_folder(path.parent)
+    rows = np.column_stack([np.degrees(angle), 1e3 * lift])
+    np.savetxt(path, rows, fmt="%.12g", delimiter=",", header="cam_deg,lift_mm", comments="")
+    return path
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:
@@ -93,6 +130,12 @@ def _lines(path: Path) -> list[tuple[int, str]]:
         raise refuse("lift table", str(path), "a readable text file", str(fault)) from None
     rows = [(number, line.partition("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1)]
     return [(number, line) for number, line in rows if line]
+
+
+def _mend(row: str) -> str:
+    if _DECIMAL_COMMA.search(row):
+        return "write decimal points: 90.5; 1.25"
+    return "correct or remove the row"
 
 
 def _numbers(text: str) -> tuple[float, float] | None:

@@ -50,7 +50,7 @@ def write_profile(table: ProfileTable, stem: Path, forms: Sequence[str], *, over
         File name without its ending; the folder exists.
     forms
         Of ``csv`` (a row per cam angle, mm and deg), ``dxf`` (closed polylines in layers, mm) and ``vtp`` (VTK
-        polylines, m).
+        polylines, m; arrays named with their units).
     overwrite
         Whether existing files may be replaced.
 
@@ -99,12 +99,7 @@ def _vtp(table: ProfileTable, path: Path) -> None:
     closed = [np.vstack([curve, curve[:1]]) for curve in table.curves.values()]
     flat = np.vstack(closed)
     points = np.column_stack([flat, np.zeros(len(flat))])
-    data = {_plain(name): np.tile(np.append(column, column[0]), len(closed)) for name, column in table.columns.items()}
+    data = {name: np.tile(np.append(column, column[0]), len(closed)) for name, column in table.columns.items()}
     write_polylines(
         path, points, [len(c) for c in closed], point_data=data, cell_data={"curve": np.arange(len(closed))}
     )
-
-
-def _plain(head: str) -> str:
-    """Return a column's head without its unit, which array names in ParaView do without."""
-    return head.partition(" [")[0]

@@ -9,6 +9,7 @@ from flexcam.motion.cosine import CosineSum
 from flexcam.motion.criteria import Criteria, Extreme, criteria
 from flexcam.motion.cycloidal import Cycloidal
 from flexcam.motion.event import Event, LiftEvent, Shifted
+from flexcam.motion.extremes import event_extremes, lowest
 from flexcam.motion.fb2 import CompoundCycloid
 from flexcam.motion.harmonic import Harmonic
 from flexcam.motion.harmonic_acceleration import harmonic_acceleration
@@ -19,7 +20,7 @@ from flexcam.motion.parabolic import Parabolic
 from flexcam.motion.periodic import HarmonicLift, PeriodicSpline, harmonics
 from flexcam.motion.polynomial import Polynomial, quinquinomial
 from flexcam.motion.ramp import Ramp
-from flexcam.motion.registry import KINDS, LAWS, LawKind, law_kinds
+from flexcam.motion.registry import KINDS, LAWS, LawKind, kind_names, law_kind
 from flexcam.motion.scca import Scca
 from flexcam.motion.shm import SimpleHarmonic
 from flexcam.motion.spectrum import residual_spectrum
@@ -54,11 +55,14 @@ __all__ = [
     "Turned",
     "ValveEvent",
     "criteria",
+    "event_extremes",
     "harmonic_acceleration",
     "harmonics",
     "joints",
-    "law_kinds",
+    "kind_names",
+    "law_kind",
     "lift_table",
+    "lowest",
     "overlap",
     "quinquinomial",
     "residual_spectrum",

@@ -11,6 +11,7 @@ import numpy as np
 
 from flexcam.checks import positive, refuse
 from flexcam.linalg import FloatArray
+from flexcam.motion.extremes import lowest
 from flexcam.motion.law import Law
 from flexcam.motion.ramp import FromRamp, Ramp
 from flexcam.motion.turned import Turned
@@ -19,6 +20,7 @@ _SNAP = 1e-9
 """Angles this close to a joint (rad) count as on it, so that rounding of k * step cannot choose the side of a jump."""
 
 _REVOLUTION = 2.0 * math.pi
+_ROUNDING = 1e-12
 
 
 class Event(Protocol):
@@ -156,8 +158,8 @@ class LiftEvent:
 
     def _check_ramps(self) -> None:
         opening, closing = self._ramps
-        if closing and closing.height >= self.height:
-            given, top = f"a closing ramp of {1e3 * closing.height:.4g} mm", f"below {1e3 * self.height:.4g} mm"
+        if closing and closing.height >= self._top:
+            given, top = f"a closing ramp of {1e3 * closing.height:.4g} mm", f"below {1e3 * self._top:.4g} mm"
             raise refuse("ramps.closing_height", given, top, "the return comes down to it", "make it lower")
         for ramp, span, height in ((opening, self.rise, self.lift), (closing, self.fall, self._fall_lift)):
             if ramp and ramp.slope * span > height:
@@ -172,12 +174,22 @@ class LiftEvent:
     @property
     def _fall_lift(self) -> float:
         closing = self._ramps[1]
-        return self.height - (closing.height if closing else 0.0)
+        return self._top - (closing.height if closing else 0.0)
+
+    @property
+    def _top(self) -> float:
+        """Lift of the upper dwell, ramp included, m."""
+        return self.lift + (self.ramp.height if self.ramp else 0.0)
+
+    @cached_property
+    def _height(self) -> float:
+        top = -lowest(lambda angle: -self(angle), self.joints).value
+        return top if top > self._top * (1.0 + _ROUNDING) else self._top
 
     @property
     def height(self) -> float:
-        """Largest lift, ramp included, m."""
-        return self.lift + (self.ramp.height if self.ramp else 0.0)
+        """Largest lift, ramp included, m; more than that of the upper dwell where a law rises above 1."""
+        return self._height
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
@@ -190,7 +202,7 @@ class LiftEvent:
         parts = [
             (opening.duration if opening else 0.0, 0.0, low, opening, False),
             (self.rise, low, self.lift, _from(rise_law, opening, self.rise / self.lift), False),
-            (self.dwell, self.height, 0.0, None, False),
+            (self.dwell, self._top, 0.0, None, False),
             (self.fall, end, self._fall_lift, _from(fall_law, closing, self.fall / self._fall_lift), True),
             (closing.duration if closing else 0.0, 0.0, end, closing, True),
         ]

@@ -7,26 +7,31 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from flexcam.checks import Fault, InputError, refuse
+from flexcam.checks import InputError, refuse
 from flexcam.linalg import FloatArray
 from flexcam.motion.event import Shifted
+from flexcam.motion.lift_faults import base_level, scatter, table_faults, wide_steps
 from flexcam.motion.periodic import DEGREE, PeriodicSpline, spline_rows
 
 _REVOLUTION = 2.0 * math.pi
-_LEAST_POINTS = 12
 _STEP = math.radians(1.0)
 """Spacing of the points that are added on the base circle."""
 
 _KNOTS = (360, 720, 1440)
 """A knot per degree of cam angle; more where the tolerance asks for it."""
 
-_BASE = 0.01
-"""Part of the largest lift below which a point lies on the base circle."""
+_FAR, _SMALL = 8.0, 5e-4
+"""A point is moved far by more than eight times the scatter and half a thousandth of the lift."""
 
-_GAP, _GAP_RATIO, _WIDE = math.radians(3.0), 3.0, math.radians(20.0)
-"""A gap is wider than 3 deg and three times its neighbours, or wider than 20 deg."""
+_PASSED = 1e-5
+"""Part of the largest lift, in the root mean square, by which a spline still passes through points."""
+
+_BELOW = 1e-4
+"""Part of the largest lift by which a spline may dip below the base circle without a word."""
+
+_RIPPLE = np.linspace(0.0, 2.0 * math.pi, 7201)
 
 _CAUTION = 1.4
 """Weight of the degrees of freedom in cross-validation: 1 now and then follows the noise (Kim and Gu 2004)."""
@@ -46,6 +51,10 @@ class LiftReport:
         Least and largest second derivative by the cam angle, m/rad^2: of the points by differences, and of the spline.
     smoothing
         The weight of roughness that was found.
+    scatter
+        Standard deviation of the points' noise, as they themselves show it, m.
+    remarks
+        What should not be overlooked, in words.
     """
 
     points: int
@@ -55,6 +64,8 @@ class LiftReport:
     acceleration_before: tuple[float, float]
     acceleration_after: tuple[float, float]
     smoothing: float
+    scatter: float
+    remarks: tuple[str, ...]
 
 
 def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = None) -> tuple[Shifted, LiftReport]:
@@ -71,9 +82,8 @@ def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = N
     lift
         m, shape (m,).
     tolerance
-        Root mean square of what smoothing may change, m; 0 to pass through the points (of up to
-        1440); None to judge the noise by
-        generalized cross-validation.
+        Root mean square of what smoothing may change, m; 0 to pass through the points (up to 1440, or smooth ones);
+        None to judge the noise by generalized cross-validation.
 
     Returns
     -------
@@ -96,19 +106,19 @@ def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = N
     theta, s = _column("angle", angle), _column("lift", lift)
     if tolerance is not None and not (math.isfinite(tolerance) and tolerance >= 0.0):
         raise refuse("tolerance", tolerance, "a length of zero or more, m")
-    faults = _faults(theta, s)
+    faults = table_faults(theta, s)
     if faults:
         raise InputError(faults)
     theta, s = _closed(theta, s)
     local = theta - theta[0]  # knots lie on the points of an even table: elsewhere a spline through them may not exist
     around, heights = _with_base_circle(local, s)
+    noise = scatter(theta, s)
     if tolerance is None:
-        fit = _Fit.of(around, heights, len(s), _KNOTS[0])
-        weight = _cross_validated(fit)
+        fit, weight = _judged(around, heights, len(s), noise)
     else:
         fit, weight = _within(around, heights, len(s), tolerance)
     event = Shifted(PeriodicSpline(fit.coefficients(weight)), float(theta[0]))
-    return event, _report(theta, s, event, weight)
+    return event, _report(theta, s, event, weight, noise)
 
 
 def _column(name: str, values: ArrayLike) -> FloatArray:
@@ -120,6 +130,24 @@ def _column(name: str, values: ArrayLike) -> FloatArray:
     if column.ndim != 1:
         raise refuse(name, f"shape {column.shape}", "a plain column of numbers")
     return column
+
+
+def _judged(theta: FloatArray, s: FloatArray, count: int, noise: float) -> tuple[_Fit, float]:
+    """Return the fit by cross-validation, with more knots where fewer change points by far more than they scatter.
+
+    Where more knots do not halve that, it is an outlier, and fewer will do.
+    """
+    fit = _Fit.of(theta, s, count, _KNOTS[0])
+    weight = _cross_validated(fit)
+    allowed = _FAR * noise + _SMALL * float(s.max())
+    for most in _KNOTS[1:]:
+        if fit.largest(weight) <= allowed or fit.rows.shape[1] >= len(theta):
+            break
+        finer = _Fit.of(theta, s, count, most)
+        found = _cross_validated(finer, near=math.log10(weight) + _HALVED)
+        if finer.largest(found) <= 0.5 * fit.largest(weight):
+            fit, weight = finer, found
+    return fit, weight
 
 
 def _within(theta: FloatArray, s: FloatArray, count: int, tolerance: float) -> tuple[_Fit, float]:
@@ -137,78 +165,11 @@ def _within(theta: FloatArray, s: FloatArray, count: int, tolerance: float) -> t
         given = f"{1e6 * tolerance:.4g} um for {count} points"
         why = f"a spline of {_KNOTS[-1]} knots cannot follow them closer"
         raise refuse("tolerance", given, f"{1e6 * least:.4g} um or more", why, "allow more: the points scatter")
+    if len(theta) > _KNOTS[-1] and least > _PASSED * float(s.max()):
+        given, allowed = f"0 for {len(theta)} points", f"{1e6 * least:.4g} um or more, or up to {_KNOTS[-1]} points"
+        why = f"a spline of {_KNOTS[-1]} knots cannot pass through them all"
+        raise refuse("tolerance", given, allowed, why, "allow some, or leave out points")
     return fit, _LEAST
-
-
-def _faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
-    """Return what is wrong with a table, by rows counted from 1."""
-    if len(theta) != len(s):
-        given = f"{len(s)} lifts at {len(theta)} angles"
-        return [Fault("lift table", given, "one lift per angle", "", "complete or remove the odd row")]
-    lost = np.flatnonzero(~(np.isfinite(theta) & np.isfinite(s)))
-    if lost.size:
-        i = int(lost[0])
-        given = f"angle {math.degrees(theta[i]):g} deg, lift {1e3 * s[i]:g} mm"
-        return [Fault(f"lift table, row {i + 1}", given, "finite numbers", "", "mend or remove the row")]
-    if len(theta) < _LEAST_POINTS:
-        return [Fault("lift table", f"{len(theta)} points", f"{_LEAST_POINTS} or more", "", "measure at more angles")]
-    found: list[Fault] = []
-    back = np.flatnonzero(np.diff(theta) <= 0.0)
-    if back.size:
-        i = int(back[0])
-        given = f"{math.degrees(theta[i]):g} deg, then {math.degrees(theta[i + 1]):g} deg"
-        found.append(Fault(f"angle, row {i + 2}", given, "angles that ascend", "", "sort the rows, each angle once"))
-    elif theta[-1] - theta[0] > _REVOLUTION + 1e-9:
-        given = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle"
-        remedy = "cut the table; crank angles must be said to be such"
-        found.append(Fault("angle", given, "360 deg at most", "the lift repeats every revolution", remedy))
-    top = float(s.max())
-    if top <= 0.0:
-        return [*found, Fault("lift", f"{top:g} m at most", "a lift above zero", "", "check the column and its unit")]
-    below = np.flatnonzero(s < -_BASE * top)
-    if below.size:
-        i = int(below[0])
-        given = f"{1e3 * s[i]:g} mm at {math.degrees(theta[i]):g} deg"
-        found.append(Fault(f"lift, row {i + 1}", given, "zero or more", "a follower cannot enter the base circle",
-                           "subtract the base circle's reading"))  # fmt: skip
-    return found or [*_gaps(theta, s, top), *_open_end(theta, s, top)]
-
-
-def _gaps(theta: FloatArray, s: FloatArray, top: float) -> list[Fault]:
-    """Return the first gap on the lift; what a table leaves out at its ends is another matter."""
-    wide = _wide(theta)[:-1] & (np.maximum(s[:-1], s[1:]) > _BASE * top)
-    if not wide.any():
-        return []
-    i = int(np.argmax(wide))
-    given = f"no point between {math.degrees(theta[i]):g} and {math.degrees(theta[i + 1]):g} deg"
-    return [
-        Fault(f"angle, row {i + 2}", given, "an even cover of the lift", "a gap would be invented", "measure there")
-    ]
-
-
-def _wide(theta: FloatArray) -> NDArray[np.bool_]:
-    """Tell which steps to the next point, around the revolution, are gaps."""
-    step = np.diff(theta, append=theta[0] + _REVOLUTION)
-    beside = np.maximum(np.roll(step, 1), np.roll(step, -1))
-    return (step > _WIDE) | ((step > _GAP) & (step > _GAP_RATIO * beside))
-
-
-def _open_end(theta: FloatArray, s: FloatArray, top: float) -> list[Fault]:
-    """Return the fault of a lift that does not come back to where it began."""
-    jump, low = abs(float(s[-1] - s[0])), _BASE * top
-    if theta[-1] - theta[0] > _REVOLUTION - 1e-9:  # the last row repeats the first
-        closes = jump <= low
-    elif _wide(theta)[-1]:  # the base circle is left out
-        closes = max(float(s[0]), float(s[-1])) <= low
-    else:
-        closes = jump <= low + _GAP_RATIO * float(np.abs(np.diff(s)).max())
-    if closes:
-        return []
-    given = (
-        f"{1e3 * s[0]:g} mm at {math.degrees(theta[0]):g} deg, {1e3 * s[-1]:g} mm at {math.degrees(theta[-1]):g} deg"
-    )
-    allowed = "a lift that begins and ends on the base circle, or runs on into itself"
-    return [Fault("lift", given, allowed, "the lift repeats every revolution", "measure the whole lift")]
 
 
 def _closed(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -222,7 +183,8 @@ def _with_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, Flo
     ends, lifts = np.append(theta, theta[0] + _REVOLUTION), np.append(s, s[0])
     spacing = min(_STEP, float(np.median(np.diff(theta))))
     angles, heights = [theta], [s]
-    for i in np.flatnonzero(_wide(theta)).tolist():
+    low = np.maximum(lifts[:-1], lifts[1:]) <= base_level(theta, s)
+    for i in np.flatnonzero(wide_steps(theta) & low).tolist():
         start, end = float(ends[i]), float(ends[i + 1])
         new = np.linspace(start, end, math.ceil((end - start) / spacing) + 1)[1:-1]
         angles.append(new)
@@ -274,6 +236,11 @@ class _Fit:
         change = self.rows[: self.count] @ self.coefficients(weight) - self.lift[: self.count]
         return float(np.sqrt(np.mean(change**2)))
 
+    def largest(self, weight: float) -> float:
+        """Return the largest change of a measured point."""
+        change = self.rows[: self.count] @ self.coefficients(weight) - self.lift[: self.count]
+        return float(np.abs(change).max())
+
     def score(self, weight: float) -> float:
         """Return the generalized cross-validation of the measured points: mean square change over (1 - c trace/m)^2."""
         used = float(np.trace(np.linalg.solve(self.square + weight * self.rough, self.measured)))
@@ -298,10 +265,17 @@ def _strongest(fit: _Fit, tolerance: float) -> float:
     return 10.0**low
 
 
-def _cross_validated(fit: _Fit) -> float:
+_HALVED = 6.0 * math.log10(2.0)
+"""Power of ten by which the weight of squared third differences rises where their spacing is halved."""
+
+
+def _cross_validated(fit: _Fit, near: float | None = None) -> float:
+    """Return the weight of least score; with many knots every score takes long, and only those near are looked at."""
     powers = np.arange(_LOWEST + 1.0, _HIGHEST + 1.0)
+    if near is not None:
+        powers = np.maximum(near + np.arange(-2.0, 3.0), _LOWEST)
     best = float(powers[_least(fit, powers)])
-    fine = best + np.linspace(-1.0, 1.0, 9)
+    fine = best + (np.linspace(-1.0, 1.0, 9) if near is None else np.array([-0.5, 0.0, 0.5]))
     return 10.0 ** float(fine[_least(fit, fine)])
 
 
@@ -310,7 +284,7 @@ def _least(fit: _Fit, powers: FloatArray) -> int:
     return int(np.argmin([score(10.0**power) for power in powers]))
 
 
-def _report(theta: FloatArray, s: FloatArray, spline: Shifted, weight: float) -> LiftReport:
+def _report(theta: FloatArray, s: FloatArray, spline: Shifted, weight: float, noise: float) -> LiftReport:
     change = spline(theta) - s
     worst = int(np.argmax(np.abs(change)))
     fine = spline(np.linspace(0.0, _REVOLUTION, 3601), 2)
@@ -318,7 +292,25 @@ def _report(theta: FloatArray, s: FloatArray, spline: Shifted, weight: float) ->
     return LiftReport(
         len(theta), float(np.sqrt(np.mean(change**2))), float(abs(change[worst])), float(theta[worst]),
         (float(raw.min()), float(raw.max())), (float(fine.min()), float(fine.max())), weight,
+        noise, tuple(_remarks(theta, s, spline, noise)),
     )  # fmt: skip
+
+
+def _remarks(theta: FloatArray, s: FloatArray, spline: Shifted, noise: float) -> list[str]:
+    """Return what should not be overlooked: points that were moved far, a ripple below the base circle."""
+    change, top = np.abs(spline(theta) - s), float(s.max())
+    far = np.flatnonzero(change > _FAR * noise + _SMALL * top)
+    said: list[str] = []
+    if far.size:
+        at = int(far[np.argmax(change[far])])
+        which = "point is" if far.size == 1 else "points are"
+        moved = f"{far.size} {which} moved by more than {_FAR:g} times the scatter of {1e6 * noise:.2g} um"
+        worst = f"{1e6 * change[at]:.3g} um at {math.degrees(theta[at]):.4g} deg"
+        said.append(f"{moved}, {worst}: outliers, or a lobe too narrow (give a tolerance)")
+    least, lowest = float(spline(_RIPPLE).min()), min(float(s.min()), 0.0)
+    if least < -max(_BELOW * top, -1.5 * lowest):
+        said.append(f"it dips {-1e6 * least:.3g} um below the base circle, the points {abs(1e6 * lowest):.3g} um")
+    return said
 
 
 def _second_differences(theta: FloatArray, s: FloatArray) -> FloatArray:

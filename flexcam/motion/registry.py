@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 from types import MappingProxyType
 
+from flexcam.checks import refuse
 from flexcam.motion.bspline import BSplineLaw, through_points
 from flexcam.motion.cosine import PAVLOVIC_NEW, CosineSum
 from flexcam.motion.cycloidal import Cycloidal
@@ -69,23 +70,60 @@ KINDS: Mapping[str, LawKind] = MappingProxyType(
 GROUP = "flexcam.laws"
 
 
-def plugged_in() -> dict[str, LawKind]:
-    """Return the kinds of law that other installed packages bring, by name.
+_BROKEN = (
+    ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError, RuntimeError, SyntaxError, TypeError,
+    ValueError,
+)  # fmt: skip
+"""What the module of another package may fail with while it is imported."""
+
+
+def kind_names() -> tuple[str, ...]:
+    """Return the ids of all kinds of law, those of other installed packages last; nothing of theirs is loaded.
 
     Returns
     -------
-    dict
-        Empty if there is none.
+    tuple
+        Each once.
+
+    Examples
+    --------
+    >>> kind_names()[:2]
+    ('scca', 'polynomial')
     """
-    return {point.name: point.load() for point in entry_points(group=GROUP)}
+    return tuple(dict.fromkeys([*KINDS, *(point.name for point in entry_points(group=GROUP))]))
 
 
-def law_kinds() -> dict[str, LawKind]:
-    """Return every kind of law that takes parameters, flexcam's own before those of other packages.
+def law_kind(name: str) -> LawKind | None:
+    """Return a kind of law by its id, flexcam's own before those of other packages, of which only this one is loaded.
+
+    Parameters
+    ----------
+    name
+        The id.
 
     Returns
     -------
-    dict
-        By id.
+    LawKind
+        None if there is none.
+
+    Raises
+    ------
+    InputError
+        If the package that brings it cannot be loaded.
+
+    Examples
+    --------
+    >>> law_kind("scca").__name__
+    'Scca'
     """
-    return {**plugged_in(), **KINDS}
+    if name in KINDS:
+        return KINDS[name]
+    point = next((one for one in entry_points(group=GROUP) if one.name == name), None)
+    if point is None:
+        return None
+    try:
+        return point.load()
+    except _BROKEN as fault:
+        package = point.dist.name if point.dist else point.value
+        why = f"{package} brings it and cannot be loaded: {type(fault).__name__}: {fault}"
+        raise refuse("law", repr(name), "a law that can be loaded", why, f"mend or remove {package}") from None

@@ -58,6 +58,11 @@ def least_acceleration(jerk: float, *, free_ends: bool) -> float:
     -------
     float
         4 where nothing better is known.
+
+    Examples
+    --------
+    >>> round(least_acceleration(52.5, free_ends=False), 4), round(least_acceleration(52.5, free_ends=True), 4)
+    (4.9234, 4.0317)
     """
     if not free_ends:
         return 4.0 if jerk < 32.0 else 8.0 / (1.0 + math.sqrt(1.0 - 32.0 / jerk))

@@ -26,6 +26,9 @@ _ROUNDS = 200
 _GAP = 1e-8
 """Part of the objective by which a law may miss the bound before places are added."""
 
+_CLOSED = 1e-6
+"""Part of the objective beyond which the law is not called the best: a hundred times what the search asks for."""
+
 
 @dataclass(frozen=True, eq=False)
 class Synthesized:
@@ -45,6 +48,9 @@ class Synthesized:
         Of the law.
     family
         In words.
+    open
+        What keeps the law from being the one sought, in words: a bound it misses, a gap that the search did not close.
+        Empty if it converged.
     """
 
     law: Law
@@ -53,6 +59,12 @@ class Synthesized:
     bound_all: float | None
     criteria: Criteria
     family: str
+    open: tuple[str, ...] = ()
+
+    @property
+    def converged(self) -> bool:
+        """Whether the law meets its bounds and, where there is a proof, is proved to be the best."""
+        return not self.open
 
     @property
     def gap(self) -> float | None:
@@ -109,22 +121,32 @@ def minimax(
     law = family.law(x)
     found = criteria(law)
     least = bound_over_all(weights, limits, free_ends=max(abs(end[2]) for end in found.ends) > 1e-9)
-    return Synthesized(law, _objective(found, weights), bound, least, found, family.name)
+    objective = _objective(found, weights)
+    return Synthesized(law, objective, bound, least, found, family.name, _open(program, law, objective, bound))
+
+
+def _open(program: Program, law: Law, objective: float, bound: float | None) -> tuple[str, ...]:
+    """Return what a law misses of its bounds, its conditions and its proof, in words."""
+    said = list(program.missed(law, ALMOST))
+    if bound is not None and abs(objective - bound) > _CLOSED * max(1.0, abs(bound)):
+        side = "above" if objective > bound else "below"
+        said.append(f"the objective lies {abs(objective - bound):.2g} {side} the bound that is to prove it")
+    return tuple(said)
 
 
 def _exchanged(program: Program) -> tuple[FloatArray, float]:
     """Return the coefficients of the best law and the bound that proves it."""
     places: dict[int, FloatArray] = dict.fromkeys((1, 2, 3), _START)
     cuts = list[Cut]()
-    solve = program.least_rms if set(program.weights) == {"rms"} else program.solve
-    x, bound = solve(places, cuts)
+    alone = set(program.weights) == {"rms"}
+    x, bound = program.least_rms(places) if alone else program.solve(places, cuts)
     for _ in range(_ROUNDS):
         law = program.family.law(x)
         if program.met(law, 0.0) and program.objective(law) - bound <= _GAP * abs(bound):
             break
         places = {order: _with(places[order], stationary_points(law, order)) for order in places}
         cuts += [program.tangent(x)] if "rms" in program.weights else []
-        x, bound = solve(places, cuts)
+        x, bound = program.least_rms(places) if alone else program.solve(places, cuts)
     return x, bound
 
 
@@ -197,6 +219,13 @@ def pareto(
     ------
     InputError
         If the criteria are unknown or the same, or the count is too small.
+
+    Examples
+    --------
+    >>> from flexcam.synthesis import HarmonicFamily
+    >>> front = pareto(HarmonicFamily((1, 2, 3)), "Ca", "Cj", count=3)
+    >>> [round(one.criteria.Ca, 2) for one in front]
+    [6.73, 5.81, 5.13]
     """
     if first == second or count < 3:
         raise refuse("pareto", f"{first}, {second}, {count} laws", "two different criteria and three laws or more")

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.checks import positive, refuse
-from flexcam.linalg import ComplexArray, FloatArray
+from flexcam.linalg import ComplexArray, FloatArray, IntArray
 from flexcam.motion import Event, HarmonicLift, harmonics
 
 Transfer = Callable[[FloatArray], ComplexArray]
@@ -151,15 +151,28 @@ def motion_at(cam: Event, transfer: Transfer, speed: float, *, count: int = 60) 
     ------
     InputError
         If a harmonic of the cam is in resonance with an undamped train: there is no steady motion.
+
+    Examples
+    --------
+    >>> from flexcam.motion import HarmonicLift
+    >>> moved = motion_at(HarmonicLift(0.003, (-0.003,), (0.0,)), SingleMass(200.0), 100.0, count=1)
+    >>> round(moved.cosine[0], 6)  # 1/(1 - r^2) of 3 mm
+    -0.004
     """
-    answer = transfer(positive("speed", speed, "rad/s") * np.arange(count + 1.0))
-    resonant = np.flatnonzero(~np.isfinite(answer))
+    amplitude, resonant = _moved(cam, transfer, positive("speed", speed, "rad/s"), count)
     if resonant.size:
         given = f"{_rpm(speed):g} rpm, where harmonic {resonant[0]} is in resonance"
         raise refuse(
             "speed", given, "one with a steady motion", "the train has no damping", "another speed, or damping"
         )
-    return _lift(harmonics(cam, count) * answer)
+    return _lift(amplitude)
+
+
+def _moved(cam: Event, transfer: Transfer, speed: float, count: int) -> tuple[ComplexArray, IntArray]:
+    """Return the harmonics of the motion on a cam, and which of the cam's are in resonance."""
+    amplitude, answer = harmonics(cam, count), transfer(speed * np.arange(count + 1.0))
+    held = np.abs(amplitude) > _ROUNDING * np.abs(amplitude).max()
+    return amplitude * np.where(np.isfinite(answer), answer, 0.0), np.flatnonzero(held & ~np.isfinite(answer))
 
 
 def off_design(design: Polydyne, transfer: Transfer, speeds: Sequence[float]) -> FloatArray:
@@ -177,11 +190,23 @@ def off_design(design: Polydyne, transfer: Transfer, speeds: Sequence[float]) ->
     Returns
     -------
     ndarray
-        m, shape (n,).
+        m, shape (n,); infinite at a speed where a harmonic of the cam is in resonance with an undamped train.
+
+    Examples
+    --------
+    >>> from flexcam.motion import LAWS, LiftEvent
+    >>> train = SingleMass(2000.0, 0.01)
+    >>> cam = polydyne(LiftEvent(LAWS["4-5-6-7"], 0.008, 1.5, 1.5), train, 200.0)
+    >>> (1e6 * off_design(cam, train, [160.0, 200.0])).round()
+    array([145.,   0.])
     """
-    count = len(design.event.cosine)
-    moved = [motion_at(design.event, transfer, float(speed), count=count) for speed in speeds]
-    return np.array([float(np.abs(one(_GRID) - design.wanted(_GRID)).max()) for one in moved])
+    count, wanted = len(design.event.cosine), design.wanted(_GRID)
+
+    def away(speed: float) -> float:
+        amplitude, resonant = _moved(design.event, transfer, speed, count)
+        return math.inf if resonant.size else float(np.abs(_lift(amplitude)(_GRID) - wanted).max())
+
+    return np.array([away(positive("speed", float(speed), "rad/s")) for speed in speeds])
 
 
 def _rpm(speed: float) -> float:

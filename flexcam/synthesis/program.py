@@ -12,7 +12,7 @@ from flexcam.linalg import FloatArray
 from flexcam.motion import Law
 from flexcam.motion.criteria import stationary_points
 from flexcam.motion.quadrature import quadrature
-from flexcam.synthesis.family import Family
+from flexcam.synthesis.family import Family, SplineFamily
 from flexcam.synthesis.least_squares import constrained_least_squares
 
 ORDERS = {"Cv": 1, "Ca": 2, "Cj": 3}
@@ -68,8 +68,24 @@ class Program:
     def met(self, law: Law, slack: float) -> bool:
         """Tell whether a law keeps to the bounds and does not turn back, but for a slack."""
         within = all(_criterion(law, name) <= limit * (1.0 + slack) for name, limit in self.limits.items())
-        back = float(law(stationary_points(law, 1), 1).min()) if self.monotone else 0.0
-        return within and back >= -slack - _INSIDE
+        return within and self._slowest(law) >= -slack - _INSIDE
+
+    def missed(self, law: Law, slack: float) -> list[str]:
+        """Return which bounds and conditions a law does not meet, but for a slack, in words."""
+        values = {name: _criterion(law, name) for name in self.limits}
+        said = [f"{name} is {values[name]:.9g}, its bound {limit:.9g}"
+                for name, limit in self.limits.items() if values[name] > limit * (1.0 + slack)]  # fmt: skip
+        if self._slowest(law) < -slack - _INSIDE:
+            said.append(f"the velocity falls to {self._slowest(law):.3g}, and must not be negative")
+        for z, order, value in self.conditions:
+            off = abs(float(law(np.array([z]), order)[0]) - value)
+            if off > slack * max(1.0, abs(value)):
+                said.append(f"the condition {z:g},{order},{value:g} is missed by {off:.3g}")
+        return said
+
+    def _slowest(self, law: Law) -> float:
+        """Return the least velocity of a law that must not turn back, else zero."""
+        return float(law(stationary_points(law, 1), 1).min()) if self.monotone else 0.0
 
     def tangent(self, x: FloatArray) -> Cut:
         """Return the tangent plane of the rms at given coefficients."""
@@ -125,15 +141,13 @@ class Program:
         dual = float(b @ found.ineqlin.marginals + e @ found.eqlin.marginals)
         return np.asarray(found.x[: self.family.size], dtype=float), dual
 
-    def least_rms(self, places: Mapping[int, FloatArray], cuts: Sequence[Cut] = ()) -> tuple[FloatArray, float]:
+    def least_rms(self, places: Mapping[int, FloatArray]) -> tuple[FloatArray, float]:
         """Return the coefficients of least rms alone, by constrained least squares, and that rms.
 
         Parameters
         ----------
         places
             Where each derivative is looked at; no law that meets the conditions there has less.
-        cuts
-            Not needed here.
 
         Returns
         -------
@@ -145,7 +159,6 @@ class Program:
         InputError
             If no law meets the conditions.
         """
-        del cuts
         z, weight = (np.concatenate(parts) for parts in zip(*quadrature(()), strict=True))
         rows, offset = self.family.rows(z, 2)
         root = np.sqrt(weight)
@@ -163,6 +176,8 @@ class Program:
     def _impossible(self) -> InputError:
         given = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()]) or "the conditions"
         remedy = "a wider bound, a higher degree or more pieces"
+        if self.conditions and isinstance(self.family, SplineFamily) and self.family.symmetric:
+            remedy += ", or laws without symmetry (--asymmetric)"
         return refuse("bounds", given, f"what {self.family.name} can meet", "there is no such law", remedy)
 
     def _box(self, around: tuple[FloatArray, float] | None) -> list[tuple[float | None, float | None]]:

@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flexcam.cam import CamProfile
+from flexcam.cam import CamProfile, SwingFlatFollower, SwingRollerFollower, Turn
 from flexcam.checks import refuse
 from flexcam.io import free_to_write, made_folder
 from flexcam.linalg import ComplexArray, FloatArray
@@ -49,7 +49,7 @@ def law_figure(laws: Mapping[str, Law]) -> Figure:
     for (name, law), (color, dashes) in zip(laws.items(), _looks(), strict=False):
         for order, one in enumerate(axes):
             one.plot(*_broken(z, law.breaks, law(z, order)), label=name, color=color, linestyle=dashes)
-    _legend(axes[0], len(laws))
+    _legend(figure, axes[0], len(laws))
     return figure
 
 
@@ -70,12 +70,13 @@ def lift_figure(events: Mapping[str, Event]) -> Figure:
     labels = ["lift\nmm", "velocity\nmm/rad", "acceleration\nmm/rad²", "jerk\nmm/rad³"]
     figure, axes = _stacked(labels, "cam angle, deg")
     for (name, event), (color, dashes) in zip(events.items(), _looks(), strict=False):
-        steps = tuple(math.degrees(one.angle) for one in joints(event) if any(one.steps[1:]))
+        met = joints(event)
         for order, one in enumerate(axes):
+            steps = tuple(math.degrees(joint.angle) for joint in met if joint.steps[order])
             one.plot(
                 *_broken(np.degrees(angle), steps, 1e3 * event(angle, order)), label=name, color=color, linestyle=dashes
             )
-    _legend(axes[0], len(events))
+    _legend(figure, axes[0], len(events))
     axes[-1].set_xticks(range(0, 361, 45))
     axes[-1].set_xlim(0.0, 360.0)
     return figure
@@ -103,7 +104,7 @@ def spectrum_figure(laws: Mapping[str, Law]) -> Figure:
     axes.set_ylim(0.0, 1.1)
     axes.set_xlim(0.0, float(_RATIOS[-1]))
     axes.grid(alpha=0.3)
-    _legend(axes, len(laws))
+    _legend(figure, axes, len(laws))
     return figure
 
 
@@ -163,10 +164,23 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float) -> None:
         _line(axes, touch.point[at] + along * np.array([-1.0, 1.0]), "flat face", color=_COLOURS[1], linewidth=1.5)
     axes.plot(1e3 * touch.point[at].real, 1e3 * touch.point[at].imag, "o", color="black", markersize=4, label="contact")
     axes.plot(0.0, 0.0, "+", color="black")
+    if isinstance(follower, (SwingRollerFollower, SwingFlatFollower)):
+        end = touch.trace[at] if math.isfinite(follower.roller_radius) else touch.point[at]
+        _line(axes, np.array([follower.distance, end], dtype=np.complex128), "arm", color=_COLOURS[1], linewidth=1.0)
+        axes.plot(1e3 * follower.distance, 0.0, "^", color=_COLOURS[1], markersize=8, label="pivot")
+    _rotation(axes, 0.5 * follower.base_radius, profile.turn)
     axes.set_aspect("equal")
     axes.grid(alpha=0.3)
     axes.set_title(f"cam angle {math.degrees(profile.angle[at]):.4g} deg, lift {1e3 * profile.lift[at]:.4g} mm")
-    axes.legend(loc="upper left", fontsize="small")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize="small")
+
+
+def _rotation(axes: Axes, radius: float, turn: Turn) -> None:
+    """Draw an arrow about the cam's centre in the sense in which it turns."""
+    way = 1e3 * radius * np.exp(1j * turn * np.radians([30.0, 150.0]))
+    bow = {"arrowstyle": "->", "connectionstyle": f"arc3,rad={0.55 * turn}", "color": "0.4"}
+    start, end = ((one.real, one.imag) for one in way.tolist())
+    axes.annotate("", xy=end, xytext=start, arrowprops=bow)
 
 
 def pressure_figure(profile: CamProfile) -> Figure:
@@ -240,9 +254,11 @@ def _stacked(labels: Sequence[str], below: str) -> tuple[Figure, list[Axes]]:
     return figure, axes
 
 
-def _legend(axes: Axes, count: int) -> None:
+def _legend(figure: Figure, axes: Axes, count: int) -> None:
+    """Put the names of several curves above the axes, where they cover none."""
     if count > 1:
-        axes.legend(fontsize="small", ncols=min(count, 3))
+        lines, names = axes.get_legend_handles_labels()
+        figure.legend(lines, names, loc="outside upper center", fontsize="small", ncols=min(count, 4))
 
 
 def _broken(x: FloatArray, breaks: Sequence[float], y: FloatArray) -> tuple[FloatArray, FloatArray]:

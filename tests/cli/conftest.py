@@ -1,4 +1,4 @@
-"""The real command in a process of its own, in a folder of its own."""
+"""The command in a folder of its own: in this process, or in one of its own where that is what a test is about."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+from flexcam.cli import main
+from flexcam.commands import running
 
 ROOT = Path(__file__).parents[2]
 LONG = ("--set", "run.revolutions=100000", "--set", "run.steps_per_revolution=7200")
@@ -55,9 +58,27 @@ def finish(process):
 
 
 @pytest.fixture
-def flexcam(tmp_path):
-    """Run the command; no output of it ever shows a traceback."""
+def spawned(tmp_path):
+    """Run the command in a process of its own; no output of it ever shows a traceback."""
     return lambda *words: finish(start(words, tmp_path))
+
+
+@pytest.fixture
+def flexcam(tmp_path, monkeypatch, capsys):
+    """Run the command in this process, which a start of Python would take four times as long as most commands do."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+
+    def run(*words):
+        monkeypatch.setattr(running, "solving", False)
+        with pytest.raises(SystemExit) as ended:
+            main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        assert "Traceback" not in out + err
+        return Ended(ended.value.code, out, err)
+
+    return run
 
 
 @pytest.fixture

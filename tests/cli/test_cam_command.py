@@ -21,8 +21,8 @@ from flexcam.motion import CompoundCycloid, LiftEvent, Ramp
 ROOT, DEG = Path(__file__).parents[2], math.pi / 180
 FILES = {path.stem: path for part in ("cases/cams", "cases/tayeb") for path in sorted((ROOT / part).glob("*.toml"))}
 FILES["every-cam"] = ROOT / "tests/data/every-cam.toml"
-KEYS = ["lift", "velocity", "acceleration", "jerk", "harmonics", "joints", "valve_events", "profile", "findings", "smoothing"]  # fmt: skip
-PROFILE = ["base_radius", "least_radius", "least_convex_radius", "pressure_angle", "contact_offset", "sliding_velocity", "least_base_radius"]  # fmt: skip
+KEYS = ["lift", "least_lift", "velocity", "acceleration", "jerk", "harmonics", "joints", "valve_events", "profile", "findings", "smoothing"]  # fmt: skip
+PROFILE = ["base_radius", "convex_radius", "convex_radius_at", "hollow_radius", "hollow_radius_at", "pressure_angle", "pressure_angle_at", "contact_offset", "sliding_velocity", "least_base_radius"]  # fmt: skip
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_every_file(name, told):
     assert (words.code, words.err) == (0, "")
     for cam, values in found["cams"].items():
         assert (list(values), len(values["harmonics"])) == (KEYS, 10)
-        assert all(list(joint["steps"]) == ["lift", *KEYS[1:4]] for joint in values["joints"])
+        assert all(list(joint["steps"]) == ["lift", *KEYS[2:5]] for joint in values["joints"])
         assert list(values["valve_events"]) == ["1 mm", "0.05 in"]
         assert values["profile"] is None or list(values["profile"]) == PROFILE
         said = [f"Cam {cam}", f"{1e3 * values['lift']:.6g} mm", *(finding["what"] for finding in values["findings"])]
@@ -71,7 +71,7 @@ def test_cos_cam(told):
     """Lift 3 mm (1 - cos 2 theta) on a circle of 13 mm under a flat face; its extremes are among the angles looked at."""
     cam = one(told, "petrescu-cos")
     close = {"rel": 1e-12, "abs": 1e-12}
-    assert [cam[key] for key in KEYS[:3]] == pytest.approx([0.006, 0.006, 0.012], **close)
+    assert [cam[key] for key in KEYS[:4]] == pytest.approx([0.006, 0.0, 0.006, 0.012], **close)
     steps = {round(joint["angle"] / DEG): joint["steps"] for joint in cam["joints"]}
     assert {at: step["acceleration"] for at, step in steps.items()} == {0: pytest.approx(0.012), 90: 0.0, 180: pytest.approx(-0.012)}  # fmt: skip
     assert not any(value for step in steps.values() for key, value in step.items() if key != "acceleration")
@@ -81,7 +81,16 @@ def test_cos_cam(told):
     profile = cam["profile"]
     assert profile.pop("contact_offset") == pytest.approx([-0.006, 0.006], **close)  # the velocity
     nose = 0.013 + 0.006 - 0.012  # base circle, lift, acceleration there
-    assert list(profile.values()) == pytest.approx([0.013, nose, nose, 0.0, 0.019, 0.006], **close)
+    assert (profile.pop("hollow_radius"), profile.pop("hollow_radius_at")) == (None, None)
+    assert profile.pop("convex_radius_at") == pytest.approx(90 * DEG, abs=1e-6)
+    assert list(profile.values()) == pytest.approx([0.013, nose, 0.0, 0.0, 0.019, 0.006], **close)
+
+
+def test_peaks_of_a_cycloidal_cam(told):
+    """6 mm in half a turn: 2 h/b, 2 pi h/b^2 and 4 pi^2 h/b^3."""
+    cam = one(told, "model-2-cycloidal")
+    closed = [2 * 0.006 / math.pi, 2 * 0.006 / math.pi, 4 * 0.006 / math.pi]
+    assert [cam[key] for key in ("velocity", "acceleration", "jerk")] == pytest.approx(closed, rel=1e-10)
 
 
 @pytest.mark.parametrize("model", [1, 2, 3])
@@ -96,7 +105,7 @@ def test_valve_events_behind_a_rocker(model, told):
 
 def test_what_the_files_say_they_must_show(told):
     joints = one(told, "li-fb2")["joints"]
-    assert {(len(joints), joint["steps"][key]) for joint in joints for key in ("lift", *KEYS[1:3])} == {(9, 0.0)}
+    assert {(len(joints), joint["steps"][key]) for joint in joints for key in ("lift", *KEYS[2:4])} == {(9, 0.0)}
     for cam in facts(told, "roussev-single-dwell")["cams"].values():
         assert [any(joint["steps"].values()) for joint in cam["joints"]] == [False] * 3
     swing = one(told, "li-swing")
@@ -118,11 +127,11 @@ def test_overlap(told, tmp_path):
         assert list(pair.values()) == ["exhaust", "intake", lift, pytest.approx(open_for - 200 * DEG)]
 
 
-def fb2(base):
+def fb2(base, count=720):
     """Return the profile of cases/cams/li-fb2.toml, as its text describes it, on some base circle."""
     law, ramp = CompoundCycloid(0.3), Ramp(0.0002, 15 * DEG, 0.5)
     event = LiftEvent(law, 0.0053, 60 * DEG, 60 * DEG, phase=90 * DEG, ramp=ramp)
-    return cam_profile(event, RollerFollower(base, 0.01))
+    return cam_profile(event, RollerFollower(base, 0.01), count=count)
 
 
 def test_findings(told):
@@ -131,11 +140,37 @@ def test_findings(told):
     assert "undercut" in cut["what"]
     assert [cut["angle"], cut["value"]] == pytest.approx([90 * DEG, -0.001])
     words = ["li-fb2", "--set=cams.exhaust.base_radius=8 mm", "--pressure-angle=60 deg"]
-    hollow = min(-r for r in fb2(0.008).radius if r < 0)
+    hollow = one(told, *words)["profile"]["hollow_radius"]
+    assert hollow == pytest.approx(min(-r for r in fb2(0.008, 72_000).radius if r < 0), rel=1e-5)
     assert not one(told, *words, "--cutter", f"{0.999 * hollow} m")["findings"]
     (large,) = one(told, *words, "--cutter", f"{1001 * hollow} mm")["findings"]
     assert "cutter" in large["what"]
     assert [large["value"], large["limit"]] == pytest.approx([hollow, 1.001 * hollow])
+
+
+def test_lift_below_the_base_circle(told, tmp_path):
+    """3 mm (1 - cos t) less 0.5 mm (1 - cos 3 t): with c = cos t, 2.5 - 4.5 c + 2 c^3 is least where c^2 = 3/4."""
+    lift = "format = 1\n[lift]\nmean = 0.0025\ncosine = [-0.003, 0.0, 0.0005]\nsine = [0.0, 0.0, 0.0]\n"
+    (tmp_path / "dips.toml").write_text(lift)
+    (tmp_path / "cam.toml").write_text('format = 1\n[cams.c]\nlift_table = "dips.toml"\n')
+    cam, least = one(told, "cam.toml"), 1e-3 * (2.5 - 1.5 * math.sqrt(3))
+    assert cam["least_lift"] == pytest.approx(least, rel=1e-10)
+    (finding,) = cam["findings"]
+    assert ("negative" in finding["what"], finding["kind"]) == (True, "length")
+    assert [finding["value"], finding["angle"]] == pytest.approx([least, 30 * DEG], rel=1e-6)
+    said = told("cam.toml").out
+    assert "-0.0980762 to 5.09808 mm" in said
+    assert "valve open beyond 1 mm" in said
+    assert "never" not in said
+
+
+@pytest.mark.parametrize(("shift", "said"), [("0.003", "never"), ("0.02", "always")])
+def test_a_valve_that_never_opens_or_never_closes(told, tmp_path, shift, said):
+    lift = f"format = 1\n[lift]\nmean = {shift}\ncosine = [-0.0001]\nsine = [0.0]\n".replace("0.003", "0.0001")
+    (tmp_path / "c.toml").write_text(lift)
+    (tmp_path / "cam.toml").write_text('format = 1\n[cams.c]\nlift_table = "c.toml"\n')
+    rows = [row for row in told("cam.toml").out.splitlines() if row.startswith("valve open")]
+    assert [row.split()[-1] for row in rows] == [said, said]
 
 
 def test_files(told, tmp_path):
@@ -167,11 +202,17 @@ def test_pictures(told, tmp_path):
         paths = ET.parse(tmp_path / path).iter("{http://www.w3.org/2000/svg}path")  # noqa: S314
         assert sum(len(path.get("d", "")) for path in paths) > 5000
     assert "--overwrite" in told("li-fb2", "--plot", "p").err
+    other = facts(told, "li-swing", "--plot", "q", "--plot-format", "png")["files"]
+    assert other == [f"q/li-swing-swing-{kind}.png" for kind in ("lift", "profile", "pressure")]
+    assert (tmp_path / other[1]).read_bytes().startswith(b"\x89PNG")
     assert facts(told, "model-1-shm", "--plot", "p")["files"] == ["p/model-1-shm-intake-lift.svg"], "without a profile"
 
 
 def test_a_case_without_a_base_circle_says_how_to_get_a_profile(told):
-    assert "base_radius and follower" in told("model-2-cycloidal", "-o", "x").out
+    assert "base_radius and follower" in told("model-2-cycloidal").out
+    for option, value in (("-o", "x"), ("--cutter", "40 mm")):
+        done = told("model-2-cycloidal", option, value)
+        assert (done.code, "base_radius and follower" in done.err, option in done.err) == (2, True, True)
     more = ("--set", "cams.intake.base_radius=20 mm", "--set", 'cams.intake.follower={ type = "flat" }')
     cam = one(told, "model-2-cycloidal", *more, "--set", "cams.intake.lift=7 mm")
     assert (cam["lift"], cam["profile"]["base_radius"]) == (0.007, 0.02)
@@ -182,6 +223,10 @@ def test_a_case_without_a_base_circle_says_how_to_get_a_profile(told):
 REFUSED = {  # words, where, what is given, a part of the message
     "--cutter=40 kg": ("--cutter", "40 kg", "does not measure a length"),
     "--pressure-angle=30 mm": ("--pressure-angle", "30 mm", "180 deg"),
+    "--pressure-angle=30": ("--pressure-angle", "30", "write '30 deg'"),
+    "--pressure-angle=90 deg": ("--pressure-angle", "90 deg", "below 90 deg"),
+    "--pressure-angle=0": ("--pressure-angle", "0", "above zero"),
+    "--cutter=40": ("--cutter", "40", "write '40 mm'"),
     "--cam=exhuast": ("--cam", "exhuast", "did you mean 'exhaust'"),
     "--points=11": ("count", "11", "from 12"),
     "--set=cams.exhaust.lft=7 mm": ("cams.exhaust.lft", "lft", "did you mean 'lift'"),

@@ -19,8 +19,8 @@ KEYS = {
 
 
 @pytest.mark.parametrize("verb", KEYS)
-def test_json_is_one_object_with_stable_keys(verb, flexcam, case):
-    done = flexcam(verb, "case.toml", "--json")
+def test_json_is_one_object_with_stable_keys(verb, spawned, case):
+    done = spawned(verb, "case.toml", "--json")
     assert done.code == 0
     assert KEYS[verb] <= set(done.json)
     assert done.err == ""

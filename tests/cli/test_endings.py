@@ -83,13 +83,13 @@ def test_a_signal_is_heard_wherever_it_falls(number, code, case, tmp_path):
     assert (tmp_path / "results/case.partial.vtkhdf").is_file()
 
 
-def test_a_partial_result_can_be_exported(stopped, flexcam, case):
+def test_a_partial_result_can_be_exported(stopped, spawned, case):
     _, partial = stopped(signal.SIGINT)
-    assert flexcam("export", partial, "--every", "100").code == 0
+    assert spawned("export", partial, "--every", "100").code == 0
 
 
-def test_a_diverging_run_fails_and_is_kept(flexcam, case, tmp_path):
-    done = flexcam("run", "case.toml", "-o", "out", *DIVERGING)
+def test_a_diverging_run_fails_and_is_kept(spawned, case, tmp_path):
+    done = spawned("run", "case.toml", "-o", "out", *DIVERGING)
     assert done.code == 3
     for word in ("not-finite", "t = ", "cam angle", "smaller step"):
         assert word in done.err
@@ -99,8 +99,8 @@ def test_a_diverging_run_fails_and_is_kept(flexcam, case, tmp_path):
 
 
 @pytest.mark.parametrize("verb", ["run", "compare"])
-def test_a_diverging_run_in_json(verb, flexcam, case):
-    done = flexcam(verb, "case.toml", *DIVERGING, "--json")
+def test_a_diverging_run_in_json(verb, spawned, case):
+    done = spawned(verb, "case.toml", *DIVERGING, "--json")
     assert done.code == 3
     assert done.json["status"] == "not-finite"
     assert done.err.count("\n") <= 1, "no warnings of numpy's"

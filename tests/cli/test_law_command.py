@@ -117,6 +117,7 @@ def test_all_laws_side_by_side(told, tmp_path):
     words = told("laws", "--plot", "all.svg").out
     assert [name for name in (*LAWS, *KINDS) if name not in words.replace(",", " ").split()] == []
     assert [line.split()[0] for line in words.splitlines() if "infinite" in line] == ["parabolic"]
+    assert len([line for line in words.splitlines() if line.startswith("shm, cos ")]) == 2, "one law, one row"
     assert (tmp_path / "all.svg").stat().st_size > 10_000
 
 
@@ -165,6 +166,7 @@ FAULTS = {  # words, where it is found, a part of the message
     "velocity at the ends": ("harmonic-acceleration --with b=[6]", "b", "the velocity must vanish"),
     "points that run back": ("table --with z=[0,0.6,0.5,1] --with s=[0,0.4,0.6,1]", "z", "ascend"),
     "no equals sign": ("scca --with b", "--with", "key=value"),
+    "parameter given twice": ("fb2 --with split=0.3 --with split=0.4", "--with", "'split' is given twice"),
     "no number": ("scca --with b=quarter", "--with", "exponents=[3,4,5]"),
     "parameter of a law without": ("3-4-5 --with b=1", "law", "no parameters"),
     "ratio that is none": ("shm --residual x", "command line", "--residual"),
@@ -191,7 +193,9 @@ def test_files_that_hold_no_law(text, told, tmp_path):
 
 
 def test_picture(told, tmp_path):
-    assert told("law", "shm", "--plot", "a.svg").code == 0
+    assert told("law", "shm", "--plot", "a.svg", "--spectrum", "b.png").code == 0
+    assert (tmp_path / "b.png").read_bytes().startswith(b"\x89PNG")
+    assert "--overwrite" in refused(told, "law", "shm", "--spectrum", "b.png")["remedy"]
     tree = ET.parse(tmp_path / "a.svg")  # noqa: S314
     assert len(list(tree.iter("{http://www.w3.org/2000/svg}path"))) > 4
     (tmp_path / "a.svg").write_text("mine")

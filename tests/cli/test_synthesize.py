@@ -4,21 +4,28 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import re
 import signal
+import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from flexcam import read_case, run
 from flexcam.case import build_model, law_file
 from flexcam.cli import main
+from flexcam.console import synthesis_table
+from flexcam.synthesis import SplineFamily, minimax
 
+module = sys.modules["flexcam.synthesis.minimax"]  # the function hides it
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "cases/tayeb/model-3-shm.toml"
 POLYDYNE, HARMONIC = (("synthesize", kind, MODEL) for kind in ("polydyne", "harmonic"))
@@ -26,7 +33,21 @@ LEAST = ("synthesize", "law", "--minimize", "Ca")
 POLYNOMIAL = (*LEAST, "--family", "polynomial")
 SMOOTH = ("--set=cams.intake.law=4-5-6-7", "--set=run.speed=1200rpm")
 SHORT = (*HARMONIC, "--set=cams.intake.law=3-4-5", "--set=cams.intake.rise=80 deg", "--set=cams.intake.return=80 deg", "--set=run.speed=600rpm")  # fmt: skip
-LAW = ["family", "objective", "family_bound", "gap", "bound_over_all_laws", "Cv", "Ca", "Cj", "Cm", "rms", "broken"]
+LAW = [
+    "family",
+    "objective",
+    "family_bound",
+    "gap",
+    "bound_over_all_laws",
+    "Cv",
+    "Ca",
+    "Cj",
+    "Cm",
+    "rms",
+    "broken",
+    "converged",
+    "not_converged",
+]
 ANGLE = np.linspace(0.0, 2 * math.pi, 7201)
 
 
@@ -76,9 +97,42 @@ def test_the_valve_follows_a_polydyne_cam(told, tmp_path):
     assert off[0] < 1e-6 < 1e-3 < off[1]
 
 
+def test_distances_are_those_of_the_valve(told):
+    """Damped, a run comes to the steady motion that the table is about, behind a rocker of 1.6."""
+    words = (*SMOOTH, "--set=run.damping={ modal = 0.1 }", "--set=run.revolutions=6")
+    found, response = facts(told, *POLYDYNE, *words), run(plain(words))
+    wanted, last = build_model(plain(words)).cams["intake"].event, response.angle > 10 * math.pi
+    off = np.abs(response["valve"].displacement.ravel() - 1.6 * wanted(response.angle))[last].max()
+    assert [found["ratio"], found["plain"][4]] == pytest.approx([1.6, off], rel=1e-3)
+
+
+def test_a_speed_in_resonance_is_one_row(told):
+    """150 Hz is three times 3000 rpm: the third harmonic at the design speed, which the new cam leaves out, others at others."""
+    words = (*POLYDYNE, "--frequency", "150Hz", "--set=cams.intake.law=4-5-6-7", "--set=cams.intake.rise=60 deg")
+    found = facts(told, *words)
+    assert [i for i, value in enumerate(found["plain"]) if value is None] == [0, 1, 2, 4]
+    assert [i for i, value in enumerate(found["polydyne"]) if value is None] == [0, 1, 2]
+    said = told(*words).out
+    assert "resonance" in said
+    low, high = found["lift"]
+    assert f"{1e3 * high:.6g} mm" in said
+    assert ("attention" in said) == (low < 0.0)
+
+
 def test_polydyne_of_the_train(told):
     found = facts(told, *POLYDYNE, "--set=cams.intake.law=4-5-6-7", "--speed", "1200 rpm")
-    assert list(found) == ["status", "design_speed_rpm", "left_out", "speeds_rpm", "plain", "polydyne", "files"]
+    assert list(found) == [
+        "status",
+        "design_speed_rpm",
+        "left_out",
+        "lift",
+        "acceleration",
+        "ratio",
+        "speeds_rpm",
+        "plain",
+        "polydyne",
+        "files",
+    ]
     assert found["speeds_rpm"] == pytest.approx([300.0, 600.0, 900.0, 1080.0, 1200.0, 1320.0])
     # The fourth derivative steps by 840/pi^4 of 6 mm, so harmonics fall as 66 mm/n^5: beyond 60 they sum to 1.3 nm.
     assert found["left_out"] < 1.3e-9
@@ -99,7 +153,7 @@ def test_polydyne_of_one_mass(told, tmp_path):
 def test_harmonics_below_the_first_mode(told, tmp_path):
     """Of 67.11 Hz, at 10 Hz: six. In the dwell of 200 deg the lift stays within 20 um."""
     found = facts(told, *SHORT, "-o", "few.toml")
-    assert list(found) == ["status", "harmonics", "harmonics_below_first_mode", "first_mode_hz", "dwell_deviation", "deviation", "rms_deviation", "files"]  # fmt: skip
+    assert list(found) == ["status", "harmonics", "harmonics_below_first_mode", "first_mode_hz", "dwell_deviation", "deviation", "rms_deviation", "lift", "files"]  # fmt: skip
     assert (found["harmonics"], found["harmonics_below_first_mode"], found["files"]) == (6, 6, ["few.toml"])
     assert found["first_mode_hz"] == pytest.approx(67.11, abs=0.005)
     lift = tomllib.loads((tmp_path / "few.toml").read_text(encoding="utf-8"))["lift"]
@@ -171,21 +225,60 @@ def test_output(words, told, tmp_path):
     assert tomllib.loads((tmp_path / "x.toml").read_text(encoding="utf-8"))["about"]["flexcam"]
 
 
+def test_a_bound_over_all_laws_with_free_ends(told):
+    """12 of the 2-3 polynomial; a bound of zero, such as of no jerk at all, is told as not known."""
+    (law,) = facts(told, *LEAST[:-1], "Cj", "--rest", "1")["laws"]
+    assert (law["bound_over_all_laws"], law["Cj"]) == (12.0, pytest.approx(12.0, rel=1e-9))
+    assert "12; the law is" in told(*LEAST[:-1], "Cj", "--rest", "1").out
+    found = minimax(SplineFamily(7, 1), {"Ca": 1.0})
+    for nothing in (None, 0.0):
+        assert "not known" in rendered(synthesis_table(replace(found, bound_all=nothing)))
+
+
+def test_a_search_that_does_not_converge_says_so(told, monkeypatch):
+    """Between the first places of the program the curve rises above its bound."""
+    monkeypatch.setattr(module, "_ROUNDS", 0)
+    monkeypatch.setattr(module, "_START", np.linspace(0.0, 1.0, 14))
+    words = (*LEAST, "--bound", "Cj=52.5")
+    (law,) = facts(told, *words)["laws"]
+    assert law["converged"] is False
+    assert law["Cj"] > 52.5 * (1.0 + 1e-6)
+    (missed, *_) = law["not_converged"]
+    assert missed.startswith("Cj is ")
+    assert "not converged" in told(*words).out
+    found = minimax(SplineFamily(7, 1), {"Ca": 1.0})
+    assert "-1.0e-03" in rendered(synthesis_table(replace(found, bound=found.objective + 1e-3)))
+
+
+def rendered(table):
+    page = io.StringIO()
+    Console(file=page, width=200).print(table)
+    return page.getvalue()
+
+
 P = " ".join(POLYNOMIAL[1:])
 REFUSED = {  # words, where, a part of the message
     "unknown criterion": ("law --minimize Cq", "minimize", "Cv, Ca, Cj, rms, Cm"),
     "bound without a value": (f"{P} --bound Cj", "--bound", "CRITERION=VALUE"),
     "bound that no law meets": (f"{P} --bound Cj=10", "bounds", "a wider bound"),
     "one harmonic": ("law --minimize Ca --family harmonic --orders 1", "orders", "two or more"),
+    "count without a front": (f"{P} --count 5", "--count", "--pareto"),
+    "degree of harmonic laws": ("law --minimize Ca --family harmonic --degree 7", "--degree", "--family spline"),
+    "asymmetric harmonic laws": ("law --minimize Ca --family harmonic --asymmetric", "--asymmetric", "--family spline"),
+    "orders of polynomials": (f"{P} --orders 1 --orders 3", "--orders", "--family harmonic"),
+    "pieces of polynomials": (f"{P} --pieces 3", "--pieces", "--family spline"),
     "two numbers": (f"{P} --condition 0.5,1", "--condition", "0.5,1,1.8"),
     "condition that none meets": (f"{P} --condition 0.5,0,0.7", "bounds", "the conditions"),
     "tolerance in kg": ("harmonic MODEL --tolerance 20kg", "--tolerance", "a length"),
     "no harmonic below the first mode": ("harmonic MODEL --set=run.speed=30000rpm", "count", "--count"),
     "cam that is not there": ("harmonic MODEL --cam intak", "--cam", "did you mean 'intake'"),
     "no cam": (f"polydyne {ROOT}/cases/checks/cantilever.toml", "--cam", "a cam in the case"),
+    "speed without a unit": ("polydyne MODEL --speed 3000", "--speed", "write '3000 rpm'"),
+    "frequency without a unit": ("polydyne MODEL --frequency 4e2", "--frequency", "write '4e2 Hz'"),
+    "tolerance without a unit": ("harmonic MODEL --tolerance 20", "--tolerance", "write '20 um'"),
+    "bound without a unit": ("harmonic MODEL --bound .2", "--bound", "write '.2 mm'"),
     "speed below zero": ("polydyne MODEL --speed=-3rpm", "--speed", "above zero"),
     "damping below zero": ("polydyne MODEL --frequency 400Hz --damping=-1", "damping", "zero or more"),
-    "resonance at another speed": ("polydyne MODEL --frequency 150Hz", "speed", "resonance"),
     "harmonics of a polydyne cam": ("polydyne MODEL --count 0", "count", "from 1"),
 }  # fmt: skip
 

@@ -157,10 +157,10 @@ def test_rows_that_are_no_pair(name, refusal):
     assert fault.remedy
 
 
-def test_all_bad_rows_are_named_up_to_five(refusal):
+def test_all_bad_rows_are_named_up_to_ten(refusal):
     faults = refusal(PLAIN + "a, b\n" * 3)
     assert [fault.where for fault in faults] == [f"lift.csv, line {n}" for n in (7, 8, 9)]
-    assert len(refusal(PLAIN + "a, b\n" * 300)) == 5
+    assert len(refusal(PLAIN + "a, b\n" * 300)) == 10
 
 
 @pytest.mark.parametrize("content", [b"cam_\xb0, lift_mm\n1, 2\n", b"\xff\xfec\x00a\x00m\x00"])

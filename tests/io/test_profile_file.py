@@ -106,16 +106,16 @@ def test_vtp(files, made, curves):
     read = pyvista.read(files[".vtp"])
     assert read.n_lines == read.n_cells == len(curves)
     assert read.cell_data["curve"].tolist() == list(range(len(curves)))
-    assert set(read.point_data.keys()) == {head.partition(" [")[0] for head in HEADS}
+    assert set(read.point_data.keys()) == set(HEADS), "with their units"
     for i, points in enumerate(curves.values()):
         at = read.get_cell(i).point_ids
         line = read.points[at]
         assert np.array_equal(line[0], line[-1])
         assert np.array_equal(line[:-1, :2], points)
         assert not line[:, 2].any()
-        assert np.array_equal(read.point_data["lift"][at][:-1], 1e3 * made.lift)
-        assert np.array_equal(read.point_data["pressure angle"][at][:-1], np.degrees(made.pressure_angle))
-        assert np.array_equal(read.point_data["cam angle"][at], np.degrees([*made.angle, 0.0]))
+        assert np.array_equal(read.point_data["lift [mm]"][at][:-1], 1e3 * made.lift)
+        assert np.array_equal(read.point_data["pressure angle [deg]"][at][:-1], np.degrees(made.pressure_angle))
+        assert np.array_equal(read.point_data["cam angle [deg]"][at], np.degrees([*made.angle, 0.0]))
     # Once round the cam: a convex curve is longer than twice its width and shorter than the box around it.
     length = read.compute_cell_sizes(length=True)["Length"][0]
     across = np.ptp(made.points, axis=0)

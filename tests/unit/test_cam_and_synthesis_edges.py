@@ -17,7 +17,7 @@ from flexcam.cam import (
 )
 from flexcam.checks import InputError
 from flexcam.motion import LAWS, HarmonicLift, LiftEvent
-from flexcam.synthesis import SingleMass, SplineFamily, harmonic_fit, minimax, off_design, polydyne
+from flexcam.synthesis import Polydyne, SingleMass, SplineFamily, harmonic_fit, minimax, off_design, polydyne
 
 AROUND = np.linspace(0.0, 2 * math.pi, 12, endpoint=False)
 CIRCLE = 0.02 * np.column_stack([np.cos(AROUND), np.sin(AROUND)])
@@ -29,15 +29,15 @@ def test_bound_over_all_with_one_free_end():
     assert found.bound_all is None or found.objective >= found.bound_all * (1 - 1e-9)
 
 
-@pytest.mark.parametrize("pieces", [48, 72])
+@pytest.mark.parametrize("pieces", [48, pytest.param(72, marks=pytest.mark.slow)])
 def test_moment_of_many_pieces(pieces):
     """Splines of 24 pieces are among those of 72; and of these the moment is 2.55 at most."""
     assert minimax(SplineFamily(degree=5, pieces=pieces), {"Cm": 1.0}).objective < 2.55
 
 
 def test_moment_with_free_ends_is_not_refused():
-    """Best nearby only: 24 pieces find 2.325."""
-    assert minimax(SplineFamily(degree=5, pieces=24, rest=1), {"Cm": 1.0}).objective < 2.33
+    """Best nearby only: 16 pieces find 2.365, 24 pieces 2.325."""
+    assert minimax(SplineFamily(degree=5, pieces=16, rest=1), {"Cm": 1.0}).objective < 2.37
 
 
 def test_root_mean_square_of_the_default_family():
@@ -49,8 +49,9 @@ def test_root_mean_square_of_the_default_family():
 def test_resonance_missed_by_one_rounding():
     train, speed = SingleMass(2000.0), 2000.0 / 103  # 103*speed/2000 = 1 - 1.1e-16
     made = polydyne(LiftEvent(LAWS["4-5-6-7"], 0.008, 1.5, 1.5), train, speed, count=120)
-    with pytest.raises(InputError, match="resonance"):
-        off_design(made, train, [speed])
+    plain = Polydyne(made.wanted, made.wanted, 0.0)
+    assert off_design(plain, train, [speed]).tolist() == [math.inf]
+    assert np.isfinite(off_design(made, train, [speed])).all(), "which the cam leaves out"
 
 
 def test_strict_section_whose_end_lies_between_two_angles():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -19,7 +18,7 @@ from flexcam.cam import (
     minimum_base_radius,
 )
 from flexcam.checks import InputError
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent
+from flexcam.motion import LAWS, HarmonicLift, LiftEvent, lowest
 
 M = 0.002
 TWICE = HarmonicLift(M, (0.0, -M), (0.0, 0.0))
@@ -42,7 +41,7 @@ def test_undercut_under_a_flat_face(base, cut, turn):
     found = undercuts(cam_profile(TWICE, FlatFollower(base), turn=turn))
     assert bool(found) == cut
     for one in found:
-        assert min(abs(one.angle - at) for at in (math.pi / 2, 3 * math.pi / 2)) < 1e-12
+        assert min(abs(one.angle - at) for at in (math.pi / 2, 3 * math.pi / 2)) < 1e-6
         assert one.value == pytest.approx(base - 2 * M, rel=1e-9)
         assert one.limit == 0.0
 
@@ -56,7 +55,7 @@ def test_undercut_under_a_roller(part, cut, turn):
     found = undercuts(cam_profile(TWICE, follower, turn=turn))
     assert bool(found) == cut
     for one in found:
-        assert min(abs(one.angle - at) for at in (math.pi / 2, 3 * math.pi / 2)) < 1e-12
+        assert min(abs(one.angle - at) for at in (math.pi / 2, 3 * math.pi / 2)) < 1e-6
         assert one.value == pytest.approx(pitch * (1 - part), rel=1e-6)
 
 
@@ -73,13 +72,13 @@ def test_a_hollow_is_no_undercut_for_a_roller_but_is_for_a_face(turn):
 def test_pressure_angle_of_an_eccentric(part, steep, turn):
     """The ratio s'/(R + s) = m sin t/(R + m - m cos t) is largest where cos t = m/(R + m): sin phi = m/(R + m)."""
     follower, k = RollerFollower(0.002, 0.004), M / (0.006 + M)
-    made = cam_profile(ONCE, follower, turn=turn, count=3600)
+    made = cam_profile(ONCE, follower, turn=turn, count=12)
     found = findings(made, pressure_angle=part * math.asin(k))
-    assert [one.what.split(";")[0] for one in found] == ["pressure angle too large"] * steep
+    assert [one.what for one in found] == ["pressure angle too large"] * steep
     for one in found:
-        # On rise or return, as far before and behind the top; the grid has 0.1 deg.
-        assert min(one.angle, 2 * math.pi - one.angle) == pytest.approx(math.acos(k), abs=math.radians(0.1))
-        assert one.value == pytest.approx(math.asin(k), rel=1e-5)
+        # On rise or return, as far before and behind the top.
+        assert min(one.angle, 2 * math.pi - one.angle) == pytest.approx(math.acos(k), abs=1e-6)
+        assert one.value == pytest.approx(math.asin(k), rel=1e-10)
         assert one.limit == part * math.asin(k)
 
 
@@ -90,11 +89,9 @@ def test_cutter_in_a_hollow(part, large, turn):
     hollow = 0.020**2 / (0.024 - 0.020) + 0.004
     made = cam_profile(deep, RollerFollower(0.016, 0.004), turn=turn)
     found = findings(made, pressure_angle=STEEP, cutter=part * hollow)
-    assert [one.what.split(";")[0] for one in found] == [
-        "the cutter is larger than the hollow it would have to cut"
-    ] * large
+    assert [one.what for one in found] == ["the cutter is larger than the hollow it would have to cut"] * large
     for one in found:
-        assert min(abs(one.angle - at) for at in (0.0, math.pi)) < 1e-12
+        assert min(abs(one.angle - at) for at in (0.0, math.pi)) < 1e-6
         assert one.value == pytest.approx(hollow, rel=1e-9)
         assert one.limit == part * hollow
 
@@ -120,9 +117,8 @@ def test_smallest_base_circle_of_a_flat_face(m, n, radius):
 
 def test_smallest_base_circle_of_a_flat_face_that_takes_its_time():
     event = LiftEvent(LAWS["3-4-5"], lift=0.006, rise=1.2, fall=1.5)
-    angle = np.arange(1440) * (2 * math.pi / 1440)
-    least = 0.003 - (event(angle) + event(angle, 2)).min()
-    assert minimum_base_radius(event, FlatFollower(0.018), radius=0.003) == pytest.approx(least, rel=1e-12)
+    least = 0.003 - lowest(lambda angle: event(angle) + event(angle, 2), event.joints).value
+    assert minimum_base_radius(event, FlatFollower(0.018), radius=0.003) == pytest.approx(least, rel=1e-10)
 
 
 @pytest.mark.parametrize("limit", [10.0, 15.0, 25.0])
@@ -131,7 +127,7 @@ def test_smallest_base_circle_by_the_pressure_angle(limit, turn):
     alpha = math.radians(limit)
     reach = M / math.sin(alpha) - M
     found = minimum_base_radius(ONCE, RollerFollower(0.018, 0.001), pressure_angle=alpha, turn=turn)
-    assert found == pytest.approx(reach - 0.001, rel=1e-5)  # the grid of 0.25 deg may miss the steepest angle
+    assert found == pytest.approx(reach - 0.001, rel=1e-9)
 
 
 KINDS = {

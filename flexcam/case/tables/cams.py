@@ -119,9 +119,11 @@ class FreeCamRecord(PartRecord[train.Cam]):
             return None
         if isinstance(follower, SwingRecord) and isinstance(value, str):
             try:
-                return follower.arm * parse(value, "angle")
+                angle = parse(value, "angle")
             except InputError:
                 pass  # then it is a length
+            else:
+                return follower.arm * q.Unit("angle", above=True).validate(angle)
         return q.Unit("length", above=True).validate(value)
 
     def made(self) -> train.Cam:

@@ -43,7 +43,7 @@ def noise(count, size=2e-6, seed=0):
 
 
 # 1 -- lift_table: the tolerance
-@pytest.mark.parametrize("spacing", [0.25, 0.5])
+@pytest.mark.parametrize("spacing", [pytest.param(0.25, marks=pytest.mark.slow), 0.5])
 def test_tolerance_is_kept_with_more_points_than_knots(spacing):
     """360 knots cannot pass 720 or 1440 noisy points: rms is 1.4 to 8.5 times the tolerance, silently."""
     theta = whole(spacing)
@@ -60,7 +60,7 @@ def test_tolerance_is_kept_where_base_circle_is_added(spacing):
 
 
 # 2 -- lift_table: ill-conditioned or underdetermined fits
-@pytest.mark.parametrize("spacing", [0.25, 2.0, 3.0])
+@pytest.mark.parametrize("spacing", [pytest.param(0.25, marks=pytest.mark.slow), 2.0, 3.0])
 def test_passing_through_a_smooth_lobe_alone(spacing):
     """Acceleration wrong by 100 %, 10 %, 18 % of its peak; the whole-turn table of the same points is right to 1 %."""
     theta = lobe_alone(spacing)

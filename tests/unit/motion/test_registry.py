@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 
 from flexcam import motion
-from flexcam.motion import KINDS, LAWS, law_kinds, registry
+from flexcam.case import GivenLaw, given_law
+from flexcam.checks import InputError
+from flexcam.commands.laws import find_law
+from flexcam.motion import KINDS, LAWS, kind_names, law_kind, registry
 
 Z = np.linspace(0.0, 1.0, 11)
 
@@ -46,10 +49,20 @@ def plugged(monkeypatch):
 
 def test_a_law_of_another_package_is_found(plugged):
     plugged({"line": "flexcam.motion.harmonic:Harmonic", "stdlib": "fractions:Fraction"})
-    found = law_kinds()
-    assert found["line"] is motion.Harmonic
-    assert found["line"](((1, 1.0),))(np.array([0.5]))[0] == pytest.approx(0.5)
-    assert set(found) == {*KINDS, "line", "stdlib"}
+    assert law_kind("line") is motion.Harmonic
+    assert kind_names() == (*KINDS, "line", "stdlib")
+    assert law_kind("lines") is None
+
+
+@pytest.mark.parametrize("target", ["no_such_package:Law", "fractions:Law", "this_breaks:Law"])
+def test_a_broken_package_is_named_and_breaks_no_other(plugged, target, tmp_path, monkeypatch):
+    (tmp_path / "this_breaks.py").write_text("1 / 0\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    plugged({"broken": target, "line": "flexcam.motion.harmonic:Harmonic"})
+    assert law_kind("line") is motion.Harmonic
+    assert given_law({"id": "fb2", "split": 0.3}).law == KINDS["fb2"](0.3)
+    with pytest.raises(InputError, match=f"'broken'.*{target} brings it and cannot be loaded"):
+        given_law("broken")
 
 
 def test_it_is_loaded_from_its_own_module(plugged, monkeypatch):
@@ -61,24 +74,27 @@ def test_it_is_loaded_from_its_own_module(plugged, monkeypatch):
     module.Skewed = Skewed
     monkeypatch.setitem(sys.modules, "another_package", module)
     plugged({"skewed": "another_package:Skewed"})
-    law = law_kinds()["skewed"](power=3.0)
-    np.testing.assert_allclose(law(Z), Z**3)
+    np.testing.assert_allclose(law_kind("skewed")(power=3.0)(Z), Z**3)
+    np.testing.assert_allclose(find_law("skewed")(Z), Z**2)
+    np.testing.assert_allclose(find_law("skewed", ["power=3"])(Z), Z**3)
+    assert "skewed" in GivenLaw.__get_pydantic_json_schema__(None, None)["anyOf"][1]["properties"]["id"]["enum"]
 
 
 def test_flexcams_own_kinds_come_first(plugged):
     plugged({"fb2": "flexcam.motion.harmonic:Harmonic"})
-    assert law_kinds()["fb2"] is KINDS["fb2"]
+    assert law_kind("fb2") is KINDS["fb2"]
+    assert kind_names() == tuple(KINDS)
 
 
 def test_none_installed(plugged):
     plugged({})
-    assert law_kinds() == dict(KINDS)
+    assert kind_names() == tuple(KINDS)
 
 
 def test_other_groups_are_left_alone(monkeypatch):
     asked = []
     monkeypatch.setattr(registry, "entry_points", lambda **selection: asked.append(selection) or [])
-    law_kinds()
+    kind_names()
     assert asked == [{"group": "flexcam.laws"}]
 
 

@@ -1,0 +1,232 @@
+"""Commands that find better laws and lifts: synthesize law, harmonic, polydyne."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+
+from flexcam import __version__, console
+from flexcam.checks import positive, refuse
+from flexcam.commands.app import Json, Overrides, Overwrite, Picture, app, load, quantity
+from flexcam.commands.cams import CamName
+from flexcam.design import harmonic_cam, polydyne_cam
+from flexcam.io import made_folder, write_law, write_lift
+from flexcam.motion import event_extremes
+from flexcam.synthesis import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesized, minimax, pareto
+from flexcam.terminal import out, print_json
+from flexcam.units import parse
+
+_ABOUT = "Find a better law or lift, and say how good it can be at all."
+_EXAMPLES = """\
+flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
+flexcam synthesize harmonic case.toml --tolerance "20 um" -o lift.toml
+flexcam synthesize polydyne case.toml --speed 3000rpm -o lift.toml
+"""
+synthesize = App(name="synthesize", help=_ABOUT, help_prologue=_EXAMPLES, help_format="plaintext")
+app.command(synthesize)
+
+Output = Annotated[Path | None, Parameter(["-o", "--output"], help="File (.toml) that a case can name.")]
+CasePath = Annotated[Path, Parameter(help="Case file (TOML).")]
+Minimize = Annotated[
+    list[str], Parameter("--minimize", negative=(), help="Cv, Ca, Cj, Cm or rms, or CRITERION=WEIGHT. May be repeated.")
+]
+Bounds = Annotated[list[str] | None, Parameter("--bound", negative=(), help="CRITERION=VALUE. May be repeated.")]
+Conditions = Annotated[
+    list[str] | None, Parameter("--condition", negative=(), help="Z,ORDER,VALUE: what the law must be there.")
+]
+Against = Annotated[str | None, Parameter("--pareto", help="A second criterion: a front instead of one law.")]
+
+
+@synthesize.command(
+    name="law",
+    help_prologue="""\
+flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
+flexcam synthesize law --family polynomial --degree 11 --minimize Ca --pareto Cj
+flexcam synthesize law --family harmonic --orders 1 --orders 3 --orders 5 --minimize Cm
+""",
+)
+def synthesize_law(
+    *, minimize: Minimize,
+    bound: Bounds = None,
+    family: Annotated[Literal["spline", "polynomial", "harmonic"], Parameter(help="Where to look.")] = "spline",
+    degree: Annotated[int | None, Parameter(help="Of splines (5) or polynomials (11).")] = None,
+    pieces: Annotated[int | None, Parameter(help="Of splines; 24 by default.")] = None,
+    orders: Annotated[list[int] | None, Parameter(negative=(), help="Of harmonic laws; 1 to 5 by default.")] = None,
+    rest: Annotated[int | None, Parameter(help="Derivatives that vanish at both ends; 2 by default.")] = None,
+    condition: Conditions = None,
+    asymmetric: Annotated[bool, Parameter(negative=(), help="Do not ask for symmetry.")] = False,
+    turning_back: Annotated[bool, Parameter(negative=(), help="Allow a negative velocity.")] = False,
+    against: Against = None,
+    count: Annotated[int | None, Parameter(help="Laws of the front; 9 by default.")] = None,
+    output: Output = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Find the law of a family with the least peak values under conditions, and prove how good it is."""
+    _only_with("--count", count, "--pareto", against is not None)
+    where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
+    weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
+    fixed = [_condition(one) for one in condition or []]
+    if against is not None:
+        if len(weights) != 1 or limits:
+            raise refuse("--pareto", "with --bound or several --minimize", "one criterion against another")
+        front = pareto(
+            where,
+            next(iter(weights)),
+            against,
+            count=9 if count is None else count,
+            conditions=fixed,
+            monotone=not turning_back,
+        )
+    else:
+        front = [minimax(where, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
+    files = _law_files(front, output, plot, overwrite=overwrite)
+    if as_json:
+        print_json(
+            {
+                "status": "ok",
+                "laws": [console.synthesis_json(one) for one in front],
+                "files": [str(path) for path in files],
+            }
+        )
+        return
+    out().print(console.pareto_table(front) if against else console.synthesis_table(front[0]))
+    for path in files:
+        out().print(f'{path}  (in a case: law = "{path.name}")' if path.suffix == ".toml" else str(path))
+
+
+def _only_with(option: str, given: object, other: str, there: bool) -> None:
+    """Refuse an option that does nothing without another."""
+    if given is not None and given is not False and not there:
+        raise refuse(option, str(given), f"nothing without {other}", f"only {other} asks for it", f"leave out {option}")
+
+
+def _family(
+    kind: str, degree: int | None, pieces: int | None, orders: list[int] | None, rest: int | None, *, symmetric: bool
+) -> Family:
+    harmonic = kind == "harmonic"
+    _only_with("--orders", orders, "--family harmonic", harmonic)
+    _only_with("--pieces", pieces, "--family spline", kind == "spline")
+    for option, given in (("--degree", degree), ("--rest", rest), ("--asymmetric", not symmetric)):
+        _only_with(option, given, "--family spline or polynomial", not harmonic)
+    if harmonic:
+        return HarmonicFamily(tuple(orders)) if orders else HarmonicFamily()
+    order = 2 if rest is None else rest
+    if kind == "polynomial":
+        return SplineFamily(11 if degree is None else degree, 1, order, symmetric)
+    return SplineFamily(5 if degree is None else degree, 24 if pieces is None else pieces, order, symmetric)
+
+
+def _numbers(where: str, given: list[str], default: float | None) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for one in given:
+        name, equals, text = one.partition("=")
+        if not equals and default is None:
+            raise refuse(where, repr(one), "CRITERION=VALUE, such as Cj=52.5")
+        found[name.strip()] = parse(text.strip(), "number", where) if equals else default or 0.0
+    return found
+
+
+def _condition(text: str) -> tuple[float, int, float]:
+    try:
+        z, order, value = text.split(",")
+        return float(z), int(order), float(value)
+    except ValueError:
+        allowed = "position, order of the derivative and value, such as 0.5,1,1.8"
+        raise refuse("--condition", repr(text), allowed) from None
+
+
+def _law_files(front: list[Synthesized], output: Path | None, plot: Path | None, *, overwrite: bool) -> list[Path]:
+    files: list[Path] = []
+    for i, found in enumerate(front, start=1):
+        if output is None:
+            break
+        path = output if len(front) == 1 else output.with_name(f"{output.stem}-{i}{output.suffix}")
+        about = {"flexcam": __version__, **{k: v for k, v in console.synthesis_json(found).items() if v is not None}}
+        files.append(write_law(found.law, made_folder(path.parent) / path.name, about=about, overwrite=overwrite))
+    if plot is not None:
+        from flexcam.view import law_figure, save_figure
+
+        laws = {f"{i}" if len(front) > 1 else found.family: found.law for i, found in enumerate(front, start=1)}
+        files.append(save_figure(law_figure(laws), plot, overwrite=overwrite))
+    return files
+
+
+@synthesize.command(
+    name="harmonic",
+    help_prologue="""\
+flexcam synthesize harmonic case.toml --tolerance "20 um" -o intake-harmonic.toml
+flexcam synthesize harmonic case.toml --cam intake --count 12 --bound "0.2 mm"
+""",
+)
+def synthesize_harmonic(
+    case: CasePath, *, name: CamName = None,
+    tolerance: Annotated[str, Parameter(help="Largest distance from the cam's lift in its dwells.")] = "20 um",
+    bound: Annotated[str | None, Parameter(help="Largest distance elsewhere.")] = None,
+    count: Annotated[int | None, Parameter(help="Harmonics; by default those below the train's first mode.")] = None,
+    output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Replace a cam's lift by harmonics that its train cannot resonate with, dwells kept strictly."""
+    strict, wide = (
+        quantity("--tolerance", tolerance, "length", "um"),
+        None if bound is None else quantity("--bound", bound, "length", "mm"),
+    )
+    found = harmonic_cam(load(case, overrides), name, tolerance=strict, count=count, bound=wide)
+    about = {"flexcam": __version__, "made_for": str(case), "harmonics": found.count}
+    files = [] if output is None else [write_lift(found.fit.event, output, about=about, overwrite=overwrite)]
+    if as_json:
+        print_json({
+            "status": "ok", "harmonics": found.count, "harmonics_below_first_mode": found.limit,
+            "first_mode_hz": found.frequency / (2.0 * math.pi), "dwell_deviation": found.fit.strict_deviation,
+            "deviation": found.fit.deviation, "rms_deviation": found.fit.rms_deviation,
+            "lift": [end.value for end in event_extremes(found.fit.event)],
+            "files": [str(path) for path in files],
+        })  # fmt: skip
+        return
+    out().print(console.harmonic_table(found))
+    for path in files:
+        out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
+
+
+@synthesize.command(
+    name="polydyne",
+    help_prologue="""\
+flexcam synthesize polydyne case.toml --speed 3000rpm -o intake-polydyne.toml
+flexcam synthesize polydyne case.toml --frequency "400 Hz" --damping 0.02
+""",
+)
+def synthesize_polydyne(
+    case: CasePath, *, name: CamName = None,
+    speed: Annotated[str | None, Parameter(help="Design speed of the camshaft; the case's by default.")] = None,
+    frequency: Annotated[str | None, Parameter(help="Of one mass on a spring, instead of the case's train.")] = None,
+    damping: Annotated[float, Parameter(help="Of that mass, part of the critical.")] = 0.0,
+    count: Annotated[int, Parameter(help="Harmonics.")] = 60,
+    output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Find the cam that makes the valve move as the case's cam would move it if everything were rigid."""
+    at = None if speed is None else positive("--speed", quantity("--speed", speed, "speed", "rpm"), "rad/s")
+    if damping and frequency is None:
+        raise refuse("--damping", damping, "nothing without --frequency", "the case's train has its own")
+    mass = (
+        None
+        if frequency is None
+        else SingleMass(2.0 * math.pi * quantity("--frequency", frequency, "rate", "Hz"), damping)
+    )
+    found = polydyne_cam(load(case, overrides), name, speed=at, transfer=mass, count=count)
+    about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed * 30.0 / math.pi}
+    files = [] if output is None else [write_lift(found.design.event, output, about=about, overwrite=overwrite)]
+    if as_json:
+        print_json({
+            "status": "ok", "design_speed_rpm": found.speed * 30.0 / math.pi, "left_out": found.design.left_out,
+            "lift": [end.value for end in event_extremes(found.design.event)],
+            "acceleration": [end.value for end in event_extremes(found.design.event, 2)], "ratio": found.ratio,
+            "speeds_rpm": (found.speeds * 30.0 / math.pi).tolist(), "plain": console.or_null(found.plain),
+            "polydyne": console.or_null(found.compensated), "files": [str(path) for path in files],
+        })  # fmt: skip
+        return
+    out().print(console.polydyne_facts(found))
+    out().print()
+    out().print(console.polydyne_table(found))
+    for path in files:
+        out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')

@@ -1,0 +1,50 @@
+"""Numbers in words: units, and zeros without their rounding."""
+
+from __future__ import annotations
+
+import math
+
+_NOTHING = 1e-12
+"""A length (m) or an angle (rad) below this is the rounding of a zero."""
+
+NOISE = 1e-9
+"""Part of the largest lift below which the least one is not worth a word."""
+
+
+def mm(value: float, digits: int = 6) -> str:
+    """Return a length in millimetres; what is only the rounding of a zero is one.
+
+    Parameters
+    ----------
+    value
+        m.
+    digits
+        Significant ones.
+
+    Returns
+    -------
+    str
+        Without the unit.
+
+    Examples
+    --------
+    >>> mm(0.0125), mm(1e-19)
+    ('12.5', '0')
+    """
+    return f"{0.0 if abs(value) < _NOTHING else 1e3 * value:.{digits}g}"
+
+
+def degrees(angle: float) -> str:
+    """Return an angle in degrees; what is only the rounding of a zero is one.
+
+    Parameters
+    ----------
+    angle
+        rad.
+
+    Returns
+    -------
+    str
+        Without the unit.
+    """
+    return f"{0.0 if abs(angle) < _NOTHING else math.degrees(angle):.4g}"

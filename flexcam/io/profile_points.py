@@ -1,0 +1,89 @@
+"""Read the points of a cam profile: two columns, or x and y among those of a profile that flexcam wrote."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from flexcam.checks import Fault, InputError, refuse
+from flexcam.linalg import FloatArray
+
+_LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+_MOST_FAULTS = 10
+
+
+def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
+    """Read the points of a profile.
+
+    Parameters
+    ----------
+    path
+        CSV; a first row of names says which columns are ``x`` and ``y`` (those of ``profile`` where there are several)
+        and in which unit, such as ``x [mm], y [mm]``. Without it there are two columns.
+    unit
+        ``um``, ``mm``, ``cm``, ``m`` or ``in``, where the head does not say so.
+
+    Returns
+    -------
+    ndarray
+        m, shape (n, 2), frame of the cam; a last point that repeats the first one is left out.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, its columns are not found, a row holds no numbers or the unit is not said.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as fault:
+        raise refuse("profile", str(path), "a readable text file", str(fault)) from None
+    rows = [(number, _parts(line)) for number, line in enumerate(lines, start=1) if line.partition("#")[0].strip()]
+    if not rows:
+        raise refuse("profile", f"{path.name}, which is empty", "rows of x and y")
+    head = [] if _numbers(rows[0][1], (0, 1)) else rows.pop(0)[1]
+    columns, scale = _columns(head, path), _scale(head, unit, path)
+    bad = [Fault(f"{path.name}, line {number}", repr(",".join(parts)[:40]), "numbers", "", "correct or remove the row")
+           for number, parts in rows if not _numbers(parts, columns)]  # fmt: skip
+    if bad:
+        raise InputError(bad[:_MOST_FAULTS])
+    points = scale * np.array([_numbers(parts, columns) for _, parts in rows], dtype=float).reshape(-1, 2)
+    closed = len(points) > 1 and bool(np.abs(points[0] - points[-1]).max() < 1e-9 * np.abs(points).max())
+    return points[:-1] if closed else points
+
+
+def _parts(line: str) -> list[str]:
+    return [part.strip() for part in re.split(r"[,;\t]", line.partition("#")[0])]
+
+
+def _numbers(parts: list[str], columns: tuple[int, int]) -> list[float]:
+    """Return the two numbers of a row, or nothing."""
+    try:
+        return [float(parts[column]) for column in columns]
+    except (ValueError, IndexError):
+        return []
+
+
+def _columns(head: list[str], path: Path) -> tuple[int, int]:
+    if not head:
+        return 0, 1
+    found: list[int] = []
+    for axis in "xy":
+        named = [i for i, name in enumerate(head) if re.search(rf"\b{axis}\b", name.lower())]
+        own = [i for i in named if head[i].lower().startswith("profile")]
+        if len(own or named) != 1:
+            given = ", ".join(head)[:60]
+            raise refuse(f"{path.name}, head", given, "one column x and one y, such as x [mm], y [mm]", "", "name them")
+        found += own or named
+    return found[0], found[1]
+
+
+def _scale(head: list[str], given: str | None, path: Path) -> float:
+    named = [word for name in head if re.search(r"\b[xy]\b", name.lower())
+             for word in re.findall(r"[a-z]+", name.lower()) if word in _LENGTHS]  # fmt: skip
+    unit = given or (named[0] if named else None)
+    if unit not in _LENGTHS:
+        remedy = "add --unit mm, or a first row such as x [mm], y [mm]"
+        raise refuse(f"{path.name}, unit", unit or ", ".join(head)[:60] or "no head", ", ".join(_LENGTHS), "", remedy)
+    return _LENGTHS[unit]

@@ -1,0 +1,106 @@
+"""lift: from the points of a profile back to the lift, hollows that are bridged, files that cannot be read."""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from flexcam.cam import FlatFollower, RollerFollower, cam_profile
+from flexcam.case import read_cams
+from flexcam.cli import main
+from flexcam.motion import HarmonicLift
+
+ROOT = Path(__file__).parents[2]
+FB2 = ROOT / "cases/cams/li-fb2.toml"
+ROLLER = ("--follower", '{ type = "roller", radius = "10 mm" }', "--base-radius", "20 mm")
+FLAT = ("--follower", '{ type = "flat" }', "--base-radius", "18 mm")
+
+
+@pytest.fixture
+def told(capsys, monkeypatch, tmp_path):
+    """Run the command in this process, in a folder of its own, and let the signals be."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+
+    def run(*words):
+        with pytest.raises(SystemExit) as ended:
+            main(list(map(str, words)))
+        out, err = capsys.readouterr()
+        assert "Traceback" not in out + err
+        return SimpleNamespace(code=ended.value.code, out=out, err=err)
+
+    return run
+
+
+def written(tmp_path, event, follower, head="x [mm], y [mm]"):
+    points = 1e3 * cam_profile(event, follower, count=360).points
+    np.savetxt(tmp_path / "p.csv", points, fmt="%.12g", delimiter=",", header=head, comments="")
+
+
+def test_there_and_back(told, tmp_path):
+    """The profile that `cam` writes, through `lift`, is the lift it was made of; the table is one for a case."""
+    assert told("cam", FB2, "-o", ".", "--format", "csv").code == 0
+    done = told("lift", "li-fb2-exhaust.csv", *ROLLER, "-o", "back.csv", "--json")
+    assert (done.code, done.err) == (0, "")
+    found, event = json.loads(done.out), read_cams(FB2).cams["exhaust"].made().event
+    np.testing.assert_allclose(found["lift"], event(np.array(found["angle"])), rtol=0, atol=1e-7)
+    assert (found["points"], found["bridged"], found["files"]) == (720, None, ["back.csv"])
+    (tmp_path / "case.toml").write_text('format = 1\n[cams.c]\nlift_table = "back.csv"\n')
+    again = read_cams(tmp_path / "case.toml").cams["c"].made().event
+    assert again.height == pytest.approx(0.0055, abs=1e-6)
+    words = told("lift", "li-fb2-exhaust.csv", *ROLLER)
+    assert "attention" not in words.out
+    assert "at 150 deg" in words.out
+
+
+def test_a_hollow_that_is_bridged(told, tmp_path):
+    """Under a roller of 4 mm the cam is hollow at its waist; a flat face cannot enter."""
+    written(tmp_path, HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0)), RollerFollower(0.014, 0.004))
+    found = json.loads(told("lift", "p.csv", *FLAT, "--json").out)["bridged"]
+    assert found["depth"] > 1e-4
+    assert abs(math.remainder(math.atan2(*found["point"][::-1]) - math.pi / 2, math.pi)) < math.radians(2.0)
+    assert "bridges a hollow" in told("lift", "p.csv", *FLAT).out
+    small = ("--follower", '{ type = "roller", radius = "4 mm" }', "--base-radius", "14 mm")
+    assert json.loads(told("lift", "p.csv", *small, "--json").out)["bridged"] is None
+
+
+def test_a_circle_within_its_base_circle(told, tmp_path):
+    written(tmp_path, HarmonicLift(0.003, (-0.003,), (0.0,)), FlatFollower(0.017), "")
+    assert "check its radius" in told("lift", "p.csv", "--unit", "mm", *FLAT).out
+    assert told("lift", "p.csv", *FLAT).code == 2
+
+
+@pytest.mark.parametrize(("text", "words", "said"), [
+    ("x [mm], y [mm]\n1, 2\nnull, 3\n2, 3\n1\n", FLAT, ["line 3", "line 5"]),
+    ("x [mm], z\n1, 2\n", FLAT, ["one column x and one y"]),
+    ("x, y\n1, 2\n", FLAT, ["--unit mm"]),
+    ("", FLAT, ["empty"]),
+    (None, FLAT, ["readable text file"]),
+    ("1, 2\n", ("--follower", "flat", "--base-radius", "18 mm"), ["texts need quotes"]),
+    ("1, 2\n", ("--follower", '{ type = "flat" }'), ["base_radius"]),
+    ("1, 2\n", ("--follower", '{ type = "flat" }', "--base-radius", "18"), ["write '18 mm'"]),
+    ("1, 2\n", ("--follower", '{ type = "rolle" }', "--base-radius", "18 mm"), ["did you mean 'roller'"]),
+    ("1, 2\n", ("--follower", '{ type = "roller", radios = 3 }'), ["follower.radios", "follower.radius"]),
+    ("1, 2\n", (*FLAT, "--points", "3"), ["--points"]),
+])  # fmt: skip
+def test_refused(text, words, said, told, tmp_path):
+    if text is not None:
+        (tmp_path / "p.csv").write_text(text)
+    done = told("lift", "p.csv", *words)
+    assert (done.code, done.out) == (2, "")
+    assert [part for part in said if part not in done.err] == []
+
+
+def test_nothing_is_written_over(told, tmp_path):
+    written(tmp_path, HarmonicLift(0.003, (-0.003,), (0.0,)), FlatFollower(0.018))
+    (tmp_path / "a.csv").write_text("mine")
+    assert "--overwrite" in told("lift", "p.csv", *FLAT, "-o", "a.csv").err
+    assert "ends in .csv" in told("lift", "p.csv", *FLAT, "-o", "a.txt").err
+    assert (tmp_path / "a.csv").read_text() == "mine"
