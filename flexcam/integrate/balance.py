@@ -14,7 +14,7 @@ import numpy as np
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.linalg import FloatArray, Triplets, factorize, null_space
 from flexcam.response import Cause, RunFailedError, Status
-from flexcam.system import CamMotion, Storing, System
+from flexcam.system import CamMotion, System
 
 _MOST_ITERATIONS = 300
 _TOLERANCE = 1e-9
@@ -98,15 +98,13 @@ class _Potential:
 
     def energy(self, u: FloatArray) -> float:
         """Return the potential energy; laws that store none count with nothing."""
-        gap, angle = self._gap(u), float(self.schedule.angle[0])
-        state = self.forces.start_state
-        laws = [(law, part, inner) for law, part, inner in self.forces.laws if isinstance(law, Storing)]
-        stored = sum(law.stored(gap[part], state[inner], angle).energy for law, part, inner in laws)
+        state = self.forces.start_state[None]
+        stored = float(self.forces.stored(self._gap(u)[None], state, self.schedule.angle[:1]).energy[0])
         return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
 
     def shortened(self, u: FloatArray, step: FloatArray, missing: FloatArray) -> float:
         """Return the part of a step that lowers the energy enough."""
-        if not all(isinstance(law, Storing) for law, *_ in self.forces.laws):
+        if not self.forces.storing.all():
             return 1.0  # a linear coupling: the whole step is right
         before, slope, part = self.energy(u), float(missing @ step), 1.0
         for _ in range(_HALVINGS):

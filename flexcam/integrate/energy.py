@@ -19,7 +19,7 @@ import numpy as np
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.step import Moment
 from flexcam.linalg import FloatArray, operator
-from flexcam.system import Observed, Storing, System
+from flexcam.system import Observed, System
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -37,7 +37,7 @@ class _Held:
     rates that the cam alone causes.
     """
 
-    time: FloatArray
+    angle: FloatArray
     kinetic: FloatArray
     strain: FloatArray
     contact: FloatArray
@@ -104,30 +104,34 @@ class EnergyAccount:
         along, on_unknowns = _dot(_mean(both.force), deepened), _dot(_mean(both.acted), moved)
         crushed = _dot(_mean(both.force - both.still), deepened)
         crushed -= _dot(_mean(both.by_state), np.diff(both.states, axis=0))
+        curved, turned = self._curved(both, deepened)
         impulse = both.impulse[1:]
         struck, impact_lost = _dot(impulse, _mean(both.carried)), _dot(impulse, _mean(both.rate))
-        numerical = pushed - np.diff(both.kinetic + both.strain) - damped + (struck - impact_lost)
-        work = given + along + on_unknowns + struck
+        numerical = pushed - np.diff(both.kinetic + both.strain) - damped + (struck - impact_lost) + curved
+        work = given + along + on_unknowns + struck + turned
         return np.column_stack([work, damped + crushed + impact_lost, numerical])
 
+    def _curved(self, both: _Held, deepened: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what the mean force does beyond the curved one (by Simpson's rule), and what the cam's turning stores.
+
+        The law of a contact may change with the cam angle, as with the cam's curvature: that energy comes from the cam.
+        """
+        angle, half = both.angle, _mean(both.states)
+        middle = self._forces.stored(_mean(both.gap), half, 0.5 * (angle[1:] + angle[:-1]))
+        curved = 2.0 / 3.0 * _dot(_mean(both.still) - middle.by_gap, deepened)
+        later = self._forces.stored(both.gap[:-1], both.states[:-1], angle[1:]).energy - both.contact[:-1]
+        earlier = both.contact[1:] - self._forces.stored(both.gap[1:], both.states[1:], angle[:-1]).energy
+        return curved, 0.5 * (later + earlier)
+
     def _held(self, moments: list[Moment], seen: Observed, carried: FloatArray, schedule: Schedule) -> _Held:
-        energy, conservative = np.zeros(len(moments)), np.zeros(self._forces.count)
-        still, by_state = np.zeros_like(seen.forces), np.zeros_like(seen.states)
-        for law, part, inner in self._forces.laws:
-            if not isinstance(law, Storing):
-                continue
-            conservative[part] = 1.0
-            for i, angle in enumerate(schedule.angle.tolist()):
-                stored = law.stored(seen.gaps[i, part], seen.states[i, inner], angle)
-                energy[i] += stored.energy
-                still[i, part], by_state[i, inner] = stored.by_gap, stored.by_state
+        kept = self._forces.stored(seen.gaps, seen.states, schedule.angle)
         nothing = np.zeros(self._forces.count)
         weights = np.einsum("mc,mck->mk", seen.forces, schedule.act)
         return _Held(
-            np.array([m.time for m in moments]), 0.5 * _quadratic(self._M, seen.velocity),
-            0.5 * _quadratic(self._K, seen.displacement), energy, seen.displacement, seen.velocity,
+            schedule.angle, 0.5 * _quadratic(self._M, seen.velocity),
+            0.5 * _quadratic(self._K, seen.displacement), kept.energy, seen.displacement, seen.velocity,
             np.array([m.applied for m in moments]), seen.histories, weights @ self._forces.act.vectors,
-            seen.forces * conservative, still, seen.gaps, seen.rates, carried, seen.states, by_state,
+            seen.forces * self._forces.storing, kept.by_gap, seen.gaps, seen.rates, carried, seen.states, kept.by_state,
             np.array([nothing if m.impulse is None else m.impulse for m in moments]),
         )  # fmt: skip
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.linalg import FloatArray, IntArray
-from flexcam.system import AngleVector, CamMotion, Reaction, System
+from flexcam.system import AngleVector, CamMotion, Reaction, Stored, Storing, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +97,9 @@ class LocalForces:
         scalars, states = _slices([len(f.sense) for f in forces]), _slices([len(f.law.start_state) for f in forces])
         self.laws = [(f.law, *places) for f, *places in zip(forces, scalars, states, strict=True)]
         switches = [(scalars[i].start + one, f.restitution) for i, f in enumerate(forces) for one in f.switching]
+        self.storing = np.zeros(self.count)
+        for law, part, _ in self.laws:
+            self.storing[part] = float(isinstance(law, Storing))
         self.switching: IntArray = np.array([one for one, _ in switches], dtype=np.intp)
         self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
 
@@ -151,6 +154,16 @@ class LocalForces:
             ):
                 whole[places] = one if one.size else 0.0
         return Reaction(force, by_gap, by_rate, state_rate, by_state, of_gap, of_rate, of_state)
+
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
+        """Return the energy of all laws that store some, and the derivatives of it, shape (m,), (m, c) and (m, s)."""
+        total = Stored(np.zeros(len(angle)), np.zeros_like(gap), np.zeros_like(state))
+        for law, part, inner in self.laws:
+            if isinstance(law, Storing):
+                one = law.stored(gap[:, part], state[:, inner], angle)
+                total = total._replace(energy=total.energy + one.energy)
+                total.by_gap[:, part], total.by_state[:, inner] = one.by_gap, one.by_state
+        return total
 
     def pressed(self, gap: FloatArray) -> NDArray[np.bool_]:
         """Return on which side of zero the switching scalars are."""

@@ -183,4 +183,5 @@ def _stats(file: Any) -> Stats:  # noqa: ANN401
     if "status" not in file:
         return Stats()
     attrs = file["status"].attrs
-    return Stats(**{name: type(default)(attrs[name]) for name, default in Stats().__dict__.items()})
+    known = {name: default for name, default in Stats().__dict__.items() if name in attrs}
+    return Stats(**{name: type(default)(attrs[name]) for name, default in known.items()})

@@ -88,19 +88,19 @@ class LocalLaw(Protocol):
 
 
 class Stored(NamedTuple):
-    """Energy of a local law and its derivatives.
+    """Energy of a local law at m instants, and its derivatives.
 
     Parameters
     ----------
     energy
-        J.
+        J, shape (m,).
     by_gap
-        Derivative by what is sensed: the force at rest, shape (c,).
+        Derivative by what is sensed: the force at rest, shape (m, c).
     by_state
-        Derivative by the internal state, shape (s,).
+        Derivative by the internal state, shape (m, s).
     """
 
-    energy: float
+    energy: FloatArray
     by_gap: FloatArray
     by_state: FloatArray
 
@@ -109,8 +109,8 @@ class Stored(NamedTuple):
 class Storing(Protocol):
     """A local law that stores energy: it acts along what it senses, A = -G."""
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
-        """Return the energy at gamma, shape (c,), an internal state, shape (s,), and a cam angle."""
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
+        """Return the energy at gamma, shape (m, c), internal states, shape (m, s), and cam angles, shape (m,)."""
         ...
 
 

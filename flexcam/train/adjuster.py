@@ -59,12 +59,12 @@ class OilColumn:
             -carried * one, flow * one, 0.0 * one, -flow * one,
         )  # fmt: skip
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
-        """Return the energy in oil and plunger spring."""
-        pressed = max(float(gap[0] - state[0]), 0.0)
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
+        """Return the energy in oil and plunger spring and its derivatives, per instant."""
+        pressed = np.maximum(gap - state, 0.0)
         force = self.stiffness * pressed
-        energy = self.plunger_force * float(gap[0]) + 0.5 * force * pressed
-        return Stored(energy, np.array([self.plunger_force + force]), np.array([-force]))
+        energy = self.plunger_force * gap[..., 0] + 0.5 * (force * pressed)[..., 0]
+        return Stored(energy, self.plunger_force + force, -force)
 
 
 def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling:

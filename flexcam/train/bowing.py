@@ -64,10 +64,10 @@ class Bowing:
         return values[..., 0], bent, np.einsum("eij,...ej->...ei", self.shortening, bent)
 
     def _force(self, gap: FloatArray) -> FloatArray:
-        """Return the forces, shape (e, 7)."""
+        """Return the forces, shape (..., e, 7)."""
         stretch, _, pulled = self._shape(gap)
         N = self.axial_force(gap)
-        return np.concatenate([(N - self.axial * stretch)[:, None], N[:, None] * pulled], axis=1)
+        return np.concatenate([(N - self.axial * stretch)[..., None], N[..., None] * pulled], axis=-1)
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return force and tangent."""
@@ -83,11 +83,11 @@ class Bowing:
         size = e * _SCALARS
         return Reaction(self._force(gap).ravel(), by_gap.reshape(size, size), np.zeros((size, size)), _NONE)
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
-        """Return the energy beyond that of the linear bar, and its derivative."""
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
+        """Return the energy beyond that of the linear bar and its derivative, per instant."""
         N, stretch = self.axial_force(gap), self._shape(gap)[0]
-        energy = 0.5 * float(np.sum(N**2 / self.axial - self.axial * stretch**2))
-        return Stored(energy, self._force(gap).ravel(), _NONE)
+        energy = 0.5 * np.sum(N**2 / self.axial - self.axial * stretch**2, axis=-1)
+        return Stored(energy, self._force(gap).reshape(gap.shape), np.zeros_like(state))
 
 
 def bowings(structure: Structure) -> Coupling:

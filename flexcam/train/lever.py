@@ -39,31 +39,29 @@ class LeverEnd:
         """Nothing."""
         return _NONE
 
-    def _reach(self, path: float) -> tuple[float, float, float]:
-        y, slope, bend = self.lever.reach(np.array([path]), self.end)
-        return float(y[0]), float(slope[0]), float(bend[0])
+    def _at_rest(self) -> FloatArray:
+        """Return the derivative of the depth by path and motion, as installed."""
+        return np.array([float(self.lever.reach(np.zeros(1), self.end)[1][0]), -1.0])
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return force and tangent."""
         k, c = self.lever.stiffness[self.end], self.lever.damping[self.end]
-        (p, x), (dp, dx) = gap.tolist(), rate.tolist()
-        y, slope, bend = self._reach(p)
-        arm, at_rest = np.array([slope, -1.0]), np.array([self._reach(0.0)[1], -1.0])
-        N = k * (y - x) + c * (slope * dp - dx)
+        y, slope, bend = (float(one[0]) for one in self.lever.reach(gap[:1], self.end))
+        arm, at_rest = np.array([slope, -1.0]), self._at_rest()
+        N = k * (y - float(gap[1])) + c * float(arm @ rate)
         linear = at_rest * (k * float(at_rest @ gap) + c * float(at_rest @ rate))
-        by_gap = np.outer(arm, np.array([k * slope + c * bend * dp, -k])) - k * np.outer(at_rest, at_rest)
+        by_gap = np.outer(arm, np.array([k * slope + c * bend * float(rate[0]), -k])) - k * np.outer(at_rest, at_rest)
         by_gap[0, 0] += N * bend
         by_rate = c * (np.outer(arm, arm) - np.outer(at_rest, at_rest))
         return Reaction(N * arm - linear, by_gap, by_rate, _NONE)
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
-        """Return the energy beyond that of the linear spring, and its derivative."""
-        k = self.lever.stiffness[self.end]
-        y, slope, _ = self._reach(float(gap[0]))
-        at_rest = np.array([self._reach(0.0)[1], -1.0])
-        depth, linear = y - float(gap[1]), float(at_rest @ gap)
-        force = k * depth * np.array([slope, -1.0]) - k * linear * at_rest
-        return Stored(0.5 * k * (depth**2 - linear**2), force, _NONE)
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
+        """Return the energy beyond that of the linear spring and its derivative, per instant."""
+        k, at_rest = self.lever.stiffness[self.end], self._at_rest()
+        y, slope, _ = self.lever.reach(gap[..., 0], self.end)
+        depth, linear = y - gap[..., 1], gap @ at_rest
+        force = np.stack([depth * slope, -depth], axis=-1) - linear[..., None] * at_rest
+        return Stored(0.5 * k * (depth**2 - linear**2), k * force, np.zeros_like(state))
 
 
 def lever_joints(structure: Structure) -> Coupling:

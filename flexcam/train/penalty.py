@@ -56,9 +56,9 @@ class Bilateral(_Stateless):
         force = self.stiffness * float(gap[0]) + self.damping * float(rate[0])
         return _one(force, self.stiffness, self.damping)
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
-        """Return the energy stored, J, and the force at rest."""
-        return Stored(0.5 * self.stiffness * float(gap @ gap), self.stiffness * gap, _NO_STATE)
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
+        """Return the energy stored and its derivative, per instant."""
+        return Stored(0.5 * self.stiffness * np.sum(gap**2, axis=-1), self.stiffness * gap, np.zeros_like(state))
 
 
 @dataclass(frozen=True)
@@ -98,10 +98,11 @@ class Stop(_Stateless):
             np.diag(np.where(pressed, self.damping * part, 0.0)), np.zeros(0),
         )  # fmt: skip
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
-        """Return the energy stored, J, and the force at rest."""
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
+        """Return the energy stored and its derivative, per instant."""
         pressed = np.maximum(gap, 0.0)
-        return Stored(0.5 * self.stiffness * float(pressed @ pressed), self.stiffness * pressed, _NO_STATE)
+        energy = 0.5 * self.stiffness * np.sum(pressed**2, axis=-1)
+        return Stored(energy, self.stiffness * pressed, np.zeros_like(state))
 
 
 @dataclass(frozen=True)
@@ -135,10 +136,11 @@ class HuntCrossley(_Stateless):
             return _nothing(1)
         return _one(self.stiffness * depth * factor, self.stiffness * factor, self.stiffness * depth * self.dissipation)
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
-        """Return the energy stored, J, and the force at rest."""
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
+        """Return the energy stored and its derivative, per instant."""
         pressed = np.maximum(gap, 0.0)
-        return Stored(0.5 * self.stiffness * float(pressed @ pressed), self.stiffness * pressed, _NO_STATE)
+        energy = 0.5 * self.stiffness * np.sum(pressed**2, axis=-1)
+        return Stored(energy, self.stiffness * pressed, np.zeros_like(state))
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,65 +183,64 @@ class HertzLine(_Stateless):
         depth, factor = float(gap[0]), 1.0 + self.dissipation * float(rate[0])
         if depth <= 0.0 or factor <= 0.0:
             return _nothing(1)
-        pressed, slope = self.line_load(depth, self._radius(angle))
-        force = self.width * pressed
-        return _one(force * factor, self.width * slope * factor, force * self.dissipation)
+        load, slope = self.line_load(gap, self.radius(np.array([angle]), 0))
+        force = self.width * float(load[0])
+        return _one(force * factor, self.width * float(slope[0]) * factor, force * self.dissipation)
 
-    def line_load(self, approach: float, radius: float) -> tuple[float, float]:
-        """Return the load per length at an approach, N/m, and its slope, N/m^2.
+    def line_load(self, approach: FloatArray, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the load per length at approaches, N/m, and its slope, N/m^2.
 
         Parameters
         ----------
         approach
-            m, above zero.
+            m, above zero, shape (m,).
         radius
-            Relative radius of curvature, m.
+            Relative radius of curvature, m, shape (m,).
 
         Returns
         -------
-        float, float
-            By Newton's iteration; straight on from where the contact is a quarter of the radius wide.
+        tuple
+            Shape (m,) each, by Newton's iteration; straight on from where the contact is a quarter of the radius wide.
         """
-        most = radius * math.pi * self.plane_strain / 128.0
+        most = self._most(radius)
         end, give = self._approach(most, radius)
-        if approach >= end:
-            return most + (approach - end) / give, 1.0 / give
-        p = most * approach / end
+        p = most * np.minimum(approach / end, 1.0)
         for _ in range(_MOST_ITERATIONS):
-            value, give = self._approach(p, radius)
-            new = p + (approach - value) / give
-            new = new if new > 0.0 else 0.5 * p
-            if abs(new - p) <= 1e-14 * new:
-                break
+            value, its_give = self._approach(p, radius)
+            new = p + (np.minimum(approach, end) - value) / its_give
+            new = np.where(new > 0.0, new, 0.5 * p)
+            still = np.abs(new - p) <= 1e-14 * new
             p = new
-        return p, 1.0 / self._approach(p, radius)[1]
+            if still.all():
+                break
+        beyond = np.maximum(approach - end, 0.0) / give
+        return p + beyond, 1.0 / np.where(beyond > 0.0, give, self._approach(p, radius)[1])
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
-        """Return the energy stored, J (the integral of the load over the approach, by parts), and the force at rest."""
-        depth, radius = float(gap[0]), self._radius(angle)
-        if depth <= 0.0:
-            return Stored(0.0, np.zeros(1), _NO_STATE)
-        p, slope = self.line_load(depth, radius)
-        force = self.width * p
-        most = radius * math.pi * self.plane_strain / 128.0
-        beyond = 0.0
-        if p > most:  # the straight part, from (end, most) on
-            beyond = 0.5 * (p + most) * (p - most) / slope
-            p, depth = most, self._approach(most, radius)[0]
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
+        """Return the energy stored (the integral of the load over the approach, by parts) and its derivative."""
+        depth, radius = gap[..., 0], self.radius(angle, 0)
+        pressed = depth > 0.0
+        load, slope = self.line_load(np.where(pressed, depth, 1e-9), radius)
+        most = self._most(radius)
+        straight = np.where(load > most, 0.5 * (load + most) * (load - most) / slope, 0.0)  # from `most` on
+        p = np.minimum(load, most)
+        there = self._approach(p, radius)[0]
         # The approach is one p times terms that fall by 2 ln p: its integral over p is one p^2 (terms + 1)/2.
         one = 1.0 / (math.pi * self.plane_strain)
-        inside = p * depth - 0.5 * one * p**2 * (depth / (one * p) + 1.0)
-        return Stored(self.width * (inside + beyond), np.array([force]), _NO_STATE)
+        inside = p * there - 0.5 * one * p**2 * (there / (one * p) + 1.0)
+        energy = np.where(pressed, self.width * (inside + straight), 0.0)
+        return Stored(energy, np.where(pressed, self.width * load, 0.0)[..., None], np.zeros_like(state))
 
-    def _radius(self, angle: float) -> float:
-        return float(self.radius(np.array([angle]), 0)[0])
+    def _most(self, radius: FloatArray) -> FloatArray:
+        """Return the load per length from which on the law is straight."""
+        return radius * math.pi * self.plane_strain / 128.0
 
-    def _approach(self, p: float, radius: float) -> tuple[float, float]:
+    def _approach(self, p: FloatArray, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the approach under a load per length, and its slope."""
         one = 1.0 / (math.pi * self.plane_strain)
-        half_width = math.sqrt(8.0 * p * radius * one)  # E* is half of E/(1 - nu^2) for two bodies alike
-        terms = 2.0 * math.log(4.0 * radius / half_width) - 1.0
-        terms += 2.0 * math.log(2.0 * self.depth / half_width) - self.poisson / (1.0 - self.poisson)
+        half_width = np.sqrt(8.0 * p * radius * one)  # E* is half of E/(1 - nu^2) for two bodies alike
+        terms = 2.0 * np.log(4.0 * radius / half_width) - 1.0
+        terms += 2.0 * np.log(2.0 * self.depth / half_width) - self.poisson / (1.0 - self.poisson)
         # a grows with the root of p: each logarithm falls by 1/(2p), twice.
         return one * p * terms, one * (terms - 2.0)
 
@@ -273,11 +274,11 @@ class Inclined(_Stateless):
         answer = self.normal.respond(gap * share, rate * share, state, angle)
         return Reaction(answer.force * share, answer.by_gap * share**2, answer.by_rate * share**2, _NO_STATE)
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
-        """Return the energy stored and its derivative."""
-        share = float(self.cosine(np.array([angle]), 0)[0])
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
+        """Return the energy stored and its derivative, per instant."""
+        share = self.cosine(angle, 0)[..., None]
         kept = self.normal.stored(gap * share, state, angle)
-        return Stored(kept.energy, kept.by_gap * share, _NO_STATE)
+        return Stored(kept.energy, kept.by_gap * share, np.zeros_like(state))
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,9 +317,9 @@ class Sliding(_Stateless):
         by_rate[1, 1] = self.coefficient * N * (1.0 - turned**2) / self.speed
         return Reaction(np.array([N, share * N]), by_gap, by_rate, _NO_STATE)
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: float) -> Stored:
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy stored in the depth; friction stores none."""
         if not isinstance(self.normal, Storing):
-            return Stored(0.0, np.zeros(2), _NO_STATE)
-        kept = self.normal.stored(gap[:1], state, angle)
-        return Stored(kept.energy, np.append(kept.by_gap, 0.0), _NO_STATE)
+            return Stored(np.zeros(len(gap)), np.zeros_like(gap), np.zeros_like(state))
+        kept = self.normal.stored(gap[..., :1], state, angle)
+        return Stored(kept.energy, np.concatenate([kept.by_gap, np.zeros_like(kept.by_gap)], axis=-1), kept.by_state)
