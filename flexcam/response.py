@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 from flexcam.checks import FlexcamError, did_you_mean, refuse
 from flexcam.linalg import FloatArray
 
+STATE = "state."
+"""Begins the name of a channel that holds an internal state: with them a run can go on from a result."""
+
 
 class Cause(StrEnum):
     """Why a run ended."""
@@ -98,6 +101,8 @@ class Stats:
         Newton iterations of local forces, all steps together.
     events
         Moments located inside a step, where a contact opens or closes.
+    periodicity
+        By how much the start misses returning after a revolution, as a part of the motion; negative if not asked for.
     seconds
         Time spent in the step loop, s.
     """
@@ -106,6 +111,7 @@ class Stats:
     unknowns: int = 0
     iterations: int = 0
     events: int = 0
+    periodicity: float = -1.0
     seconds: float = 0.0
 
 
@@ -287,6 +293,11 @@ class Response:
     fields: Series
     status: Status = field(default_factory=Status)
     stats: Stats = field(default_factory=Stats)
+
+    @property
+    def inner(self) -> FloatArray:
+        """Internal states of the local laws at the end, shape (s,)."""
+        return np.array([values[-1] for name, values in self.channels.items() if name.startswith(STATE)], dtype=float)
 
     def __getitem__(self, name: str) -> History:
         """Return the history of a probe, or of one component of it (``"cam.uy"``)."""

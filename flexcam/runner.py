@@ -27,6 +27,7 @@ from flexcam.integrate import (
     State,
     equilibrium,
     outline,
+    periodic,
     rest,
     solve,
 )
@@ -34,8 +35,17 @@ from flexcam.io import Geometry, ResultFile, made_folder, read_result
 from flexcam.linalg import FloatArray
 from flexcam.modal import mac
 from flexcam.response import Response, SaveAt, Sink
-from flexcam.system import ConstantSpeed, Drive, System
-from flexcam.train import Model, ModelModes, build_rigid, build_structure, build_system, element_loads, model_modes
+from flexcam.system import ConstantSpeed, Drive, FluctuatingSpeed, SpeedByAngle, System
+from flexcam.train import (
+    Model,
+    ModelModes,
+    build_rigid,
+    build_structure,
+    build_system,
+    element_loads,
+    free_running,
+    model_modes,
+)
 
 DEFAULT_STEPS_PER_REVOLUTION = 3600
 
@@ -104,18 +114,52 @@ def prepare(case: Case, *, rigid: bool = False) -> Prepared:
 
 
 def _problem(case: Case, model: Model, system: System) -> Problem:
-    run, drive = case.record.run, ConstantSpeed(case.speed)
+    run, drive = case.record.run, _drive(case, model)
     per_revolution = run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
-    step = run.step or _REVOLUTION / case.speed / per_revolution
-    steps = round(run.revolutions * _REVOLUTION / case.speed / step)
+    revolution = drive.period if isinstance(drive, SpeedByAngle) else _REVOLUTION / case.speed
+    step = run.step or revolution / per_revolution
+    steps = round(run.revolutions * revolution / step)
     if steps < 1:
         given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
         raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
+    if run.start == "periodic":
+        return _periodic(case, Problem(system, drive, step, steps, _guess(system, drive)), revolution)
     state, angle = _start(case, model, system, drive)
     if angle is not None:  # a restart goes on at the result's cam angle, also at another speed
-        offset = angle - case.speed * state.time
-        drive = ConstantSpeed(case.speed, offset if abs(offset) > _SAME_ANGLE else 0.0)
+        drive = _from_angle(case, model, drive, angle, state.time)
     return Problem(system, drive, step, steps, state)
+
+
+def _drive(case: Case, model: Model, start: float = 0.0) -> Drive:
+    """Return how the camshaft turns, the cam angle at time zero given."""
+    run = case.record.run
+    if run.fluctuation is not None:
+        return FluctuatingSpeed(case.speed, *run.fluctuation.made(), start)
+    if run.free_running is not None:
+        return free_running(model, case.speed, *run.free_running.made(), start)
+    return ConstantSpeed(case.speed, start)
+
+
+def _from_angle(case: Case, model: Model, drive: Drive, angle: float, time: float) -> Drive:
+    """Return the drive that passes a cam angle at a time."""
+    missing = angle - float(drive.at(np.array([time])).angle[0])
+    return drive if abs(missing) <= _SAME_ANGLE else _drive(case, model, missing)
+
+
+def _guess(system: System, drive: Drive) -> State:
+    return equilibrium(system, drive) if system.size else State(np.zeros(0), np.zeros(0))
+
+
+def _periodic(case: Case, problem: Problem, revolution: float) -> Problem:
+    """Return the problem from its periodic state."""
+    if not problem.system.size:
+        return problem
+    per_revolution = round(revolution / problem.step)
+    if abs(per_revolution * problem.step - revolution) > _SAME_ANGLE * revolution:
+        given, why = f"a step of {problem.step:g} s", "the periodic state is that after a whole revolution"
+        raise refuse("run.step", given, "a whole number of steps per revolution", why, "use steps_per_revolution")
+    one = replace(problem, steps=per_revolution)
+    return replace(problem, start=periodic(one, case.record.run.integrator.made()))
 
 
 _SAME_ANGLE = 1e-9
@@ -127,7 +171,7 @@ def _start(case: Case, model: Model, system: System, drive: Drive) -> tuple[Stat
     match case.record.run.start:
         case "rest":
             return rest(system, drive), None
-        case "equilibrium":
+        case "equilibrium" | "periodic":
             return equilibrium(system, drive), None
         case ResultStartRecord(result=name):
             return _last_state(case, model, system, name)
@@ -172,7 +216,11 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
     at = int(np.searchsorted(response.time, time - 1e-12 * max(abs(time), 1.0)))
     rest_of = [[float(getattr(one, name)[at]) for one in histories] for name in ("displacement", "velocity")]
     moved, moving = (np.concatenate([one[free], more]) for one, more in zip(nodal, rest_of, strict=True))
-    return State(moved, moving, time), angle
+    inner = response.inner
+    states = sum(len(force.law.start_state) for force in system.local_forces)
+    if len(inner) != states:
+        raise refuse(where, name, "a result of the same contacts", f"it holds {len(inner)} of {states} internal states")
+    return State(moved, moving, time, inner if states else None), angle
 
 
 def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Response:

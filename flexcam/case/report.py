@@ -14,8 +14,8 @@ from flexcam.case.records import CaseRecord
 from flexcam.checks import Fault, did_you_mean
 
 _TAGGED = (
-    ("sections", "*"), ("cams", "*", "follower"), ("follower",), ("contacts", "*"), ("run", "integrator"),
-    ("run", "start"),
+    ("sections", "*"), ("cams", "*", "follower"), ("follower",), ("contacts", "*"), ("rockers", "*"),
+    ("run", "integrator"), ("run", "start"),
 )  # fmt: skip
 """Tables with variants: pydantic puts the variant's tag behind them in a path."""
 

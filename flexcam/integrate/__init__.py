@@ -4,6 +4,7 @@ Knows no beam and no cam; may import `system`, `response`, `linalg` and `checks`
 A new scheme of the family is a constructor in `scheme`; another kind of integrator is a file beside `step`.
 """
 
+from flexcam.integrate.periodic import periodic
 from flexcam.integrate.problem import Problem, State
 from flexcam.integrate.scheme import Scheme, generalized_alpha, hht, newmark
 from flexcam.integrate.solve import outline, solve
@@ -20,6 +21,7 @@ __all__ = [
     "hht",
     "newmark",
     "outline",
+    "periodic",
     "rest",
     "solve",
     "static_displacement",

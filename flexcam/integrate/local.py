@@ -157,13 +157,13 @@ class LocalForces:
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy of all laws that store some, and the derivatives of it, shape (m,), (m, c) and (m, s)."""
-        total = Stored(np.zeros(len(angle)), np.zeros_like(gap), np.zeros_like(state))
+        energy, by_gap, by_state = np.zeros(len(angle)), np.zeros_like(gap), np.zeros_like(state)
         for law, part, inner in self.laws:
             if isinstance(law, Storing):
                 one = law.stored(gap[:, part], state[:, inner], angle)
-                total = total._replace(energy=total.energy + one.energy)
-                total.by_gap[:, part], total.by_state[:, inner] = one.by_gap, one.by_state
-        return total
+                energy += one.energy
+                by_gap[:, part], by_state[:, inner] = one.by_gap, one.by_state
+        return Stored(energy, by_gap, by_state)
 
     def pressed(self, gap: FloatArray) -> NDArray[np.bool_]:
         """Return on which side of zero the switching scalars are."""

@@ -23,12 +23,15 @@ class State:
         s.
     inner
         Internal states of the local forces, one after the other, shape (s,); None for those at rest.
+    periodicity
+        Of a state that should return after a revolution: by how much it misses, as a part of the motion; else None.
     """
 
     displacement: FloatArray
     velocity: FloatArray
     time: float = 0.0
     inner: FloatArray | None = None
+    periodicity: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "displacement", finite_array("start displacement", self.displacement, (None,)))

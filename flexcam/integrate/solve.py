@@ -19,6 +19,7 @@ from flexcam.integrate.settle import NoConvergenceError
 from flexcam.integrate.step import Instant, Moment
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
 from flexcam.response import (
+    STATE,
     Block,
     Cause,
     Memory,
@@ -49,7 +50,10 @@ def outline(system: System) -> Outline:
     """
     probes = tuple((p.name, p.components) for p in system.probes)
     energies = tuple((f"energy.{part}", "J") for part in PARTS)
-    return Outline(system.names, probes, (*((c.name, c.unit) for c in system.channels), *energies))
+    states = [
+        (f"{STATE}{force.name}.{i}", "1") for force in system.local_forces for i in range(len(force.law.start_state))
+    ]
+    return Outline(system.names, probes, (*((c.name, c.unit) for c in system.channels), *energies, *states))
 
 
 def solve(
@@ -102,7 +106,9 @@ def solve(
     memory = Memory(outline(problem.system))
     takers = (memory, *sinks)
     started = time.perf_counter()
-    status, stats = Status(), Stats(unknowns=problem.system.size)
+    returns = problem.start.periodicity if problem.start else None
+    stats = Stats(unknowns=problem.system.size, periodicity=-1.0 if returns is None else returns)
+    status = Status()
     try:
         run = _Run(problem, scheme, save or SaveAt(), stop or _never)
         for block in run.blocks():
@@ -215,7 +221,7 @@ class _Run:
         channels = [channel.value(seen) for channel in self._system.channels]
         return Block(
             time=time, angle=angle, probes=_probe_series(self._system.probes, series, seen.motion),
-            channels=np.column_stack([*channels, energies]),
+            channels=np.column_stack([*channels, energies, seen.states]),
             field_time=time[saved], field_angle=angle[saved], fields=series.at(saved),
         )  # fmt: skip
 

@@ -1,7 +1,7 @@
 """The seam between the physics and everything that works on it: see `equations`."""
 
 from flexcam.system.channel import Channel, Observable, Observed, force_sum, load_sum, row_of, total
-from flexcam.system.drive import CamMotion, ConstantSpeed, Drive
+from flexcam.system.drive import CamMotion, ConstantSpeed, Drive, FluctuatingSpeed, SpeedByAngle
 from flexcam.system.equations import Load, Probe, System
 from flexcam.system.local import AngleFunction, AngleVector, LocalForce, LocalLaw, Reaction, Stored, Storing, constant
 
@@ -12,6 +12,7 @@ __all__ = [
     "Channel",
     "ConstantSpeed",
     "Drive",
+    "FluctuatingSpeed",
     "Load",
     "LocalForce",
     "LocalLaw",
@@ -19,6 +20,7 @@ __all__ = [
     "Observed",
     "Probe",
     "Reaction",
+    "SpeedByAngle",
     "Stored",
     "Storing",
     "System",

@@ -6,6 +6,7 @@ A new kind of part is a dataclass in `model` and its rows in `structure`; a new 
 
 from flexcam.train.buckling import CompressionSink, buckling_load
 from flexcam.train.build import build_system
+from flexcam.train.free_running import free_running
 from flexcam.train.loads import element_loads
 from flexcam.train.model import (
     Adjuster,
@@ -21,6 +22,7 @@ from flexcam.train.model import (
     Rocker,
     Seat,
     Spring,
+    Wire,
 )
 from flexcam.train.modes import ModelModes, model_modes
 from flexcam.train.rigid import build_rigid
@@ -47,11 +49,13 @@ __all__ = [
     "Spring",
     "StrengthSink",
     "Structure",
+    "Wire",
     "buckling_load",
     "build_rigid",
     "build_structure",
     "build_system",
     "element_loads",
+    "free_running",
     "lift_transfer",
     "member_masses",
     "model_modes",

@@ -10,6 +10,7 @@ Structures 1 (1991), sec. 7.1 and 7.2 (shallow element with constant axial strai
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,8 +18,9 @@ import numpy as np
 from flexcam.fem import Beams
 from flexcam.fem.elements import bending
 from flexcam.fem.elements.beam import PLANE_XY, PLANE_XZ
-from flexcam.linalg import FloatArray, IntArray
+from flexcam.linalg import DENSE_LIMIT, FloatArray, IntArray
 from flexcam.system import AngleVector, Channel, LocalForce, Observable, Observed, Reaction, Stored, constant
+from flexcam.train.buckling import buckling_load
 from flexcam.train.coupling import Coupling
 from flexcam.train.structure import Structure
 
@@ -91,7 +93,7 @@ class Bowing:
 
 
 def bowings(structure: Structure) -> Coupling:
-    """Return the geometric stiffness of all members that ask for it.
+    """Return the geometric stiffness of the members that ask for it, and the compression of all that carry no cam.
 
     Parameters
     ----------
@@ -101,24 +103,42 @@ def bowings(structure: Structure) -> Coupling:
     Returns
     -------
     Coupling
-        A local force per member, and the channel of its largest compression.
+        A local force per member with geometric stiffness. Channels: ``members.NAME.compression``, the largest of its
+        elements, and where the member can buckle ``members.NAME.buckling_use``, the same as a part of its buckling load.
     """
     forces: list[LocalForce] = []
     channels: list[Channel] = []
-    ranges = structure.model.mesh.element_ranges()
+    model = structure.model
+    shafts = {node for cam in model.cams.values() for node in model.mesh.connected(model.mesh.node(cam.at)).tolist()}
     first = 0
-    for name, member in structure.model.members.items():
-        if not member.geometric_stiffness:
+    for name, member in model.members.items():
+        if not member.geometric_stiffness and not shafts.isdisjoint(model.mesh.lines[name].tolist()):
             continue
-        elements = np.arange(len(structure.beams))[ranges[name]]
-        rows, law = _sensed(structure, elements), _law(structure.beams, elements, member.bow)
-        sense = tuple(AngleVector.constant(row) for row in rows)
-        act = tuple(AngleVector.constant(-row) for row in rows)
+        elements = np.arange(len(structure.beams))[model.mesh.element_ranges()[name]]
         where = f"members.{name}"
-        forces.append(LocalForce(f"{where}.bending", sense, act, law, (constant(0.0),) * len(rows)))
-        channels.append(Channel(f"{where}.compression", "N", _compression(law, slice(first, first + len(rows)))))
-        first += len(rows)
+        if member.geometric_stiffness:
+            rows, law = _sensed(structure, elements), _law(structure.beams, elements, member.bow)
+            sense = tuple(AngleVector.constant(row) for row in rows)
+            act = tuple(AngleVector.constant(-row) for row in rows)
+            forces.append(LocalForce(f"{where}.bending", sense, act, law, (constant(0.0),) * len(rows)))
+            pressed = _compression(law, slice(first, first + len(rows)))
+            first += len(rows)
+        else:
+            pressed = _linear_compression(structure, elements)
+        channels.append(Channel(f"{where}.compression", "N", pressed))
+        if 6 * len(elements) <= DENSE_LIMIT and math.isfinite(bearable := buckling_load(structure, name)):
+            channels.append(Channel(f"{where}.buckling_use", "1", _part(pressed, bearable)))
     return Coupling((), tuple(forces), tuple(channels))
+
+
+def _part(value: Observable, whole: float) -> Observable:
+    return lambda seen: value(seen) / whole
+
+
+def _linear_compression(structure: Structure, elements: IntArray) -> Observable:
+    rows = np.array([_ends(structure, e)[0] for e in elements.tolist()])
+    stiffness = structure.beams.EA[elements] / structure.beams.length[elements]
+    return lambda seen: -(seen.displacement @ rows.T * stiffness).min(axis=1)
 
 
 def _compression(law: Bowing, part: slice) -> Observable:
@@ -154,17 +174,22 @@ def _from_chord(length: FloatArray) -> FloatArray:
 
 def _sensed(structure: Structure, elements: IntArray) -> FloatArray:
     """Return the rows of all scalars, shape (7 e, n)."""
-    beams, dofs = structure.beams, structure.dofs
     rows: list[FloatArray] = []
     for e in elements.tolist():
-        a, b = beams.nodes[e].tolist()
-        local = np.zeros((12, dofs.size))
-        for end, node in ((0, a), (6, b)):
-            for k, axis in enumerate(beams.triads[e]):
-                local[end + k] = dofs.vector(node, np.concatenate([axis, np.zeros(3)]))
-                local[end + 3 + k] = dofs.vector(node, np.concatenate([np.zeros(3), axis]))
-        rows.append(local[6] - local[0])
+        stretch, local = _ends(structure, e)
+        rows.append(stretch)
         for plane, sign in ((PLANE_XY, 1.0), (PLANE_XZ, -1.0)):
             v1, r1, v2, r2 = local[plane]
-            rows += [(v2 - v1) / beams.length[e], sign * r1, sign * r2]
+            rows += [(v2 - v1) / structure.beams.length[e], sign * r1, sign * r2]
     return np.array(rows)
+
+
+def _ends(structure: Structure, e: int) -> tuple[FloatArray, FloatArray]:
+    """Return the row of an element's stretch, and those of its twelve local components, shape (12, n)."""
+    beams, dofs = structure.beams, structure.dofs
+    local = np.zeros((12, dofs.size))
+    for end, node in zip((0, 6), beams.nodes[e].tolist(), strict=True):
+        for k, axis in enumerate(beams.triads[e]):
+            local[end + k] = dofs.vector(node, np.concatenate([axis, np.zeros(3)]))
+            local[end + 3 + k] = dofs.vector(node, np.concatenate([np.zeros(3), axis]))
+    return local[6] - local[0], local

@@ -16,12 +16,14 @@ from flexcam.system import Channel, Observable, Probe, System
 from flexcam.train.adjuster import couple_adjuster
 from flexcam.train.bowing import bowings
 from flexcam.train.cam_contact import couple_cam
-from flexcam.train.contacts import clashes, couple_lash, couple_seat
+from flexcam.train.coils import coils
+from flexcam.train.contacts import couple_lash, couple_seat
 from flexcam.train.coupling import Coupling
 from flexcam.train.lever import lever_joints
 from flexcam.train.loads import constant_loads
 from flexcam.train.model import Adjuster, CamContact, Contact, Lash, Model, PublishedLoad, Seat
 from flexcam.train.published import couple
+from flexcam.train.shaft import shafts
 from flexcam.train.structure import Structure, build_structure, find_node, inner_name
 
 _MODAL_LIMIT = 2 * DENSE_LIMIT
@@ -50,7 +52,7 @@ def build_system(model: Model, speed: float) -> System:
     """
     structure = build_structure(model)
     couplings = [_coupled(structure, name, contact, speed) for name, contact in model.contacts.items()]
-    couplings += [lever_joints(structure), clashes(structure), bowings(structure)]
+    couplings += [lever_joints(structure), coils(structure), bowings(structure), shafts(structure)]
     return System(
         mass=structure.mass,
         damping=structure.dampers + _damping(structure),

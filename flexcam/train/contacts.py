@@ -1,4 +1,4 @@
-"""Contacts of a train as local forces: seat, play, coils (cam and follower stand in `cam_contact`).
+"""Contacts of a train as local forces: seat and play (cam and follower stand in `cam_contact`, coils in `coils`).
 
 Every contact here is conservative but for its dissipation: it acts along the vector it senses, A = -(d gamma/du)^T, so
 that what the cam's torque puts in is what kinetic, strain and contact energy take up.
@@ -11,7 +11,7 @@ from flexcam.system import AngleFunction, AngleVector, Channel, LocalForce, Loca
 from flexcam.train.coupling import Coupling
 from flexcam.train.model import Adjuster, Lash, Seat
 from flexcam.train.penalty import HertzLine, HuntCrossley, Inclined, Stop
-from flexcam.train.structure import Structure, spring_parts
+from flexcam.train.structure import Structure
 
 _one, _zero = constant(1.0), constant(0.0)
 
@@ -116,35 +116,3 @@ def play_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatAr
         return first - second
     rocker = structure.model.rockers[str(part.rocker)]
     return structure.reach(rocker) - structure.dofs.unit(rocker.point)
-
-
-def clashes(structure: Structure) -> Coupling:
-    """Return the contacts between neighbouring parts of every spring that can close its coils.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-
-    Returns
-    -------
-    Coupling
-        A local force per spring with a clash travel, a scalar per part, and a channel of their sum.
-    """
-    forces: list[LocalForce] = []
-    channels: list[Channel] = []
-    count = 0
-    for name, spring in structure.model.springs.items():
-        if spring.clash_travel is None:
-            continue
-        parts = spring_parts(structure, name, spring)
-        sense = tuple(AngleVector.constant(high - low) for low, high in parts)
-        act = tuple(AngleVector.constant(low - high) for low, high in parts)
-        room = constant(-spring.clash_travel / spring.elements)
-        law = Stop(spring.clash_stiffness)
-        places = range(count, count + len(parts))
-        count += len(parts)
-        switching = tuple(range(len(parts)))
-        forces.append(LocalForce(f"springs.{name}.clash", sense, act, law, (room,) * len(parts), switching))
-        channels.append(Channel(f"springs.{name}.clash", "N", force_sum(*places)))
-    return Coupling((), tuple(forces), tuple(channels))

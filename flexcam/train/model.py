@@ -23,6 +23,35 @@ class MassAt:
     body: PointMass
 
 
+@dataclass(frozen=True)
+class Wire:
+    """Wire of a coil spring, for its stress.
+
+    Parameters
+    ----------
+    diameter, coil_diameter
+        Of the wire and of the coil's mean circle, m.
+
+    Examples
+    --------
+    >>> round(Wire(0.004, 0.024).wahl, 4)
+    1.2525
+    """
+
+    diameter: float
+    coil_diameter: float
+
+    @property
+    def wahl(self) -> float:
+        """Wahl's factor for curvature and direct shear, ``(4C - 1)/(4C - 4) + 0.615/C`` with C = D/d."""
+        C = self.coil_diameter / self.diameter
+        return (4.0 * C - 1.0) / (4.0 * C - 4.0) + 0.615 / C
+
+    def rate(self, shear_modulus: float, active_coils: float) -> float:
+        """Return the stiffness ``G d^4/(8 D^3 n)``, N/m, by shear modulus (Pa) and active coils."""
+        return shear_modulus * self.diameter**4 / (8.0 * self.coil_diameter**3 * active_coils)
+
+
 @dataclass(frozen=True, eq=False)
 class Spring:
     """A spring and damper along one direction, to ground or between two points.
@@ -47,6 +76,8 @@ class Spring:
         Travel along `direction` from the installed length to where all coils touch, m; None without.
     clash_stiffness
         Of one contact between neighbouring parts, N/m.
+    wire
+        For its stress; None where it is not known.
     """
 
     at: str
@@ -59,6 +90,7 @@ class Spring:
     elements: int = 1
     clash_travel: float | None = None
     clash_stiffness: float = 0.0
+    wire: Wire | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -59,7 +59,7 @@ def test_schema_knows_the_keys_of_a_case(flexcam, case):
     schema = flexcam("schema").json
     raw = tomllib.loads(case.read_text(encoding="utf-8"))
     assert set(raw) <= set(schema["properties"])
-    assert set(raw["rockers"]["rocker"]) <= set(schema["$defs"]["RockerRecord"]["properties"])
+    assert set(raw["rockers"]["rocker"]) <= set(schema["$defs"]["LumpedRecord"]["properties"])
     assert set(raw["cams"]["intake"]) <= set(schema["$defs"]["CamRecord"]["properties"])
 
 

@@ -31,6 +31,34 @@ _CLASH = 50.0
 """Stiffness of touching coils over that of the part between them, where none is given: flexcam's choice."""
 
 
+class WireRecord(PartRecord[train.Wire]):
+    """Wire of a coil spring: its stress, and its stiffness where none is given."""
+
+    diameter: q.Length
+    coil_diameter: q.Length = Field(description="of the coil's mean circle")
+    active_coils: q.PositiveNumber | None = Field(None, description="with shear_modulus: the spring's stiffness")
+    shear_modulus: q.Stress | None = None
+
+    @model_validator(mode="after")
+    def _is_a_coil(self) -> Self:
+        if self.coil_diameter < 2.0 * self.diameter:
+            raise q.refused("a coil_diameter of twice the wire's or more", "Wahl's factor has no meaning for less")
+        if (self.active_coils is None) != (self.shear_modulus is None):
+            raise q.refused("active_coils and shear_modulus together, or neither", "the stiffness takes both")
+        return self
+
+    def made(self) -> train.Wire:
+        """Return the wire."""
+        return train.Wire(self.diameter, self.coil_diameter)
+
+    @property
+    def rate(self) -> float | None:
+        """Stiffness of the spring, N/m; None where the coils are not counted."""
+        if self.active_coils is None or self.shear_modulus is None:
+            return None
+        return self.made().rate(self.shear_modulus, self.active_coils)
+
+
 class SpringRecord(PartRecord[train.Spring]):
     """Spring and damper along one direction, to ground or to another point."""
 
@@ -46,6 +74,7 @@ class SpringRecord(PartRecord[train.Spring]):
     clash_stiffness: Annotated[float, q.Unit("stiffness", above=True)] | None = Field(
         None, description="of a contact between neighbouring parts; 50 times a part's own by default"
     )
+    wire: WireRecord | None = Field(None, description="for the shear stress, and the stiffness where none is given")
 
     @field_validator("stiffness", "damping", mode="before")
     @classmethod
@@ -58,10 +87,12 @@ class SpringRecord(PartRecord[train.Spring]):
     def made(self) -> train.Spring:
         """Return the spring."""
         along = direction(self.direction)
-        clash = self.clash_stiffness or _CLASH * self.elements * self.stiffness
+        stiffness = self.stiffness or (self.wire.rate if self.wire else None) or 0.0
+        clash = self.clash_stiffness or _CLASH * self.elements * stiffness
+        wire = self.wire.made() if self.wire else None
         return train.Spring(
-            self.at, along, self.stiffness, self.damping, self.to, self.installed_force, self.mass, self.elements,
-            self.clash_travel, clash,
+            self.at, along, stiffness, self.damping, self.to, self.installed_force, self.mass, self.elements,
+            self.clash_travel, clash, wire,
         )  # fmt: skip
 
 

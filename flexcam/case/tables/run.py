@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, cast
+from typing import Annotated, Literal, Self, cast
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from flexcam import integrate
 from flexcam.case import quantity as q
@@ -87,6 +87,38 @@ class GivenStartRecord(Record):
         }
 
 
+class FluctuationRecord(Record):
+    """Swing of the camshaft's speed about its mean, in orders of its rotation."""
+
+    orders: list[q.PositiveNumber] = Field(min_length=1, description="swings per camshaft revolution")
+    amplitudes: list[q.Ratio] = Field(description='parts of the mean speed, such as "2 %"; together below 1')
+    phases: list[q.SignedAngle] = Field(default=[], description="of the swings; zero by default")
+
+    @model_validator(mode="after")
+    def _as_many(self) -> Self:
+        if len(self.amplitudes) != len(self.orders) or len(self.phases) not in (0, len(self.orders)):
+            raise q.refused("an amplitude (and a phase, or none) for every order", "they belong together")
+        if sum(self.amplitudes) >= 1.0:
+            raise q.refused("amplitudes that together are below 1", "the shaft must keep turning")
+        return self
+
+    def made(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+        """Return orders, amplitudes and phases."""
+        return tuple(self.orders), tuple(self.amplitudes), tuple(self.phases or [0.0] * len(self.orders))
+
+
+class FreeRunningRecord(Record):
+    """Speed of a cam that turns by its own inertia, as its reduced inertia changes with the lift."""
+
+    cam: Name
+    cam_mass: Annotated[float, q.Unit("mass", above=True)] = Field(description="of the cam, as a disc")
+    follower_mass: q.MassValue = Field(description="of the follower")
+
+    def made(self) -> tuple[str, float, float]:
+        """Return the cam's name and both masses."""
+        return self.cam, self.cam_mass, self.follower_mass
+
+
 class RunRecord(Record):
     """How the mechanism is run."""
 
@@ -97,9 +129,11 @@ class RunRecord(Record):
         None, ge=1, le=100_000_000, strict=True, description="3600 where no step is given"
     )
     step: q.Time | None = Field(None, description="instead of steps_per_revolution")
-    start: Literal["rest", "equilibrium"] | ResultStartRecord | GivenStartRecord = Field(
+    fluctuation: FluctuationRecord | None = Field(None, description="swing of the speed about its mean")
+    free_running: FreeRunningRecord | None = Field(None, description="speed as the cam's own inertia has it")
+    start: Literal["rest", "equilibrium", "periodic"] | ResultStartRecord | GivenStartRecord = Field(
         "rest",
-        description="at rest as installed, in static equilibrium, or from a given state",
+        description="at rest as installed, in static equilibrium, in the periodic state, or from a given state",
         union_mode="left_to_right",
     )
     gravity: Gravity = Field(
@@ -107,6 +141,15 @@ class RunRecord(Record):
     )
     integrator: IntegratorRecord = Field(default_factory=NewmarkRecord)
     damping: DampingRecord = Field(default_factory=lambda: DampingRecord.model_validate({}))
+
+    @model_validator(mode="after")
+    def _one_drive(self) -> Self:
+        if self.fluctuation is not None and self.free_running is not None:
+            raise q.refused("either fluctuation or free_running", "the shaft turns in one way")
+        orders = self.fluctuation.orders if self.fluctuation else []
+        if self.start == "periodic" and any(order != round(order) for order in orders):
+            raise q.refused("whole orders with start = periodic", "the state repeats with the camshaft")
+        return self
 
 
 def _without_doubles(names: list[str]) -> list[str]:

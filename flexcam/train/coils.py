@@ -1,0 +1,86 @@
+"""Springs of an engine: coils that touch, and what the coils bear."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexcam.linalg import FloatArray
+from flexcam.system import AngleVector, Channel, LocalForce, Observable, Observed, constant, force_sum
+from flexcam.train.coupling import Coupling
+from flexcam.train.model import Spring, Wire
+from flexcam.train.penalty import Stop
+from flexcam.train.structure import Structure, spring_parts
+
+
+def coils(structure: Structure) -> Coupling:
+    """Return the contacts between neighbouring parts of springs, and the channels of all springs of an engine.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+
+    Returns
+    -------
+    Coupling
+        A local force per spring with a clash travel. Channels, where they say something: ``force`` at the moving end,
+        ``surge`` (largest distance of a coil from where even stretching has it), ``stress`` of the wire, ``clearance``
+        (travel left until all coils touch, counted by the most compressed part) and ``clash``.
+    """
+    forces: list[LocalForce] = []
+    channels: list[Channel] = []
+    count = 0
+    for name, spring in structure.model.springs.items():
+        rows = np.array([high - low for low, high in spring_parts(structure, name, spring)])
+        channels += _channels(f"springs.{name}", spring, rows)
+        if spring.clash_travel is None:
+            continue
+        sense = tuple(AngleVector.constant(row) for row in rows)
+        act = tuple(AngleVector.constant(-row) for row in rows)
+        room = constant(-spring.clash_travel / spring.elements)
+        each = tuple(range(len(rows)))
+        law = Stop(spring.clash_stiffness)
+        forces.append(LocalForce(f"springs.{name}.clash", sense, act, law, (room,) * len(rows), each))
+        channels.append(Channel(f"springs.{name}.clash", "N", force_sum(*range(count, count + len(rows)))))
+        count += len(rows)
+    return Coupling((), tuple(forces), tuple(channels))
+
+
+def _channels(where: str, spring: Spring, rows: FloatArray) -> list[Channel]:
+    if spring.installed_force is None and spring.elements == 1 and spring.wire is None:
+        return []
+    pushed = _pushed(spring, rows)
+    found = [Channel(f"{where}.force", "N", lambda seen: pushed(seen)[:, -1])]
+    if spring.elements > 1:
+        found.append(Channel(f"{where}.surge", "m", _surge(rows)))
+    if spring.wire is not None:
+        found.append(Channel(f"{where}.stress", "Pa", _stress(pushed, spring.wire)))
+    if spring.clash_travel is not None:
+        found.append(Channel(f"{where}.clearance", "m", _clearance(spring.clash_travel, rows)))
+    return found
+
+
+def _pushed(spring: Spring, rows: FloatArray) -> Observable:
+    """Return the force in every part, N, shape (m, parts): compression positive where the spring pushes."""
+    installed, stiffness = spring.installed_force or 0.0, spring.stiffness * spring.elements
+    return lambda seen: installed + stiffness * (seen.displacement @ rows.T)
+
+
+def _surge(rows: FloatArray) -> Observable:
+    def largest(seen: Observed) -> FloatArray:
+        stretch = seen.displacement @ rows.T
+        uneven = np.cumsum(stretch - stretch.mean(axis=1, keepdims=True), axis=1)
+        return np.abs(uneven).max(axis=1)
+
+    return largest
+
+
+def _stress(pushed: Observable, wire: Wire) -> Observable:
+    factor = wire.wahl * 8.0 * wire.coil_diameter / (math.pi * wire.diameter**3)
+    return lambda seen: factor * np.abs(pushed(seen)).max(axis=1)
+
+
+def _clearance(travel: float, rows: FloatArray) -> Observable:
+    return lambda seen: travel - len(rows) * (seen.displacement @ rows.T).max(axis=1)

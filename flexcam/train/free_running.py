@@ -1,0 +1,65 @@
+"""A cam that turns by its own inertia: its speed follows from the energy of cam and follower.
+
+Equations of the paper on the settings of a valve spring (see docs/motion.md): with the reduced inertia
+``J = m_c/2 (r0^2 + 4 r0 s + 2 s^2) + m_t s'^2`` the energy ``J omega^2`` stays what it is at the mean speed and the
+inertia ``m_c/2 (r0 + h)^2``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexcam.checks import refuse
+from flexcam.linalg import FloatArray
+from flexcam.system import SpeedByAngle
+from flexcam.train.model import Model
+
+
+def free_running(
+    model: Model, speed: float, cam: str, cam_mass: float, follower_mass: float, start: float = 0.0
+) -> SpeedByAngle:
+    """Return the drive of a freely running cam.
+
+    Parameters
+    ----------
+    model
+        The model.
+    speed
+        Camshaft speed that belongs to the mean inertia, rad/s.
+    cam
+        Name of the cam, with its base circle.
+    cam_mass, follower_mass
+        kg.
+    start
+        Cam angle at time zero, rad.
+
+    Returns
+    -------
+    SpeedByAngle
+        Its speed over the cam angle.
+
+    Raises
+    ------
+    InputError
+        If there is no such cam, or it has no base circle.
+    """
+    if cam not in model.cams:
+        raise refuse("run.free_running.cam", repr(cam), f"one of {', '.join(model.cams)}")
+    part = model.cams[cam]
+    if part.follower is None:
+        why = "the inertia of the cam follows from its base circle"
+        raise refuse(f"cams.{cam}", "no base circle", "base_radius and follower", why, "add both")
+    event, r0 = part.event, part.follower.base_radius
+    mean = 0.5 * cam_mass * (r0 + event.height) ** 2
+
+    def inertia(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+        s, slope, bend = (event(angle, order) for order in range(3))
+        disc = 0.5 * cam_mass * (r0**2 + 4.0 * r0 * s + 2.0 * s**2)
+        return disc + follower_mass * slope**2, 2.0 * slope * (cam_mass * (r0 + s) + follower_mass * bend)
+
+    def omega(angle: FloatArray, order: int) -> FloatArray:
+        J, change = inertia(angle)
+        found = speed * np.sqrt(mean / J)
+        return found if order == 0 else -0.5 * found * change / J
+
+    return SpeedByAngle(omega, start)
