@@ -76,6 +76,12 @@ class Prepared:
     scheme: Scheme
     save: SaveAt
 
+    @property
+    def revolution(self) -> float:
+        """Time of a camshaft revolution, s."""
+        drive = self.problem.drive
+        return drive.period if isinstance(drive, SpeedByAngle) else _REVOLUTION / self.case.speed
+
 
 def prepare(case: Case, *, rigid: bool = False) -> Prepared:
     """Build what a case describes, up to the point where time begins.

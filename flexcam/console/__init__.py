@@ -17,7 +17,7 @@ from flexcam.console.cases import (
 )
 from flexcam.console.laws import law_facts, law_json, laws_table, spectrum_table
 from flexcam.console.limits import limits_json, limits_table
-from flexcam.console.results import info_table, run_table, strength_table
+from flexcam.console.results import info_table, operation_table, periodicity, run_table, strength_table
 from flexcam.console.synthesis import (
     harmonic_table,
     or_null,
@@ -46,9 +46,11 @@ __all__ = [
     "mac_table",
     "mode_table",
     "model_table",
+    "operation_table",
     "or_null",
     "overlap_table",
     "pareto_table",
+    "periodicity",
     "polydyne_facts",
     "polydyne_table",
     "read_table",

@@ -28,6 +28,7 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
         **rpm, "first": found.first, "shaft": "crank" if scale == 2.0 else "camshaft",
         "tolerance_rpm": scale * max(one.tolerance_rpm for one in found.limits.values()),
         "rigid_loss_of_contact_rpm": None if found.rigid_rpm is None else scale * found.rigid_rpm,
+        "spring_margin": found.spring_margin, "buckling_margins": dict(found.buckling_margins),
         "lowest_rpm": scale * found.lowest_rpm, "highest_rpm": scale * found.highest_rpm,
     }  # fmt: skip
 
@@ -57,5 +58,11 @@ def limits_table(found: Limits, scale: float) -> Table:
     if found.rigid_rpm is not None:
         words = "a rigid train would leave its cam: its inertia equals its springs"
         rows.append(("(rigid train)", f"{scale * found.rigid_rpm:.6g}", "", words))
+    if found.spring_margin is not None:
+        rows.append(("spring margin", f"{found.spring_margin:.1%}", "", "of the rigid train at the case's speed"))
+    rows += [
+        (f"{name}, margin", f"{margin:.3g}", "", "buckling load by the compression at full lift, at rest")
+        for name, margin in found.buckling_margins.items()
+    ]
     shaft = "crank" if scale == 2.0 else "camshaft"
     return table("What gives way, and when", ("limit", f"{shaft} rpm", "within", "what happens"), rows)

@@ -104,7 +104,7 @@ def bowings(structure: Structure) -> Coupling:
     -------
     Coupling
         A local force per member with geometric stiffness. Channels: ``members.NAME.compression``, the largest of its
-        elements, and where the member can buckle ``members.NAME.buckling_use``, the same as a part of its buckling load.
+        elements, and where the member can buckle ``members.NAME.buckling_use``, the same by its buckling load.
     """
     forces: list[LocalForce] = []
     channels: list[Channel] = []
