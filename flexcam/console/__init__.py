@@ -17,6 +17,7 @@ from flexcam.console.cases import (
 )
 from flexcam.console.laws import law_facts, law_json, laws_table, spectrum_table
 from flexcam.console.limits import limits_json, limits_table
+from flexcam.console.parting import force_bands, parting_json, parting_table
 from flexcam.console.results import info_table, operation_table, periodicity, run_table, strength_table
 from flexcam.console.synthesis import (
     harmonic_table,
@@ -36,6 +37,7 @@ __all__ = [
     "comparison_table",
     "comparison_words",
     "couplings",
+    "force_bands",
     "harmonic_table",
     "info_table",
     "law_facts",
@@ -50,6 +52,8 @@ __all__ = [
     "or_null",
     "overlap_table",
     "pareto_table",
+    "parting_json",
+    "parting_table",
     "periodicity",
     "polydyne_facts",
     "polydyne_table",

@@ -69,7 +69,8 @@ class Bowing:
         """Return the forces, shape (..., e, 7)."""
         stretch, _, pulled = self._shape(gap)
         N = self.axial_force(gap)
-        return np.concatenate([(N - self.axial * stretch)[..., None], N[..., None] * pulled], axis=-1)
+        force_of_shortening = N - self.axial * stretch
+        return np.concatenate([force_of_shortening[..., None], N[..., None] * pulled], axis=-1)
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return force and tangent."""
