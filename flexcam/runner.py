@@ -22,8 +22,8 @@ from flexcam.case import Case, build_model
 from flexcam.case.tables.run import GivenStartRecord, ResultStartRecord
 from flexcam.checks import InputError, did_you_mean, refuse
 from flexcam.integrate import (
+    Method,
     Problem,
-    Scheme,
     State,
     equilibrium,
     outline,
@@ -73,7 +73,7 @@ class Prepared:
     case: Case
     model: Model
     problem: Problem
-    scheme: Scheme
+    scheme: Method
     save: SaveAt
 
     @property
