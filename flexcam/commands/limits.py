@@ -1,4 +1,4 @@
-"""Commands over speed: limits, parting."""
+"""Commands over speed: limits, parting, stability."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from flexcam.checks import refuse
 from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load, quantity
 from flexcam.limits import find_limits
 from flexcam.parting import parting as compare_models
+from flexcam.stability import stability as find_causes
 from flexcam.terminal import out, print_json
 from flexcam.units import parse
 from flexcam.view import force_figure, save_figure
@@ -88,3 +89,20 @@ def parting(
         print_json({"status": "ok", **console.parting_json(found, scale, part), "shaft": shaft, "files": files})
     else:
         out().print(console.parting_table(found, scale, part))
+
+
+@app.command(
+    help_prologue="""\
+flexcam stability cases/tayeb/model-3-shm.toml --set run.speed=4000rpm
+flexcam stability case.toml --json
+"""
+)
+def stability(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False) -> None:
+    """Tell what endangers a case at its speed: the step, parametric growth, resonance, or lost contact."""
+    read = load(case, overrides)
+    scale = 2.0 if read.record.run.speed is None else 1.0
+    found = find_causes(read)
+    if as_json:
+        print_json({"status": "ok", **console.stability_json(found, scale)})
+    else:
+        out().print(console.stability_table(found, scale))

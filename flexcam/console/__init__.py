@@ -19,6 +19,7 @@ from flexcam.console.laws import law_facts, law_json, laws_table, spectrum_table
 from flexcam.console.limits import limits_json, limits_table
 from flexcam.console.parting import force_bands, parting_json, parting_table
 from flexcam.console.results import info_table, operation_table, periodicity, run_table, strength_table
+from flexcam.console.stability import stability_json, stability_table
 from flexcam.console.synthesis import (
     harmonic_table,
     or_null,
@@ -62,6 +63,8 @@ __all__ = [
     "run_table",
     "smoothing_table",
     "spectrum_table",
+    "stability_json",
+    "stability_table",
     "strength_table",
     "synthesis_json",
     "synthesis_table",

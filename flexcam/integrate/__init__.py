@@ -4,6 +4,7 @@ Knows no beam and no cam; may import `system`, `response`, `linalg` and `checks`
 A new scheme of the family is a constructor in `scheme`; another kind of integrator is a file beside `step`.
 """
 
+from flexcam.integrate.floquet import Floquet, floquet
 from flexcam.integrate.periodic import periodic
 from flexcam.integrate.problem import Problem, State
 from flexcam.integrate.scheme import Bathe, Method, Scheme, bathe, generalized_alpha, hht, newmark
@@ -13,6 +14,7 @@ from flexcam.response import SaveAt
 
 __all__ = [
     "Bathe",
+    "Floquet",
     "Method",
     "Problem",
     "SaveAt",
@@ -20,6 +22,7 @@ __all__ = [
     "State",
     "bathe",
     "equilibrium",
+    "floquet",
     "generalized_alpha",
     "hht",
     "newmark",
