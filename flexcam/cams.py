@@ -102,7 +102,7 @@ class CamFacts:
     least_base_radius: float | None
 
 
-def load_cams(path: Path, overrides: Sequence[str] = ()) -> CamSet:
+def load_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamSet:
     """Read the cams of a case, or of a file with cams alone.
 
     Parameters
@@ -122,6 +122,7 @@ def load_cams(path: Path, overrides: Sequence[str] = ()) -> CamSet:
     InputError
         With all faults of the file at once.
     """
+    path = Path(path)
     if holds_mechanism(path):
         case = read_case(path, overrides)
         model = build_model(case)

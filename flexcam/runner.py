@@ -25,7 +25,7 @@ from flexcam.integrate import (
     Method,
     Problem,
     State,
-    equilibrium,
+    carried_equilibrium,
     outline,
     periodic,
     rest,
@@ -153,7 +153,7 @@ def _from_angle(case: Case, model: Model, drive: Drive, angle: float, time: floa
 
 
 def _guess(system: System, drive: Drive) -> State:
-    return equilibrium(system, drive) if system.size else State(np.zeros(0), np.zeros(0))
+    return carried_equilibrium(system, drive) if system.size else State.rest(0)
 
 
 def _periodic(case: Case, problem: Problem, revolution: float) -> Problem:
@@ -178,7 +178,7 @@ def _start(case: Case, model: Model, system: System, drive: Drive) -> tuple[Stat
         case "rest":
             return rest(system, drive), None
         case "equilibrium" | "periodic":
-            return equilibrium(system, drive), None
+            return _guess(system, drive), None
         case ResultStartRecord(result=name):
             return _last_state(case, model, system, name)
         case GivenStartRecord(displacement=displacement, velocity=velocity):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -34,8 +34,9 @@ flexcam check case.toml --set run.speed=4000rpm --json
 )
 def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False) -> None:
     """Check a case, say what its model contains, and print it with every default filled in."""
-    ready = prepare(load(case, overrides))
-    found = case_modes(ready.case)
+    read = load(case, overrides)
+    ready = replace(prepare(_standing(read)), case=read)  # a periodic start takes many revolutions to find
+    found = case_modes(read)
     if as_json:
         mesh, system = ready.model.mesh, ready.problem.system
         print_json({
@@ -188,6 +189,14 @@ def compare(case: CaseFile, *, probe: str | None = None, overrides: Overrides = 
         out().print()
         out().print(console.claim_table(claims))
     return found.status
+
+
+def _standing(case: Case) -> Case:
+    run = case.record.run
+    if run.start != "periodic":
+        return case
+    still = case.record.model_copy(update={"run": run.model_copy(update={"start": "equilibrium"})})
+    return replace(case, record=still)
 
 
 def _default_probe(case: Case) -> str:

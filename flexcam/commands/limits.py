@@ -16,7 +16,6 @@ from flexcam.parting import parting as compare_models
 from flexcam.stability import stability as find_causes
 from flexcam.terminal import out, print_json
 from flexcam.units import parse
-from flexcam.view import force_figure, save_figure
 
 
 @app.command(
@@ -82,6 +81,8 @@ def parting(
     found = compare_models(read, np.linspace(low, high, count).tolist(), contact=contact)
     shaft = "crank" if scale == 2.0 else "camshaft"
     if plot is not None:
+        from flexcam.view import force_figure, save_figure
+
         rpm = np.array([scale * one.rpm for one in found])
         save_figure(force_figure(rpm, console.force_bands(found), shaft), plot, overwrite=overwrite)
     if as_json:

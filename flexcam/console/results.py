@@ -37,7 +37,7 @@ def run_table(case: Case, response: Response) -> Table:
         for component in components:
             full = name if len(components) == 1 else f"{name}.{component}"
             moved = response[full].displacement
-            unit = "mrad" if component.startswith("r") else "mm"
+            unit = "mrad" if component in ("rx", "ry", "rz") else "mm"
             if len(moved) and round(1e3 * float(np.abs(moved).max()), 4) > 0.0:
                 rows.append((full, *(f"{round(1e3 * x, 4) + 0.0:.4f} {unit}" for x in (moved.min(), moved.max()))))
     title = f"{case.record.title or case.name}, {rpm(case):g} rpm"

@@ -9,7 +9,7 @@ from flexcam.integrate.periodic import periodic
 from flexcam.integrate.problem import Problem, State
 from flexcam.integrate.scheme import Bathe, Method, Scheme, bathe, generalized_alpha, hht, newmark
 from flexcam.integrate.solve import outline, solve
-from flexcam.integrate.statics import equilibrium, rest, static_displacement
+from flexcam.integrate.statics import carried_equilibrium, equilibrium, rest, static_displacement
 from flexcam.response import SaveAt
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "Scheme",
     "State",
     "bathe",
+    "carried_equilibrium",
     "equilibrium",
     "floquet",
     "generalized_alpha",

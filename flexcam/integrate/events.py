@@ -164,9 +164,7 @@ class Walker:
 
     def _gaps(self, moment: Moment) -> tuple[FloatArray, FloatArray]:
         """Return the switching scalars and their rates."""
-        schedule = self._at(moment.time).schedule
-        gap, rate, _ = self._forces.sensed(moment.d[None], moment.v[None], schedule)
-        return gap[0][self._forces.switching], rate[0][self._forces.switching]
+        return moment.gap[self._forces.switching], moment.rate[self._forces.switching]
 
 
 def _root(pressed: bool, gap: float, new_gap: float, rate: float, new_rate: float, length: float) -> float:

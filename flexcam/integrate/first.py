@@ -100,7 +100,7 @@ class Starter:
         which = forces.switching[struck]
         sense = to.schedule.sense[i][which] @ forces.sense.vectors
         act = to.schedule.act[i][which] @ forces.act.vectors
-        rate = forces.sensed(moment.d[None], moment.v[None], _only(to))[1][0][which]
+        rate = moment.rate[which]
         gained = self._accelerated_all(act.T)  # velocity per unit of each impulse
         turned = -(1.0 + forces.restitution[struck]) * rate
         size = np.asarray(np.linalg.solve(sense @ gained, turned), dtype=float)
@@ -115,7 +115,9 @@ class Starter:
         gap, rate, _ = (one[0] for one in forces.sensed(d[None], v[None], _only(to)))
         answer = forces.respond(gap, rate, inner, to.angle)
         applied = to.load + (answer.force @ to.schedule.act[to.row]) @ forces.act.vectors
-        return Moment(to.time, d, v, np.zeros(len(d)), applied, answer.force, gap, Inner(inner, answer.state_rate))
+        return Moment(
+            to.time, d, v, np.zeros(len(d)), applied, answer.force, gap, rate, Inner(inner, answer.state_rate)
+        )
 
     def _accelerated(self, right: FloatArray) -> FloatArray:
         return self._accelerated_all(right[:, None])[:, 0]

@@ -48,7 +48,7 @@ def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9) -> St
     """
     weights = _weights(problem)
     start = problem.start or State.rest(problem.system.size)
-    x, best = _packed(start), start
+    x, best = _packed(problem, start), start
     points: list[FloatArray] = []
     misses: list[FloatArray] = []
     least, level, since = np.inf, np.inf, 0
@@ -69,8 +69,9 @@ def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9) -> St
     return replace(best, time=start.time, periodicity=float(least))
 
 
-def _packed(state: State) -> FloatArray:
-    inner = np.zeros(0) if state.inner is None else state.inner
+def _packed(problem: Problem, state: State) -> FloatArray:
+    at_rest = [force.law.start_state for force in problem.system.local_forces]
+    inner = np.concatenate([np.zeros(0), *at_rest]) if state.inner is None else state.inner
     return np.concatenate([state.displacement, state.velocity, inner])
 
 

@@ -70,8 +70,8 @@ class Settled:
 
     Parameters
     ----------
-    force, gap
-        Shape (c,).
+    force, gap, rate
+        Forces, what they sense and its rate, shape (c,).
     inner
         Internal states.
     iterations
@@ -80,6 +80,7 @@ class Settled:
 
     force: FloatArray
     gap: FloatArray
+    rate: FloatArray
     inner: Inner
     iterations: int
 
@@ -126,7 +127,7 @@ def settle(
         moved = float((np.abs(inner.state) + np.abs(travel)).max(initial=0.0))
         if not np.isfinite(missing).all() or _settled(missing, within, answer, f, moved):
             # a force that is not finite is reported by `solve`
-            return Settled(answer.force, gap, Inner(z, answer.state_rate), iteration)
+            return Settled(answer.force, gap, rate, Inner(z, answer.state_rate), iteration)
         try:
             change = np.linalg.solve(_tangent(within, answer, step), missing)
         except np.linalg.LinAlgError:

@@ -32,8 +32,8 @@ class Moment:
         Displacement, velocity, acceleration, shape (n,).
     applied
         Loads and local forces in the unknowns, shape (n,).
-    local, gap
-        Local forces and what they sense, shape (c,).
+    local, gap, rate
+        Local forces, what they sense and its rate, shape (c,).
     inner
         Internal states of the local laws.
     pressed
@@ -51,6 +51,7 @@ class Moment:
     applied: FloatArray
     local: FloatArray
     gap: FloatArray
+    rate: FloatArray
     inner: Inner
     pressed: NDArray[np.bool_] | None = None
     impulse: FloatArray | None = None
@@ -136,14 +137,14 @@ class _Stage:
         a = self._S.solve(right)
         d, v = predicted.d + self._to_d * a, predicted.v + self._to_v * a
         if self._forces.count == 0:
-            return Moment(to.time, d, v, a, to.load, now.local, now.gap, now.inner)
+            return Moment(to.time, d, v, a, to.load, now.local, now.gap, now.rate, now.inner)
         found = settle(self._forces, self._within(d, v, to), now.local, now.inner, self._step, to.angle)
         weights = found.force @ to.schedule.act[to.row]
         more = self._by_act @ weights
         applied = to.load + weights @ self._forces.act.vectors
         return Moment(
             to.time, d + self._to_d * more, v + self._to_v * more, a + more, applied, found.force, found.gap,
-            found.inner, iterations=found.iterations,
+            found.rate, found.inner, iterations=found.iterations,
         )  # fmt: skip
 
     def _within(self, d: FloatArray, v: FloatArray, to: Instant) -> Compliance:

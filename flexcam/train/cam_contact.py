@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexcam.cam import CamProfile, profile_at, undercut
-from flexcam.checks import refuse
+from flexcam.checks import InputError, refuse
 from flexcam.linalg import FloatArray
 from flexcam.system import (
     AngleFunction,
@@ -87,8 +87,7 @@ def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> A
     lift, axis = contact.direction, _turning(contact.shaft_axis)
     follower = structure.row(contact.follower, lift, f"{where}.follower")
     if not follower.any():
-        given, why = f"{contact.follower!r}, held along the lift", "a follower that cannot move feels no cam"
-        raise refuse(f"{where}.follower", given, "a point that is free along the lift", why, "free it in [supports]")
+        raise _stands_still(structure, contact.follower, f"{where}.follower")
     twist = structure.row(cam.at, axis)
     rolls = cam.follower is not None and np.isfinite(cam.follower.roller_radius)
     tilts = not rolls and structure.is_node(contact.follower)
@@ -99,6 +98,15 @@ def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> A
         rows.append(_sideways(structure, contact, cam))
         functions.append(_tangent(cam))
     return AngleVector(np.array(rows), tuple(functions))
+
+
+def _stands_still(structure: Structure, follower: str, where: str) -> InputError:
+    mesh = structure.model.mesh
+    if structure.is_node(follower) and mesh.node(follower) not in mesh.elements():
+        why = "only members give a node unknowns"
+        return refuse(where, f"{follower!r}, a node on no member", "a node of a member", why, "end a member there")
+    given, why = f"{follower!r}, held along the lift", "a follower that cannot move feels no cam"
+    return refuse(where, given, "a point that is free along the lift", why, "free it in [supports]")
 
 
 def _turning(axis: FloatArray) -> FloatArray:
@@ -145,6 +153,28 @@ def _slide(cam: Cam) -> AngleFunction:
     return slide
 
 
+def _travelled(path: AngleFunction) -> AngleFunction:
+    """Return the path that has slid past since cam angle zero, m; `path` is its derivative."""
+    width = _ANGLES[1]
+    x, w = np.polynomial.legendre.leggauss(4)
+    within = path((_ANGLES[:-1, None] + 0.5 * width * (1.0 + x)).ravel(), 0).reshape(-1, 4)
+    sums = np.concatenate([[0.0], np.cumsum(0.5 * width * (within @ w))])
+    slopes = path(_ANGLES, 0)
+
+    def travelled(angle: FloatArray, order: int) -> FloatArray:
+        if order:
+            return path(angle, order - 1)
+        turns, rest = np.divmod(angle, 2.0 * np.pi)
+        i = np.minimum((rest / width).astype(int), len(_ANGLES) - 2)
+        z = (rest - _ANGLES[i]) / width
+        y = 1.0 - z
+        # Hermite's cubic through sums and slopes.
+        ends = y * y * (1.0 + 2.0 * z) * sums[i] + z * z * (3.0 - 2.0 * z) * sums[i + 1]
+        return turns * sums[-1] + ends + width * z * y * (y * slopes[i] - z * slopes[i + 1])
+
+    return travelled
+
+
 def _rubbing(structure: Structure, name: str, contact: CamContact, cam: Cam, force: LocalForce) -> LocalForce:
     """Return the contact with friction: a second scalar whose rate is the velocity of sliding."""
     where = f"contacts.{name}.friction"
@@ -155,16 +185,11 @@ def _rubbing(structure: Structure, name: str, contact: CamContact, cam: Cam, for
         why = "a roller takes the sliding up by turning"
         raise refuse(where, contact.friction, "a follower with a flat face", why, "leave friction out")
     path = _slide(cam)
-
-    def travelled(angle: FloatArray, order: int) -> FloatArray:
-        # Nothing depends on the path itself, which grows for ever; its rate is what friction feels.
-        return path(angle, order - 1) if order else np.zeros_like(angle)
-
     rows = np.array([_sideways(structure, contact, cam), structure.row(cam.at, _turning(contact.shaft_axis))])
     along = AngleVector(rows, (_one, path))
     acting = AngleVector(-rows, along.functions)
     law = Sliding(force.law, contact.friction, contact.friction_speed)
-    offset = (*force.offset, travelled)
+    offset = (*force.offset, _travelled(path))
     return LocalForce(
         force.name, (*force.sense, along), (*force.act, acting), law, offset, force.switching, force.restitution
     )  # fmt: skip

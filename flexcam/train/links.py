@@ -181,5 +181,24 @@ class Adjuster:
     direction: FloatArray | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Play:
+    """What stands between two nodes, one pushing the other.
+
+    Parameters
+    ----------
+    ends
+        Names of the pushing and the pushed node.
+    direction
+        In which it pushes, shape (6,).
+    gap
+        m.
+    """
+
+    ends: tuple[str, str]
+    direction: FloatArray
+    gap: float
+
+
 Contact = PublishedLoad | CamContact | Seat | Lash | Adjuster
 """What may stand under the contacts of a model."""

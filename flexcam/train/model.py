@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from flexcam.fem import Damping, Member, Mesh
-from flexcam.train.links import Adjuster, Cam, CamContact, Contact, Lash, PublishedLoad, Seat
+from flexcam.train.links import Adjuster, Cam, CamContact, Contact, Lash, Play, PublishedLoad, Seat
 from flexcam.train.parts import GivenLoad, MassAt, Spring, Wire
 from flexcam.train.rockers import Lever, Rocker, path_name, tip_name
 
@@ -83,6 +83,16 @@ class Model:
         """Return the play or the adjuster of a rocker, or None where its point is one with it."""
         plays = (one for one in self.contacts.values() if isinstance(one, Lash | Adjuster))
         return next((one for one in plays if one.rocker == rocker), None)
+
+    @property
+    def plays(self) -> list[Play]:
+        """Plays and adjusters between nodes."""
+        parts = [one for one in self.contacts.values() if isinstance(one, Lash | Adjuster)]
+        return [
+            Play(one.ends, one.direction, one.gap if isinstance(one, Lash) else 0.0)
+            for one in parts
+            if one.ends is not None and one.direction is not None
+        ]
 
     @property
     def levers(self) -> dict[str, Lever]:

@@ -10,7 +10,7 @@ from flexcam import fem, modal
 from flexcam.fem import COMPONENTS, beam
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.modal import Modes
-from flexcam.train.structure import Structure
+from flexcam.train.structure import Structure, spring_parts
 
 _KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
 _NAMED = 0.05
@@ -100,6 +100,12 @@ def _shares(structure: Structure, shape: FloatArray) -> dict[str, float]:
     for name, rocker in structure.model.rockers.items():
         turn = float(structure.path(rocker) @ shape) / rocker.arms[0]
         shares[f"rocker {name}"] = rocker.inertia * turn**2
+    for name, spring in structure.model.springs.items():
+        if spring.mass > 0.0:
+            parts = [(float(a @ shape), float(b @ shape)) for a, b in spring_parts(structure, name, spring)]
+            shares[f"spring {name}"] = (
+                spring.mass / spring.elements * sum(a * a + a * b + b * b for a, b in parts) / 3.0
+            )
     return shares
 
 

@@ -16,8 +16,8 @@ Bools = NDArray[np.bool_]
 _TOUCH = 1e-6
 """Height above the seat, m, from which a valve that has closed counts as open again."""
 
-_PARTED = 0.02
-"""Part of the lift above which a cam is on its main lift, where it has no ramps."""
+_PARTED = 0.05
+"""Part of the lift, above ramps and play, from which on a cam is on its main lift: below it ringing decides."""
 
 
 @dataclass(frozen=True)
@@ -204,4 +204,5 @@ def main_lift(model: Model, cam: str) -> float:
         for one in model.contacts.values()
         if isinstance(one, Lash)
     ]
-    return max([_PARTED * event.height, *plays, *([ramp.height] if ramp else [])])
+    taken_up: list[float] = [0.0, *plays, *([float(ramp.height)] if ramp else [])]
+    return _PARTED * event.height + max(taken_up)

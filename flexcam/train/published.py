@@ -77,11 +77,8 @@ def follower_train(structure: Structure, contact: PublishedLoad | CamContact, wh
     FollowerTrain
         Its motion, mass and stiffness at the follower.
     """
-    motion = np.zeros(structure.dofs.size)
     if structure.is_node(contact.follower):
-        node = find_node(structure.model, contact.follower, where)
-        numbers = structure.dofs.numbers[structure.model.mesh.connected(node)]
-        motion[numbers[numbers >= 0]] = np.broadcast_to(contact.direction, numbers.shape)[numbers >= 0]
+        motion = structure.shifted(find_node(structure.model, contact.follower, where), contact.direction)
     else:
         motion = structure.row(contact.follower, contact.direction, where)
     motion = structure.completed(motion)

@@ -172,10 +172,7 @@ def _slope(event: AngleFunction) -> AngleFunction:
 
 def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrain]) -> Probe:
     """Return the probe as the rigid trains move it."""
-    model = structure.model
-    names = [name for name, one in model.rockers.items() if one.point == probe.name]
-    play = model.lash_of(names[0]) if names else None
-    gap = play.gap if isinstance(play, Lash) else 0.0
+    model, gap = structure.model, _gap_before(structure.model, probe.name)
     moving: list[list[AngleFunction]] = [[] for _ in probe.components]
     for name, train in trains.items():
         event = model.cams[model.driven[name].cam].event
@@ -187,6 +184,19 @@ def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrai
             ]
     offsets = tuple(_combined(component, gap) for component in moving)
     return Probe(probe.name, probe.components, np.zeros((len(probe.components), 0)), offsets)
+
+
+def _gap_before(model: Model, point: str) -> float:
+    """Return the play that is taken up before a point moves."""
+    names = [name for name, one in model.rockers.items() if one.point == point]
+    play = model.lash_of(names[0]) if names else None
+    gap = play.gap if isinstance(play, Lash) else 0.0
+    start = model.rockers[names[0]].start if names else point
+    ratio = model.rockers[names[0]].ratio if names else 1.0
+    if start in model.mesh.points:
+        at = model.mesh.connected(model.mesh.node(start))
+        gap += ratio * sum(one.gap for one in model.plays if model.mesh.node(one.ends[1]) in at)
+    return gap
 
 
 def _along(share: float, coordinate: Coordinate, event: Event) -> AngleFunction:

@@ -110,6 +110,22 @@ class Structure:
     def _name(self, rocker: Rocker) -> str:
         return next(name for name, one in self.model.rockers.items() if one is rocker)
 
+    def shifted(self, node: int, direction: FloatArray) -> FloatArray:
+        """Return the unit motion of everything that members connect to a node, shape (n,)."""
+        motion = np.zeros(self.dofs.size)
+        numbers = self.dofs.numbers[self.model.mesh.connected(node)]
+        motion[numbers[numbers >= 0]] = np.broadcast_to(direction, numbers.shape)[numbers >= 0]
+        return motion
+
+    def _pushed_on(self, motion: FloatArray) -> FloatArray:
+        """Return a motion with what plays between nodes push along, no play being open."""
+        moved = motion.copy()
+        for play in self.model.plays:
+            driven, pushed = (float(self.row(end, play.direction) @ moved) for end in play.ends)
+            if driven != 0.0 and pushed == 0.0:
+                moved += driven * self.shifted(self.model.mesh.node(play.ends[1]), play.direction)
+        return moved
+
     def completed(self, motion: FloatArray) -> FloatArray:
         """Return a motion of nodes with points and springs following: no play is open, springs stretch evenly.
 
@@ -123,9 +139,9 @@ class Structure:
         ndarray
             Shape (n,).
         """
-        moved = motion.copy()
+        moved = self._pushed_on(motion)
         for rocker in self.model.rockers.values():
-            driven = float(self.row(rocker.start, rocker.direction) @ motion)
+            driven = float(self.row(rocker.start, rocker.direction) @ moved)
             for name, share in self._shares(rocker).items():
                 moved += self.dofs.unit(name) * share * driven
         return self.with_springs(moved)
@@ -372,7 +388,10 @@ def valve_ratio(model: Model, cam: str) -> float:
     """
     for contact in model.driven.values():
         if contact.cam == cam:
+            finger = model.rocker_at(contact.follower)
+            if finger is not None:
+                return finger.ratio
             train = model.mesh.connected(find_node(model, contact.follower, "follower"))
-            ratios = [r.ratio for r in model.rockers.values() if find_node(model, r.start, "from") in train]
+            ratios = [r.ratio for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in train]
             return ratios[0] if ratios else 1.0
     return 1.0

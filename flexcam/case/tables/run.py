@@ -94,7 +94,7 @@ class GivenStartRecord(Record):
         table = cast("dict[str, object]", value)
         units = {"displacement": ("length", "angle"), "velocity": ("velocity", "speed")}[info.field_name or ""]
         return {
-            name: q.Unit(units[name.rpartition(".")[2].startswith("r")], signed=True).validate(one)
+            name: q.Unit(units[name.rpartition(".")[2] in ("rx", "ry", "rz")], signed=True).validate(one)
             for name, one in table.items()
         }
 
