@@ -1,8 +1,8 @@
 """Geometric stiffness within a run, against the theory of the beam column.
 
 - A pinned column with the half sine d0 as its bow: under P it goes on by d0 P/(Pcr - P), Pcr = pi^2 E I/L^2; its
-  lateral frequency is f0 sqrt(1 - P/Pcr). S. P. Timoshenko and J. M. Gere, Theory of Elastic Stability, 2nd ed. (1961), secs.
-  1.4, 1.12; the frequency in W. Weaver, S. P. Timoshenko, D. H. Young, Vibration Problems in Engineering (1990), ch. 5.
+  lateral frequency is f0 sqrt(1 - P/Pcr). S. P. Timoshenko and J. M. Gere, Theory of Elastic Stability, 2nd ed.
+  (1961), secs. 1.4, 1.12; the frequency in W. Weaver, S. P. Timoshenko, D. H. Young, Vibration Problems in Engineering (1990), ch. 5.
 - A beam that bends by v draws its ends together by 1/2 int (v' + v0')^2 - v0'^2 dx. Under a force F at mid-span:
   F^2 L^5/(960 (E I)^2) + F d0 L^2/(pi^2 E I).
 - P(t) = P1 cos(2 w t) on a straight column makes it Mathieu's equation: the motion grows as exp(P1/Pcr w t/4). V. V.
