@@ -2,7 +2,8 @@
 
 - A pinned column with the half sine d0 as its bow: under P it goes on by d0 P/(Pcr - P), Pcr = pi^2 E I/L^2; its
   lateral frequency is f0 sqrt(1 - P/Pcr). S. P. Timoshenko and J. M. Gere, Theory of Elastic Stability, 2nd ed.
-  (1961), secs. 1.4, 1.12; the frequency in W. Weaver, S. P. Timoshenko, D. H. Young, Vibration Problems in Engineering (1990), ch. 5.
+  (1961), secs. 1.4, 1.12; the frequency in W. Weaver, S. P. Timoshenko, D. H. Young, Vibration Problems in
+  Engineering (1990), ch. 5.
 - A beam that bends by v draws its ends together by 1/2 int (v' + v0')^2 - v0'^2 dx. Under a force F at mid-span:
   F^2 L^5/(960 (E I)^2) + F d0 L^2/(pi^2 E I).
 - P(t) = P1 cos(2 w t) on a straight column makes it Mathieu's equation: the motion grows as exp(P1/Pcr w t/4). V. V.
@@ -14,14 +15,17 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 
 from flexcam import build_model, prepare, read_case, run
 from flexcam.fem import Section
 from flexcam.integrate import Problem, State, equilibrium, newmark, solve
-from flexcam.response import SaveAt
+from flexcam.response import RunFailedError, SaveAt
+from flexcam.runner import result_file
 from flexcam.system import ConstantSpeed, Load
+from flexcam.train import CompressionSink, build_structure
 
 SOURCE = "Geometric stiffness within a run"
 E, DENSITY, LENGTH, TUBE = 207e9, 7800.0, 0.4, Section.tube(0.008, 0.005)
@@ -57,7 +61,7 @@ tip = ["uy", "uz"]
 [run]
 speed = "60 rpm"
 step = "10 us"
-revolutions = 1e-4
+revolutions = 3e-5
 start = "equilibrium"
 [output]
 probes = ["mid", "tip"]
@@ -108,14 +112,14 @@ def test_static_deflection(record, column, part):
 def test_shortening_and_axial_force_of_a_bowed_column(record, column, part):
     """The tip moves by P L/EA and by the deepening of the bow; the channel tells P, and the part of Euler's load."""
     bow = 1e-3
-    response = run(column(bow, PUSH.format(-part * EULER), elements=6))
+    response = run(column(bow, PUSH.format(-part * EULER), elements=4))
     whole = bow / (1.0 - part)
     drawn = math.pi**2 / (4.0 * LENGTH) * (whole**2 - bow**2)
     # The tube is inclined by up to pi d/L: forces across and along mix by the square of it, which a shallow arch omits.
     record(source=SOURCE, case=f"bowed column, P/Pcr = {part}", quantity="shortening", unit="m",
            reference=part * EULER * LENGTH / EA + drawn, computed=-response["tip.ux"].displacement[-1],
            tolerance=1e-3 + 1e-4 / (1.0 - part),
-           reason="Euler's load of twelve elements, and chords of each instead of its curve")  # fmt: skip
+           reason="Euler's load of eight elements, and chords of each instead of its curve")  # fmt: skip
     assert response.channels["members.rod.compression"][-1] == pytest.approx(part * EULER, rel=1e-9)
     assert response.channels["members.rod.buckling_use"][-1] == pytest.approx(part, rel=1e-4)
 
@@ -132,7 +136,7 @@ def rising(end, first=1e-3, last=0.8):
 
 def test_slowly_rising_force(record, column):
     """Over twenty lateral periods the force rises smoothly to 0.8 Pcr: the column follows its static curve."""
-    bow, end, steps = 1e-5, 20.0 * 2.0 * math.pi / OMEGA, 600
+    bow, end, steps = 1e-5, 20.0 * 2.0 * math.pi / OMEGA, 400
     force = rising(end)
     start = equilibrium(
         prepare(column(bow, PUSH.format(-1e-3 * EULER), elements=2)).problem.system, ConstantSpeed(1.0)
@@ -176,7 +180,7 @@ def frequency(time, values):
     return math.pi * (len(zeros) - 1) / (zeros[-1] - zeros[0])
 
 
-@pytest.mark.parametrize("part", [-1.0, 0.0, 0.3, 0.6, 0.9])
+@pytest.mark.parametrize("part", [-1.0, 0.3, 0.9])
 def test_lateral_frequency(record, column, part):
     """Struck sideways by little under a steady force (tension where the part is negative)."""
     case = column(0.0, PUSH.format(-part * EULER), elements=2)
@@ -190,7 +194,7 @@ def test_lateral_frequency(record, column, part):
         if component in ("uy", "rz"):
             x = nodes[node] * math.pi / LENGTH
             shape[i] = math.sin(x) if component == "uy" else math.pi / LENGTH * math.cos(x)
-    steps, periods = 300, 3
+    steps, periods = 200, 2
     step = 2.0 * math.pi / expected * periods / steps
     response = solve(Problem(system, ConstantSpeed(1.0), step, steps, State(still.displacement, 1e-6 * shape)),
                      newmark())  # fmt: skip
@@ -210,13 +214,13 @@ def node_places(case):
 @pytest.mark.parametrize("bow", [0.0, 1e-3])
 def test_a_bent_beam_draws_its_ends_together(record, column, force, bow):
     """No axial force: the chord follows from bending alone; against its bow the beam grows longer."""
-    response = run(column(bow, ACROSS.format(force), elements=8))
+    response = run(column(bow, ACROSS.format(force), elements=4))
     deep = force * LENGTH**3 / (48.0 * EI)
     assert response["mid.uy"].displacement[-1] == pytest.approx(deep, rel=1e-6)
     drawn = force**2 * LENGTH**5 / (960.0 * EI**2) + force * bow * LENGTH**2 / (math.pi**2 * EI)
     record(source=SOURCE, case=f"{force:g} N across, bow {bow:g} m", quantity="shortening", unit="m", reference=drawn,
            computed=-response["tip.ux"].displacement[-1], tolerance=1e-4,
-           reason="the bow's half sine in sixteen cubic pieces; without a bow the cubics are exact")  # fmt: skip
+           reason="the bow's half sine in eight cubic pieces; without a bow the cubics are exact")  # fmt: skip
     assert abs(response.channels["members.rod.compression"]).max() < 1e-6 * abs(force)
 
 
@@ -239,10 +243,10 @@ def test_a_released_bend_shortens_twice_as_often(record, column):
     assert tip.mean() == pytest.approx(-(math.pi**2) * deep**2 / (8.0 * LENGTH), rel=0.05)
 
 
-@pytest.mark.parametrize(("orders", "grows"), [(2.0, True), (1.5, False), (2.6, False)])
+@pytest.mark.parametrize(("orders", "grows"), [(2.0, True), (1.5, False)])
 def test_pulsating_force(record, column, orders, grows):
     """At twice the lateral frequency the column swings up, beside it not."""
-    part, bow, periods, per_period = 0.2, 1e-6, 24, 50
+    part, bow, periods, per_period = 0.2, 1e-6, 20, 40
     step = 2.0 * math.pi / OMEGA / per_period
     case = column(bow, elements=1)
     start = equilibrium(prepare(column(bow, PUSH.format(part * EULER), elements=1)).problem.system, ConstantSpeed(1.0))
@@ -310,7 +314,7 @@ intake = { cam = "intake", follower = "tappet", model = "unilateral", stiffness 
 [run]
 speed = "1500 rpm"
 revolutions = 0.55
-steps_per_revolution = 3600
+steps_per_revolution = 2400
 start = "equilibrium"
 [output]
 probes = ["tappet", "top"]
@@ -318,7 +322,7 @@ probes = ["tappet", "top"]
 
 
 def test_energy_of_a_train_that_loses_none(record, tmp_path):
-    """3600 steps per revolution; the contact holds, so that no event costs anything.
+    """2400 steps per revolution; the contact holds, so that no event costs anything.
 
     The balance is tried from outside too: the work of the cam is the integral of its torque.
     """
@@ -330,7 +334,7 @@ def test_energy_of_a_train_that_loses_none(record, tmp_path):
     assert channels["members.pushrod.buckling_use"].max() > 0.1  # bow and axial force do act on each other
     most = np.abs(channels["energy.work"]).max()
     for part in ("residual", "dissipated", "numerical"):
-        record(source=SOURCE, case="train with bow and Hertz contact, 3600 steps", quantity=f"{part} energy over work",
+        record(source=SOURCE, case="train with bow and Hertz contact, 2400 steps", quantity=f"{part} energy over work",
                unit="1", reference=0.0, computed=np.abs(channels[f"energy.{part}"]).max() / most, tolerance=1e-6,
                absolute=True, reason="nothing in it loses energy; what curves within a step")  # fmt: skip
     angle, event = response.angle, build_model(read_case(path)).cams["intake"].event
@@ -341,6 +345,46 @@ def test_energy_of_a_train_that_loses_none(record, tmp_path):
     held = sum(channels[f"energy.{part}"] for part in ("kinetic", "strain", "contact"))
     springs = -900.0 * response["top.uy"].displacement  # the installed force is a load, not a strain
     springs -= springs[0]
-    record(source=SOURCE, case="train with bow and Hertz contact, 3600 steps", quantity="integral of the cam's torque",
+    record(source=SOURCE, case="train with bow and Hertz contact, 2400 steps", quantity="integral of the cam's torque",
            unit="J", reference=0.0, computed=np.abs(work + springs - (held - held[0])).max() / most, tolerance=1e-5,
            absolute=True, reason="trapezoids of the torque, and the Hertz law changing with the curvature")  # fmt: skip
+
+
+@pytest.mark.xfail(
+    strict=True,
+    raises=RunFailedError,
+    reason="as above: at rest 1/2 y0 g y0 - 1/2 y0 g y0 leaves rounding, which nothing loaded stands against, and "
+    "start = rest ends with 'the contacts found no static balance'",
+)
+def test_an_unloaded_train_with_a_bow_can_start(tmp_path):
+    path = tmp_path / "train.toml"
+    text = TRAIN.replace(', installed_force = "900 N"', "").replace('start = "equilibrium"', 'start = "rest"')
+    text = text.replace('model = "unilateral", stiffness = "hertz"', 'model = "bilateral", stiffness = "100 MN/m"')
+    path.write_text(text.replace("revolutions = 0.55", "revolutions = 0.01"), encoding="utf-8")
+    assert run(read_case(path)).status.ok
+
+
+LINEAR_ONLY = (
+    "the axial force is taken from the stretch of the chord alone, without the shortening by bending that geometric "
+    "stiffness and bow add: 1645 N instead of 1088 N"
+)
+
+
+@pytest.mark.xfail(strict=True, reason=f"fem.recovery, io.vtkhdf: {LINEAR_ONLY}; stress_axial and von Mises with it")
+def test_section_force_of_a_bowed_column_in_the_result_file(column, tmp_path):
+    ready = prepare(column(1e-3, PUSH.format(-0.5 * EULER)))
+    sink = result_file(ready, tmp_path / "results")
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
+    with h5py.File(sink.path) as file:
+        axial = np.array(file["VTKHDF/PointData/section_force"])[:, 0]
+    np.testing.assert_allclose(axial, -0.5 * EULER, rtol=1e-3)
+
+
+@pytest.mark.xfail(
+    strict=True, reason=f"train.CompressionSink, which `flexcam limits` asks for buckling: {LINEAR_ONLY}"
+)
+def test_compression_of_a_bowed_column(column):
+    ready = prepare(column(1e-3, PUSH.format(-0.5 * EULER)))
+    sink = CompressionSink(build_structure(ready.model))
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
+    assert sink.compression()["rod"] == pytest.approx(0.5 * EULER, rel=1e-3)

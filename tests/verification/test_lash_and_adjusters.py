@@ -1,8 +1,8 @@
 """Plays between nodes and hydraulic lash adjusters, against closed forms and an integration of their own.
 
-Oil of stiffness k that leaks with c is a Maxwell element: under a constant force it sinks by F/c, after a step against a
-spring K the oil's force falls as exp(-t/T), T = c (1/k + 1/K). W. N. Findley, J. S. Lai, K. Onaran, Creep and Relaxation
-of Nonlinear Viscoelastic Materials (1976), sec. 5.2. Pulled, the check valve opens and it refills with c0/k.
+Oil of stiffness k that leaks with c is a Maxwell element: under a constant force it sinks by F/c, after a step against
+a spring K the oil's force falls as exp(-t/T), T = c (1/k + 1/K). W. N. Findley, J. S. Lai, K. Onaran, Creep and
+Relaxation of Nonlinear Viscoelastic Materials (1976), sec. 5.2. Pulled, the check valve opens and it refills with c0/k.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ ADJUSTER = (
 @pytest.fixture
 def case(tmp_path):
     def make(play, **changes):
-        given = dict(mass=0.1, spring=30e3, damping=0.0, installed="", phase=10.0, contacts="", loads="", speed=60.0,
-                     revolutions=0.01, steps=3600)  # fmt: skip
+        given = {"mass": 0.1, "spring": 30e3, "damping": 0.0, "installed": "", "phase": 10.0, "contacts": "",
+                 "loads": "", "speed": 60.0, "revolutions": 0.01, "steps": 3600}  # fmt: skip
         path = tmp_path / "play.toml"
         path.write_text(CASE.format(play=play, **(given | changes)), encoding="utf-8")
         return read_case(path)
@@ -105,7 +105,7 @@ def test_a_play_between_nodes_is_taken_up(record, case, degrees):
 
 
 def test_lash_force_never_pulls(case):
-    made = case(LASH, revolutions=0.6, speed=600.0)
+    made = case(LASH, revolutions=0.55, speed=600.0, steps=1800)
     response = run(made)
     force = response.channels["contacts.play.force"]
     depth = response["top.uy"].displacement - response["bottom.uy"].displacement - 0.5e-3
@@ -160,8 +160,8 @@ def leaked(time, depth):
                      max_step=5.0 * (time[1] - time[0])).y[0]  # fmt: skip
 
 
-SEATED = dict(installed=", installed_force = 300", phase=10.0, speed=300.0, revolutions=1.0,
-              contacts='seat = { at = "end", direction = "uy", model = "seat", stiffness = "40 MN/m", damping = 500 }')  # fmt: skip
+SEAT = 'seat = { at = "end", direction = "uy", model = "seat", stiffness = "40 MN/m", damping = 500 }'
+SEATED = {"installed": ", installed_force = 300", "speed": 300.0, "revolutions": 1.0, "contacts": SEAT}
 
 
 def test_a_revolution_on_its_seat(record, case):
@@ -203,11 +203,11 @@ def test_refill_is_fast(record, case):
 
 
 def test_a_run_goes_on_from_a_result(case, tmp_path):
-    """Half a revolution, and another from its result: as in one go, with the leak-down."""
-    whole = run(case(ADJUSTER, **SEATED))
-    first = prepare(case(ADJUSTER, **(SEATED | dict(revolutions=0.3))))
+    """Most of the lift, and the rest of it from that result: as in one go, with the leak-down."""
+    whole = run(case(ADJUSTER, **(SEATED | {"revolutions": 0.5})))
+    first = prepare(case(ADJUSTER, **(SEATED | {"revolutions": 0.3})))
     solve(first.problem, first.scheme, save=first.save, sinks=[result_file(first, tmp_path)])
-    path = case(ADJUSTER, **(SEATED | dict(revolutions=0.7))).path
+    path = case(ADJUSTER, **(SEATED | {"revolutions": 0.2})).path
     text = path.read_text(encoding="utf-8").replace('start = "equilibrium"', 'start = { result = "play.vtkhdf" }')
     path.write_text(text, encoding="utf-8")
     second = run(read_case(path))
@@ -224,22 +224,55 @@ refill = "500 N s/m", plunger_force = "20 N" }"""
 
 
 def test_at_a_rocker(record):
-    """The published engine with an adjuster in the place of its play: the same law there, and it closes its valve."""
-    case = read_case(
-        "cases/pushrod-engine/intake.toml", [ENGINE, "output.probes=['valve', 'pushrod-top']", "run.crank_speed=2000 rpm", "run.revolutions=1.0",
-                                                          "run.steps_per_revolution=3600"])  # fmt: skip
+    """The pushrod engine with an adjuster in the place of its play: the same law there, and it closes its valve."""
+    probes = "output.probes=['valve', 'pushrod-top']"
+    run_ = (
+        "run.crank_speed=2000 rpm",
+        "run.revolutions=0.7",
+        "springs.valve.elements=2",
+        "run.steps_per_revolution=1800",
+    )
+    case = read_case("cases/pushrod-engine/intake.toml", [ENGINE, probes, *run_])
     response = run(case)
     channels = response.channels
-    depth = 1.6 * response_of(response, "pushrod-top.uy") - response["valve"].displacement
+    depth = 1.6 * response["pushrod-top.uy"].displacement - response["valve"].displacement
     exact = leaked(response.time, depth)
     z = channels["contacts.lash.leak_down"]
     record(source=SOURCE, case="pushrod engine with an adjuster", quantity="largest error of the leak-down", unit="m",
-           reference=0.0, computed=np.abs(z - exact).max(), tolerance=5e-3 * np.abs(exact).max(), absolute=True,
-           reason="the trapezoidal rule on steps of 17 us")  # fmt: skip
+           reference=0.0, computed=np.abs(z - exact).max(), tolerance=1e-2 * np.abs(exact).max(), absolute=True,
+           reason="the trapezoidal rule on steps of 33 us")  # fmt: skip
     assert channels["contacts.seat.force"][0] > 300.0
     most = np.abs(channels["energy.work"]).max()
     assert np.abs(channels["energy.residual"]).max() < 1e-3 * most
 
 
-def response_of(response, name):
-    return response[name].displacement
+@pytest.mark.xfail(
+    strict=True,
+    reason="the rigid train ends at a play or an adjuster between nodes: what it pushes stands still, its springs and "
+    "masses are missing in the contact force",
+)
+@pytest.mark.parametrize(("play", "gap"), [(LASH, 0.5e-3), (ADJUSTER, 0.0)])
+def test_rigid_model_behind_a_play_between_nodes(case, play, gap):
+    made = case(play, revolutions=0.3, steps=720)
+    response = run(made, rigid=True)
+    lift = build_model(made).cams["intake"].event(response.angle, 0)
+    np.testing.assert_allclose(response["end.uy"].displacement, np.maximum(lift - gap, 0.0), atol=1e-9)
+    behind = response.channels["contacts.intake.force"][lift > 1.5e-3]
+    np.testing.assert_allclose(behind, 30e3 * (lift[lift > 1.5e-3] - gap), rtol=0.02)
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="rigid.RigidTrain.contact_force leaves the play of a rocker out, which the rigid valve's motion has: on the "
+    "base circle the valve spring presses the tappet (650 N, not 10 N), on the lift it is compressed too much",
+)
+def test_rigid_force_with_a_play_at_the_rocker():
+    gap = "contacts.lash={ at = 'rocker', model = 'lash', gap = '1 mm', stiffness = '20 MN/m' }"
+    case = read_case("cases/pushrod-engine/intake.toml", [gap, "run.crank_speed=20 rpm", "run.revolutions=0.5",
+                                                          "run.steps_per_revolution=360"])  # fmt: skip
+    response = run(case, rigid=True)
+    lift = response["tappet.uy"].displacement
+    valve = np.maximum(1.6 * lift - 1e-3, 0.0)
+    np.testing.assert_allclose(response["valve"].displacement, valve, atol=1e-12)
+    force = 10.0 + 500.0 * lift + np.where(valve > 0.0, 1.6 * (400.0 + 50e3 * valve), 0.0)
+    np.testing.assert_allclose(response.channels["contacts.intake.force"], force, rtol=0.01)

@@ -54,7 +54,7 @@ intake = { cam = "intake", follower = "tappet", model = "unilateral", stiffness 
 [run]
 speed = "600 rpm"
 revolutions = 0.56
-steps_per_revolution = 7200
+steps_per_revolution = 3600
 start = "equilibrium"
 [output]
 probes = ["tappet"]
@@ -132,7 +132,7 @@ def test_loss_of_contact(record, train, part):
     open_ = np.flatnonzero((force == 0.0) & (angle > 0.1))
     record(source=SOURCE, case=f"{part} of the speed of jump", quantity="angle of parting", unit="deg",
            reference=math.degrees(parting), computed=math.degrees(angle[open_[0]]), tolerance=0.25, absolute=True,
-           reason="steps of 0.05 deg; M s'' w^2/k of its own depression at the contact")  # fmt: skip
+           reason="steps of 0.1 deg; M s'' w^2/k of its own depression at the contact")  # fmt: skip
     w = math.sqrt(SPRING / M)
     s, v = (float(event(np.array([parting]), order)[0]) for order in (0, 1))
     middle = -INSTALLED / SPRING
@@ -204,3 +204,25 @@ def test_limits_names_the_rigid_speed(record, train):
     loss = found.limits["loss_of_contact"]
     assert loss.rpm == pytest.approx(1.06 * rpm, rel=1e-9)
     assert loss.tolerance_rpm == pytest.approx(0.08 * rpm, rel=1e-6)
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="rigid.rigid_train counts mass, springs and their installed forces alone: forces of [loads], gravity and "
+    "the dampers of springs are missing in the contact force, and in the speed of jump that `flexcam limits` names",
+)
+@pytest.mark.parametrize(
+    ("key", "more"),
+    [
+        ("loads.push={ at = 'tappet', direction = '-uy', force = 100.0 }", lambda v: 100.0),
+        ("run.gravity=[0, '-100 m/s^2', 0]", lambda v: 100.0 * M),
+        ("springs.valve.damping=100.0", lambda v: 100.0 * v),
+    ],
+)
+def test_all_forces_on_the_rigid_model(train, key, more):
+    case, event = train(60.0, key)
+    flexible, rigid = run(case), run(case, rigid=True)
+    expected = needed(event, rigid.angle, 60.0) + more(event(rigid.angle, 1) * 60.0)
+    force = flexible.channels["contacts.intake.force"]
+    np.testing.assert_allclose(force, expected, atol=5e-3 * expected.max())  # so does the flexible one
+    np.testing.assert_allclose(rigid.channels["contacts.intake.force"], expected, atol=1e-6 * expected.max())

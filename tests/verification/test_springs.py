@@ -1,7 +1,7 @@
 """Coil springs: rate and stress of the wire, surge against a chain of its own, and coils that touch.
 
-J. E. Shigley and C. R. Mischke, Mechanical Engineering Design, 5th ed. (1989), secs. 10-1 to 10-3: k = G d^4/(8 D^3 n), the
-largest shear stress K_W 8 F D/(pi d^3) with Wahl's factor.
+J. E. Shigley and C. R. Mischke, Mechanical Engineering Design, 5th ed. (1989), secs. 10-1 to 10-3: k =
+G d^4/(8 D^3 n), the largest shear stress K_W 8 F D/(pi d^3) with Wahl's factor.
 """
 
 from __future__ import annotations
