@@ -19,13 +19,12 @@ import h5py
 import numpy as np
 import pytest
 
-from flexcam import build_model, prepare, read_case, run
+from flexcam import build_model, modes, prepare, read_case, run
 from flexcam.fem import Section
 from flexcam.integrate import Problem, State, equilibrium, newmark, solve
 from flexcam.response import RunFailedError, SaveAt
 from flexcam.runner import result_file
 from flexcam.system import ConstantSpeed, Load
-from flexcam.train import CompressionSink, build_structure
 
 SOURCE = "Geometric stiffness within a run"
 E, DENSITY, LENGTH, TUBE = 207e9, 7800.0, 0.4, Section.tube(0.008, 0.005)
@@ -153,11 +152,11 @@ def test_slowly_rising_force(record, column):
 @pytest.mark.xfail(
     strict=True,
     reason="Bowing.axial_force takes 1/2 (y + y0) g (y + y0) - 1/2 y0 g y0: what is left of rounding lies above the "
-    "tolerance of settle while the forces are small, and the run ends with no-convergence at its first step",
+    "tolerance of settle while the forces are small, and the run ends with no-convergence at its first steps",
 )
 def test_force_that_rises_from_nothing(column):
     end, steps = 20.0 * 2.0 * math.pi / OMEGA, 600
-    response = pushed(column(1e-4, elements=1), rising(end, 0.0), end / steps, 20)
+    response = pushed(column(1e-5, elements=2), rising(end, 0.0), end / steps, 20)
     assert response.status.ok
 
 
@@ -180,7 +179,7 @@ def frequency(time, values):
     return math.pi * (len(zeros) - 1) / (zeros[-1] - zeros[0])
 
 
-@pytest.mark.parametrize("part", [-1.0, 0.3, 0.9])
+@pytest.mark.parametrize("part", [-1.0, 0.6])
 def test_lateral_frequency(record, column, part):
     """Struck sideways by little under a steady force (tension where the part is negative)."""
     case = column(0.0, PUSH.format(-part * EULER), elements=2)
@@ -380,11 +379,9 @@ def test_section_force_of_a_bowed_column_in_the_result_file(column, tmp_path):
     np.testing.assert_allclose(axial, -0.5 * EULER, rtol=1e-3)
 
 
-@pytest.mark.xfail(
-    strict=True, reason=f"train.CompressionSink, which `flexcam limits` asks for buckling: {LINEAR_ONLY}"
-)
-def test_compression_of_a_bowed_column(column):
-    ready = prepare(column(1e-3, PUSH.format(-0.5 * EULER)))
-    sink = CompressionSink(build_structure(ready.model))
-    solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
-    assert sink.compression()["rod"] == pytest.approx(0.5 * EULER, rel=1e-3)
+@pytest.mark.xfail(strict=True, reason=f"train.modes under prestress: {LINEAR_ONLY}")
+def test_modes_of_a_bowed_column_under_load(column):
+    """Across the plane of the bow, the lowest frequency is that of a straight column under P."""
+    found = modes(column(1e-3, PUSH.format(-0.5 * EULER)), 3, prestress="equilibrium").modes.frequencies
+    expected = OMEGA * math.sqrt(0.5) / (2.0 * math.pi)
+    assert np.abs(np.asarray(found) - expected).min() < 2e-3 * expected
