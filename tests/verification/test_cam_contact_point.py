@@ -221,7 +221,7 @@ def test_hertz_pressure_under_a_roller(record, case, degrees):
 
 FRICTION = 0.1
 RUBBING = HERTZ + ", friction = 0.1, dissipation = 0.5"
-SLOWLY = 'revolutions = 0.8\nsteps_per_revolution = 720\nstart = "equilibrium"\ndamping = { beta = "2e-5 s" }'
+SLOWLY = 'revolutions = 0.8\nsteps_per_revolution = 900\nstart = "equilibrium"\ndamping = { beta = "2e-5 s" }'
 
 
 KEPT = {}
