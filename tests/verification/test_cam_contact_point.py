@@ -1,0 +1,308 @@
+"""Where a cam touches its follower, and what the force there does to shaft and follower: closed forms.
+
+A shaft on two supports, its drive end held against turning, cam at mid-span; the force F at the follower is that of the
+spring behind it, F0 + k u. In the plane of the cam (lift upwards, the cam turning counterclockwise) a flat follower is
+touched s' to the right of its axis; a roller's normal passes through the instant centre, s' to the right of the cam's,
+so that the cam is pushed to the right by F (s' - e)/H, with the offset e and H the height of the roller's centre. F. Y.
+Chen, Mechanics and Design of Cam Mechanisms (1982), ch. 4 (pressure angle); K. L. Johnson, Contact Mechanics (1985),
+sec. 4.2 (line contact); S. P. Timoshenko, Strength of Materials I (1955) for shafts and beams.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam import build_model, prepare, read_case, run
+from flexcam.integrate import equilibrium
+from flexcam.system import ConstantSpeed
+
+SOURCE = "Point of contact of a cam"
+E, NU, SPAN, REACH = 207e9, 0.29, 0.12, 0.25
+SHAFT_I, SHAFT_J = math.pi * 0.02**4 / 64.0, math.pi * 0.02**4 / 32.0
+ROD_I = math.pi * (0.008**4 - 0.005**4) / 64.0
+G = E / (2.0 * (1.0 + NU))
+SPRING, INSTALLED, CONTACT, BASE, ROLLER, WIDTH = 100e3, 900.0, 2e8, 0.024, 0.010, 0.012
+SIDEWAYS = SPAN**3 / (48.0 * E * SHAFT_I)
+"""Deflection of the shaft at its cam per unit force."""
+
+CASE = """
+format = 1
+[nodes]
+drive = [0.0, 0.0, 0.0]
+cam = [0.06, 0.0, 0.0]
+rear = [0.12, 0.0, 0.0]
+tappet = [0.06, 0.024, 0.0]
+top = [0.06, 0.274, 0.0]
+[materials.steel]
+E = "207 GPa"
+nu = 0.29
+density = "7800 kg/m^3"
+[sections]
+shaft = {{ shape = "circle", diameter = "20 mm" }}
+tube = {{ shape = "tube", outer_diameter = "8 mm", inner_diameter = "5 mm" }}
+[members]
+camshaft = {{ nodes = ["drive", "cam", "rear"], material = "steel", section = "shaft" }}
+pushrod = {{ nodes = ["tappet", "top"], material = "steel", section = "tube" }}
+[supports]
+drive = ["ux", "uy", "uz", "rx"]
+rear = ["uy", "uz"]
+tappet = {held}
+top = ["ux", "uz", "ry"]
+[springs]
+valve = {{ at = "top", direction = "uy", stiffness = "100 kN/m", installed_force = "900 N" }}
+{springs}
+[cams.intake]
+at = "cam"
+law = "4-5-6-7"
+lift = "6 mm"
+rise = "90 deg"
+return = "90 deg"
+phase = "90 deg"
+base_radius = "24 mm"
+width = "12 mm"
+follower = {follower}
+{cam}
+[contacts]
+intake = {{ cam = "intake", follower = "tappet", {contact} }}
+[run]
+speed = "600 rpm"
+{run}
+[output]
+probes = ["cam", "tappet", "top"]
+"""
+GUIDED, TILTING = '["ux", "uz", "ry", "rx"]', '["ux", "uz", "ry"]'
+FLAT, ROUND = '{ type = "flat" }', '{{ type = "roller", radius = "10 mm", offset = {} }}'
+LINEAR, HERTZ = 'model = "bilateral", stiffness = "200 MN/m"', 'model = "unilateral", stiffness = "hertz"'
+RISING, FALLING, TOP, BOTTOM = (math.radians(a) for a in (130.0, 230.0, 180.0, 20.0))
+
+
+class Standing:
+    """A train in balance at one cam angle."""
+
+    def __init__(self, case, angle):
+        problem = prepare(case).problem
+        self.state = equilibrium(problem.system, ConstantSpeed(1.0, angle))
+        self.names = problem.system.names
+        event = build_model(case).cams["intake"].event
+        self.s, self.slope, self.bend = (float(event(np.array([angle]), order)[0]) for order in range(3))
+        self.force = INSTALLED + SPRING * self["top.uy"]
+
+    def __getitem__(self, name):
+        return float(self.state.displacement[self.names.index(name)]) if name in self.names else 0.0
+
+
+@pytest.fixture
+def case(tmp_path):
+    """Return the case by what differs."""
+
+    def make(follower=FLAT, contact=LINEAR, *, held=GUIDED, cam="", springs="", lines=""):
+        text = CASE.format(follower=follower, contact=contact, held=held, cam=cam, springs=springs, run=lines)
+        path = tmp_path / "cam.toml"
+        path.write_text(text, encoding="utf-8")
+        return read_case(path)
+
+    return make
+
+
+REVERSED = "axis = [-1.0, 0.0, 0.0]"
+ANGLES = [RISING, FALLING, TOP, BOTTOM]
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+@pytest.mark.parametrize(("cam", "sense"), [("", 1.0), (REVERSED, -1.0), ('rotation = "clockwise"', 1.0)])
+def test_a_flat_follower_twists_the_shaft(record, case, angle, cam, sense):
+    """By F s' against the rotation: about -x where the axis is +x; how the cam is drawn changes nothing."""
+    found = Standing(case(cam=cam), angle)
+    twist = -sense * found.force * found.slope * 0.5 * SPAN / (G * SHAFT_J)
+    assert found.force > 0.9 * INSTALLED
+    record(source=SOURCE, case=f"flat, {math.degrees(angle):.0f} deg, {cam or 'as given'}", quantity="twist at the cam",
+           unit="rad", reference=twist, computed=found["cam.rx"], tolerance=1e-9 * abs(twist) + 1e-15, absolute=True,
+           reason="rounding of the balance")  # fmt: skip
+    # The depth is what the stiffness of the contact needs: the twist lowers the follower on the rise.
+    depth = found.s + found.slope * sense * found["cam.rx"] + found["cam.uy"] - found["tappet.uy"]
+    assert depth == pytest.approx(found.force / CONTACT, rel=1e-6)
+    assert found["cam.uy"] == pytest.approx(-found.force * SIDEWAYS, rel=1e-9)
+    assert found["cam.uz"] == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("angle", [RISING, FALLING])
+@pytest.mark.parametrize(("cam", "sense"), [("", 1.0), (REVERSED, -1.0)])
+def test_a_flat_follower_tilts(record, case, angle, cam, sense):
+    """The force s' beside its axis turns it by F s' L/(3 E I) about the axis of rotation; it sinks by s' of that."""
+    found = Standing(case(held=TILTING, cam=cam), angle)
+    tilt = sense * found.force * found.slope * REACH / (3.0 * E * ROD_I)
+    record(source=SOURCE, case=f"flat, tilting, {math.degrees(angle):.0f} deg, {cam or 'as given'}", quantity="tilt",
+           unit="rad", reference=tilt, computed=found["tappet.rx"], tolerance=1e-8, reason="rounding")  # fmt: skip
+    turned = sense * (found["cam.rx"] - found["tappet.rx"])
+    depth = found.s + found.slope * turned + found["cam.uy"] - found["tappet.uy"]
+    assert depth == pytest.approx(found.force / CONTACT, rel=1e-6)
+
+
+def tangent(found, offset, base=BASE, roller=ROLLER):
+    """Return s' - e over the height of the roller's centre: the tangent of the pressure angle."""
+    return (found.slope - offset) / (math.sqrt((base + roller) ** 2 - offset**2) + found.s)
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+@pytest.mark.parametrize("offset", [0.0, 0.004, -0.004])
+@pytest.mark.parametrize("contact", [LINEAR, HERTZ])
+def test_a_roller_pushes_the_shaft_sideways(record, case, angle, offset, contact):
+    """To the right of the drawing, which is -z with the axis +x upright."""
+    found = Standing(case(ROUND.format(offset), contact), angle)
+    aside = found.force * tangent(found, offset) * SIDEWAYS
+    record(source=SOURCE, case=f"roller, e = {offset:g} m, {math.degrees(angle):.0f} deg, {contact[9:17]}",
+           quantity="sideways deflection", unit="m", reference=-aside, computed=found["cam.uz"],
+           tolerance=1e-8 * abs(aside) + 1e-15, absolute=True, reason="rounding of the balance")  # fmt: skip
+    twist = -found.force * found.slope * 0.5 * SPAN / (G * SHAFT_J)
+    assert found["cam.rx"] == pytest.approx(twist, rel=1e-8, abs=1e-15)
+
+
+@pytest.mark.parametrize("angle", [RISING, FALLING])
+def test_the_mirror_image(case, angle):
+    """Axis reversed: the same with z and x-rotation reversed. Drawn clockwise, the offset is on the other side."""
+    one = Standing(case(ROUND.format(0.004)), angle)
+    mirrored = Standing(case(ROUND.format(0.004), cam=REVERSED), angle)
+    redrawn = Standing(case(ROUND.format(-0.004), cam=REVERSED + '\nrotation = "clockwise"'), angle)
+    other = Standing(case(ROUND.format(-0.004), cam='rotation = "clockwise"'), angle)
+    for name in ("cam.uy", "cam.uz", "cam.rx", "cam.ry", "cam.rz", "tappet.uy"):
+        sign = -1.0 if name in ("cam.uz", "cam.rx", "cam.ry") else 1.0
+        assert mirrored[name] == pytest.approx(sign * one[name], rel=1e-9, abs=1e-16)
+        assert redrawn[name] == pytest.approx(mirrored[name], rel=1e-9, abs=1e-16)
+        assert other[name] == pytest.approx(one[name], rel=1e-9, abs=1e-16)
+
+
+AT_ANGLE = 'revolutions = 1e-4\nsteps_per_revolution = 36000\nstart = "equilibrium"'
+
+
+@pytest.mark.parametrize("degrees", [40.0, 80.0, 135.0])
+def test_hertz_pressure_of_a_flat_face(record, case, degrees):
+    """Sqrt(p E*/(pi R)), with R = rb + s + s'' of the cam and E* = E/(2 (1 - nu^2))."""
+    made = case(FLAT, HERTZ, lines=AT_ANGLE)
+    made = read_case(made.path, [f"cams.intake.phase={-degrees} deg"])
+    response = run(made)
+    event = build_model(made).cams["intake"].event
+    s, bend = (float(event(np.zeros(1), order)[0]) for order in (0, 2))
+    force = INSTALLED + SPRING * response["top.uy"].displacement[0]
+    assert response.channels["contacts.intake.force"][0] == pytest.approx(force, rel=1e-8)
+    modulus = E / (2.0 * (1.0 - NU**2))
+    radius = BASE + s + bend
+    pressure = math.sqrt(force / WIDTH * modulus / (math.pi * radius))
+    record(source=SOURCE, case=f"flat face, {degrees:g} deg into the rise", quantity="largest Hertz pressure",
+           unit="Pa", reference=pressure, computed=float(response.channels["contacts.intake.pressure"][0]),
+           tolerance=1e-6, reason="curvature tabled every 0.05 deg")  # fmt: skip
+    # The approach: eqs. 5.57 and 5.58 of Johnson, cam as a cylinder, face as a body as deep as the base circle.
+    half = math.sqrt(4.0 * force / WIDTH * radius / (math.pi * modulus))
+    terms = 2.0 * math.log(4.0 * radius / half) - 1.0 + 2.0 * math.log(2.0 * BASE / half) - NU / (1.0 - NU)
+    approach = force / WIDTH * (1.0 - NU**2) / (math.pi * E) * terms
+    assert -response.channels["contacts.intake.gap"][0] == pytest.approx(approach, rel=1e-5)
+
+
+@pytest.mark.parametrize("degrees", [40.0, 80.0, 135.0])
+def test_hertz_pressure_under_a_roller(record, case, degrees):
+    """The force along the normal is F/cos(alpha); 1/R = 1/rho + 1/rr, rho of the pitch curve less rr."""
+    made = case(ROUND.format(0.0), HERTZ, lines=AT_ANGLE)
+    made = read_case(made.path, [f"cams.intake.phase={-degrees} deg"])
+    response = run(made)
+    event = build_model(made).cams["intake"].event
+    s, slope, bend = (float(event(np.zeros(1), order)[0]) for order in range(3))
+    force = INSTALLED + SPRING * response["top.uy"].displacement[0]
+    H = BASE + ROLLER + s
+    pitch = (H**2 + slope**2) ** 1.5 / (H**2 + 2.0 * slope**2 - H * bend)
+    curvature = 1.0 / (pitch - ROLLER) + 1.0 / ROLLER
+    normal = force * math.hypot(1.0, slope / H)
+    pressure = math.sqrt(normal / WIDTH * E / (2.0 * (1.0 - NU**2)) / math.pi * curvature)
+    record(source=SOURCE, case=f"roller, {degrees:g} deg into the rise", quantity="largest Hertz pressure",
+           unit="Pa", reference=pressure, computed=float(response.channels["contacts.intake.pressure"][0]),
+           tolerance=1e-6, reason="curvature tabled every 0.05 deg")  # fmt: skip
+
+
+FRICTION = 0.1
+RUBBING = HERTZ + ", friction = 0.1, dissipation = 0.5"
+SLOWLY = 'revolutions = 0.8\nsteps_per_revolution = 900\nstart = "equilibrium"\ndamping = { beta = "2e-5 s" }'
+
+
+KEPT = {}
+
+
+@pytest.fixture
+def rubbed(case):
+    """Return the run of a flat follower with friction over rise and return, slow and damped."""
+
+    def make(cam="", **given):
+        made = case(FLAT, RUBBING, cam=cam, lines=SLOWLY, **given)
+        key = made.text
+        if key not in KEPT:
+            KEPT[key] = run(read_case(made.path, ["run.speed=60 rpm"]))
+        return KEPT[key], build_model(made).cams["intake"].event
+
+    return make
+
+
+def settled(response):
+    return response.angle > math.radians(60.0)  # friction sets in with the first step and shakes the shaft a little
+
+
+@pytest.mark.parametrize(("cam", "sense"), [("", 1.0), (REVERSED, -1.0), ('rotation = "clockwise"', 1.0)])
+def test_friction_brakes_the_shaft(record, rubbed, cam, sense):
+    """Its torque is mu F (rb + s), against the rotation on rise, return and dwell alike."""
+    response, event = rubbed(cam)
+    on = settled(response)
+    force, torque = (response.channels[f"contacts.intake.{one}"][on] for one in ("force", "torque"))
+    s, slope = (event(response.angle[on], order) for order in (0, 1))
+    expected = force * (slope + FRICTION * (BASE + s))
+    record(source=SOURCE, case=f"flat with friction, {cam or 'as given'}", quantity="largest error of the cam's torque",
+           unit="N m", reference=0.0, computed=np.abs(torque - expected).max(), tolerance=1e-9 * expected.max(),
+           absolute=True, reason="sliding is 15 times the speed over which friction turns over")  # fmt: skip
+    twist = response["cam.rx"].displacement[on]
+    exact = -sense * expected * 0.5 * SPAN / (G * SHAFT_J)
+    record(source=SOURCE, case=f"flat with friction, {cam or 'as given'}", quantity="largest error of the twist",
+           unit="rad", reference=0.0, computed=np.abs(twist - exact).max(), tolerance=3e-3 * np.abs(exact).max(),
+           absolute=True, reason="slow, but damping follows: beta times its rate")  # fmt: skip
+    held = response.channels["supports.drive.torque"][on]
+    assert np.abs(held - expected).max() <= 1e-2 * expected.max()  # what the drive must give
+
+
+@pytest.mark.parametrize(("cam", "sense"), [("", 1.0), (REVERSED, -1.0)])
+def test_friction_drags_the_follower_along(record, rubbed, cam, sense):
+    """The upper side of a cam that turns about +x moves to +z; there the follower is dragged, the shaft pushed back."""
+    stiff = 1e6
+    side = f'guide = {{ at = "tappet", direction = "uz", stiffness = {stiff}, damping = 500.0 }}'
+    response, _ = rubbed(cam, held='["ux", "ry", "rx"]', springs=side)
+    on = settled(response)
+    force = response.channels["contacts.intake.force"][on]
+    dragged = response["tappet.uz"].displacement[on] * sense
+    # The pushrod, clamped against turning at the tappet and hinged at its top, holds with 3 E I/L^3 as well.
+    expected = FRICTION * force / (stiff + 3.0 * E * ROD_I / REACH**3)
+    record(source=SOURCE, case=f"flat with friction, {cam or 'as given'}", quantity="largest error of the drag",
+           unit="m", reference=0.0, computed=np.abs(dragged - expected).max(), tolerance=5e-3 * expected.max(),
+           absolute=True, reason="slow, damped")  # fmt: skip
+    pushed = response["cam.uz"].displacement[on] * sense
+    assert np.abs(pushed + FRICTION * force * SIDEWAYS).max() <= 5e-3 * np.abs(pushed).max()
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="the path of sliding is left out of what friction senses (cam_contact.travelled returns zero for order 0), "
+    "so that energy.dissipated counts 0.002 J of 14.3 J, and energy.work misses as much",
+)
+def test_what_friction_dissipates(rubbed):
+    """The integral of mu F v, v = (rb + s) omega; dissipation of contact and structure add 1e-4 of it."""
+    response, event = rubbed()
+    channels = response.channels
+    power = FRICTION * channels["contacts.intake.force"] * (BASE + event(response.angle, 0)) * 2.0 * math.pi
+    lost = float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(response.time)))
+    assert channels["energy.dissipated"][-1] == pytest.approx(lost, rel=5e-3)
+
+
+def test_sliding_and_friction_channels(rubbed):
+    response, event = rubbed()
+    on = settled(response)
+    channels = {name: values[on] for name, values in response.channels.items()}
+    speed = (BASE + event(response.angle[on], 0)) * 2.0 * math.pi
+    np.testing.assert_allclose(np.abs(channels["contacts.intake.sliding"]), speed, rtol=1e-9)
+    np.testing.assert_allclose(
+        np.abs(channels["contacts.intake.friction"]), FRICTION * channels["contacts.intake.force"], rtol=1e-9
+    )
