@@ -1,5 +1,7 @@
 """Every key of the parts of engines stands in a case that runs, and acts: changing it changes the run."""
 
+# ruff: noqa: E501 - tables, a row to a line
+
 from __future__ import annotations
 
 import shutil
@@ -50,7 +52,6 @@ CHANGED = {
     "contacts.intake.friction_speed": "contacts.intake.friction_speed=20",
     "contacts.adjuster.stiffness": "contacts.adjuster.stiffness=5e6",
     "contacts.adjuster.leak": "contacts.adjuster.leak=5e3",
-    "contacts.adjuster.refill": "contacts.adjuster.refill=2e3",
     "contacts.adjuster.plunger_force": "contacts.adjuster.plunger_force=60",
     "contacts.tip.gap": "contacts.tip.gap=0",
     "contacts.play.gap": "contacts.play.gap=0",
@@ -86,11 +87,15 @@ def differs(one, other):
     return any(np.abs(one[name] - other[name]).max() > 1e-7 * np.abs(one[name]).max() for name in one if name in other)
 
 
-@pytest.mark.parametrize("key", CHANGED)
+QUICK = ("members.pushrod.bow", "rockers.rocker.angles", "contacts.adjuster.leak", "run.fluctuation.orders")
+
+
+@pytest.mark.parametrize("key", [pytest.param(k, marks=[] if k in QUICK else [pytest.mark.slow]) for k in CHANGED])
 def test_acts(key, as_it_stands):
     assert differs(as_it_stands, ran(ENGINE, CHANGED[key]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", FALLING)
 def test_restitution_acts(part):
     one, other = (ran(ENGINE, FALLING[part], f"{part}.restitution={value}") for value in (0.0, 0.9))
@@ -120,12 +125,14 @@ REPLACED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", REPLACED)
 def test_acts_when_it_is_left_out(key, rewritten, as_it_stands):
     changed = differs(as_it_stands, ran(rewritten(*REPLACED[key])))
     assert changed == (key != "lever"), "a comment changes nothing, everything else does"
 
 
+@pytest.mark.slow
 def test_free_running(rewritten, as_it_stands):
     path = rewritten(SWING, FREE)
     one = ran(path)
@@ -182,6 +189,15 @@ def test_every_key_of_engines_is_in_the_case(rewritten):
     wanted -= {("AdjusterRecord", key) for key in ("start", "to", "direction")}  # as those of a play
     assert members.MemberRecord in subclasses(base.Record)
     assert wanted - {("UnilateralRecord", "direction")} - given == set()
+
+
+@pytest.mark.slow
+def test_refill_acts():
+    """The check valve opens once the train comes off the lift."""
+    oil = 'contacts.lash={ at = "rocker", model = "lash-adjuster", stiffness = 15e6, leak = 1e5, refill = %s, plunger_force = 20 }'
+    about = ["run.crank_speed=7000rpm", "run.revolutions=0.6", "run.steps_per_revolution=720"]
+    one, other = (run(read_case(LINEAR, [*about, oil % value])).channels for value in (2000.0, 200.0))
+    assert differs(one, other)
 
 
 def test_an_adjuster_between_nodes():

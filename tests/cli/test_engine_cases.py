@@ -182,3 +182,10 @@ def test_a_lever_out_of_reach_in_compare(engine, flexcam):
     done = flexcam("compare", case, "--set", "run.revolutions=0.5", "--set", "run.steps_per_revolution=360", "--json")
     assert done.code in (2, 3)
     assert "rocker" in done.err
+
+
+@pytest.mark.xfail(strict=True, reason="valve_ratio looks for a finger's point among the nodes of the mesh")
+@pytest.mark.parametrize("words", [["cam"], ["synthesize", "polydyne", "--speed", "3000rpm", "-o", "lift.toml"]])
+def test_cams_of_a_finger_follower(words, flexcam):
+    done = flexcam(*words, ENGINE, *(["--cam", "exhaust"] if len(words) > 1 else []))
+    assert done.code == 0, done.err
