@@ -203,10 +203,11 @@ def outcome(seed, folder):
 
 LIGHT = "refused: 'a restitution where a body has no mass', by rounding of 1e-16 beside the massless tip of a lever"
 MADE = "energy from nothing: the trapezoidal rule overshoots where an adjuster refills within less than a step"
-BEYOND = "the energy residual is above 2 %"
+BEYOND = "the energy residual is 4 %, with an adjuster and impacts; not looked into"
 KNOWN = {
     **dict.fromkeys((29, 72, 91, 100, 124, 161, 225, 237, 240, 257, 262), LIGHT),
-    **dict.fromkeys((6, 58, 150, 176, 180, 187, 188, 201, 227, 244), MADE),
+    **dict.fromkeys((6, 58, 150, 176, 188, 201, 227, 244), MADE),
+    **dict.fromkeys((180, 187), BEYOND),
 }
 """Seeds with a fault of flexcam, and which."""
 
