@@ -11,15 +11,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.case import Case
-from flexcam.case.tables.contacts import SeatRecord
 from flexcam.checks import positive, refuse
-from flexcam.integrate import solve
+from flexcam.integrate import Problem, equilibrium, solve
 from flexcam.linalg import FloatArray
 from flexcam.response import Response
 from flexcam.runner import Prepared, prepare
-from flexcam.train import CamContact, CompressionSink, Lash, Model, Seat, buckling_load, build_structure
+from flexcam.system import ConstantSpeed
+from flexcam.train import CamContact, Model, Seat, seating, separation
 
 _RPM = math.pi / 30.0
 _REVOLUTIONS = 3
@@ -58,12 +59,19 @@ class Limits:
         Camshaft speeds between which they were looked for.
     rigid_rpm
         Camshaft speed at which a rigid train would lose contact: where its inertia equals its springs; None if never.
+    spring_margin
+        What the springs of the rigid train push at the case's speed beyond its inertia, as a part of the inertia, where
+        that is least; None if the inertia never pulls.
+    buckling_margins
+        Buckling load by the compression at full lift at rest, by member.
     """
 
     limits: Mapping[str, Limit]
     lowest_rpm: float
     highest_rpm: float
     rigid_rpm: float | None
+    spring_margin: float | None
+    buckling_margins: Mapping[str, float]
 
     @property
     def first(self) -> str | None:
@@ -72,7 +80,7 @@ class Limits:
         return min(met, key=lambda name: met[name]) if met else None
 
 
-Question = Callable[[Response, Prepared, CompressionSink], bool]
+Question = Callable[[Response, Prepared], bool]
 
 
 def find_limits(
@@ -119,16 +127,34 @@ def find_limits(
     def ask(speed: float) -> dict[str, bool]:
         if speed not in seen:
             ready = prepare(_at(case, speed))
-            sink = CompressionSink(build_structure(ready.model))
-            response = solve(ready.problem, ready.scheme, save=replace(ready.save, field_every=4), sinks=[sink])
-            seen[speed] = {
-                name: not response.status.ok or q(response, ready, sink) for name, (q, _) in questions.items()
-            }
+            response = solve(ready.problem, ready.scheme, save=ready.save)
+            seen[speed] = {name: not response.status.ok or q(response, ready) for name, (q, _) in questions.items()}
         return seen[speed]
 
     speeds = np.geomspace(lowest, highest, max(count, 2)).tolist()
     found = {name: _bracketed(name, words, speeds, ask, tolerance) for name, (_, words) in questions.items()}
-    return Limits(found, lowest / _RPM, highest / _RPM, _rigid(case))
+    rigid = _rigid(case)
+    margin = None if rigid is None else (rigid * _RPM / case.speed) ** 2 - 1.0
+    return Limits(found, lowest / _RPM, highest / _RPM, rigid, margin, _at_rest(case))
+
+
+def _at_rest(case: Case) -> dict[str, float]:
+    """Return the buckling load of every member by its compression when its cam stands at full lift."""
+    ready = prepare(case)
+    system = ready.problem.system
+    least: dict[str, float] = {}
+    for cam in ready.model.cams.values():
+        top = float(_ANGLES[np.argmax(cam.event(_ANGLES))])
+        drive = ConstantSpeed(case.speed, top)
+        still = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))
+        for name, use in solve(still, ready.scheme).channels.items():
+            if name.endswith(".buckling_use") and float(use[0]) > 0.0:
+                member = name.split(".")[1]
+                least[member] = min(1.0 / float(use[0]), least.get(member, math.inf))
+    return least
+
+
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
 
 
 def _bracketed(
@@ -150,86 +176,49 @@ def _bracketed(
 def _questions(model: Model, bounce_height: float) -> dict[str, tuple[Question, str]]:
     questions: dict[str, tuple[Question, str]] = {"loss_of_contact": (_lost, "the follower leaves its cam on the lift")}
     if any(isinstance(one, Seat) for one in model.contacts.values()):
-        questions["bounce"] = (
-            lambda response, ready, sink: _bounces(response, ready, bounce_height),
-            f"the valve leaves its seat again by more than {1e3 * bounce_height:g} mm",
-        )
+        words = f"the valve leaves its seat again by more than {1e3 * bounce_height:g} mm"
+        questions["bounce"] = (lambda response, ready: _bounces(response, ready, bounce_height), words)
     if any(spring.clash_travel is not None for spring in model.springs.values()):
-        questions["coil_clash"] = (lambda response, ready, sink: _clashed(response), "coils of a spring touch")
-    questions["buckling"] = (_buckled, "a member's compression passes its buckling load")
+        questions["coil_clash"] = (lambda response, ready: _clashed(response), "coils of a spring touch")
+    words = "a member's compression passes its buckling load"
+    questions["buckling"] = (lambda response, ready: _buckled(response), words)
     return questions
 
 
-def _lost(response: Response, ready: Prepared, sink: CompressionSink) -> bool:
+def _lost(response: Response, ready: Prepared) -> bool:
     """Tell whether a follower is off its cam somewhere on the main lift, in the last revolution."""
-    del sink
     last = _last_revolution(response, ready)
-    for name, contact in ready.model.driven.items():
-        cam = ready.model.cams[contact.cam]
-        angle = response.angle[last]
-        lifted = cam.event(angle) > _main_lift(ready.model, contact.cam)
-        off = lifted & (response.channels[f"contacts.{name}.force"][last] <= 0.0)
-        if float(off.sum()) * float(angle[1] - angle[0]) > _OPEN:
-            return True
-    return False
-
-
-def _main_lift(model: Model, cam: str) -> float:
-    """Return the lift above which a cam has taken up ramps and play."""
-    ramp = getattr(model.cams[cam].event, "ramp", None)
-    plays = [
-        one.gap / (model.rockers[one.rocker].ratio if one.rocker else 1.0)
-        for one in model.contacts.values()
-        if isinstance(one, Lash)
-    ]
-    return max([0.02 * model.cams[cam].event.height, *plays, *([ramp.height] if ramp else [])])
+    return any(separation(ready.model, response, name, last) > _OPEN for name in ready.model.driven)
 
 
 def _bounces(response: Response, ready: Prepared, height: float) -> bool:
     """Tell whether a valve, once closed, rises again before its cam lifts it."""
     last = _last_revolution(response, ready)
     for name, contact in ready.model.contacts.items():
-        if not isinstance(contact, Seat):
-            continue
-        moved = response[contact.at].displacement[last].reshape(-1, len(response[contact.at].components))
-        lift = moved @ contact.direction[: moved.shape[1]] if moved.shape[1] > 1 else moved[:, 0]
-        closed = response.channels[f"contacts.{name}.force"][last] > 0.0
-        top = int(np.argmax(lift))
-        behind = np.roll(lift, -top), np.roll(closed, -top)
-        at = int(np.argmax(behind[1])) if behind[1].any() else len(lift)
-        before_next = _dwell_after(ready, response.angle[last], top)
-        if float(behind[0][at:before_next].max(initial=0.0)) > height:
-            return True
+        if isinstance(contact, Seat):
+            gap, velocity = (response.channels[f"contacts.{name}.{one}"][last] for one in ("gap", "velocity"))
+            came = seating(gap, velocity, response.angle[last])
+            if came.height > height if came else float(gap.max()) > height:  # or it never comes down
+                return True
     return False
-
-
-def _dwell_after(ready: Prepared, angle: FloatArray, top: int) -> int:
-    """Return how many steps behind the top a cam begins to lift again."""
-    lifts = sum((np.abs(cam.event(angle)) for cam in ready.model.cams.values()), np.zeros(len(angle)))
-    behind = np.roll(lifts, -top)
-    low = np.flatnonzero(behind <= 1e-9 + 1e-6 * float(behind.max()))
-    return int(low[-1]) if low.size else len(angle)
 
 
 def _clashed(response: Response) -> bool:
     return any(float(v.max()) > 0.0 for name, v in response.channels.items() if name.endswith(".clash"))
 
 
-def _buckled(response: Response, ready: Prepared, sink: CompressionSink) -> bool:
-    del response
-    structure = build_structure(ready.model)
-    return any(force > 0.0 and force > buckling_load(structure, name) for name, force in sink.compression().items())
+def _buckled(response: Response) -> bool:
+    return any(float(v.max()) > 1.0 for name, v in response.channels.items() if name.endswith(".buckling_use"))
 
 
-def _last_revolution(response: Response, ready: Prepared) -> slice:
-    steps = round(2.0 * math.pi / ready.case.speed / ready.problem.step)
-    return slice(max(0, len(response.time) - steps), None)
+def _last_revolution(response: Response, ready: Prepared) -> NDArray[np.bool_]:
+    return response.time > response.time[-1] - 2.0 * math.pi / ready.case.speed * (1.0 - 1e-9)
 
 
 def _rigid(case: Case) -> float | None:
     """Return the camshaft speed at which the rigid train's contact force first falls to zero, rpm."""
     one = prepare(_at(case, 1.0), rigid=True)
-    angle = np.linspace(0.0, 2.0 * math.pi, 7201)
+    angle = _ANGLES
     worst: list[float] = []
     for name in one.model.driven:
         still, moving = (_rigid_force(case, name, speed, angle) for speed in (1e-3, 1.0))
@@ -249,8 +238,4 @@ def _rigid_force(case: Case, contact: str, speed: float, angle: FloatArray) -> F
 def _at(case: Case, speed: float) -> Case:
     run = case.record.run
     changed = {"speed": speed, "crank_speed": None, "revolutions": float(_REVOLUTIONS)}
-    seats = [one.at for one in case.record.contacts.values() if isinstance(one, SeatRecord)]
-    output = case.record.output.model_copy(update={"probes": list(dict.fromkeys([*case.record.output.probes, *seats]))})
-    return replace(
-        case, record=case.record.model_copy(update={"run": run.model_copy(update=changed), "output": output})
-    )
+    return replace(case, record=case.record.model_copy(update={"run": run.model_copy(update=changed)}))

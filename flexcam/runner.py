@@ -22,8 +22,8 @@ from flexcam.case import Case, build_model
 from flexcam.case.tables.run import GivenStartRecord, ResultStartRecord
 from flexcam.checks import InputError, did_you_mean, refuse
 from flexcam.integrate import (
+    Method,
     Problem,
-    Scheme,
     State,
     equilibrium,
     outline,
@@ -73,8 +73,14 @@ class Prepared:
     case: Case
     model: Model
     problem: Problem
-    scheme: Scheme
+    scheme: Method
     save: SaveAt
+
+    @property
+    def revolution(self) -> float:
+        """Time of a camshaft revolution, s."""
+        drive = self.problem.drive
+        return drive.period if isinstance(drive, SpeedByAngle) else _REVOLUTION / self.case.speed
 
 
 def prepare(case: Case, *, rigid: bool = False) -> Prepared:

@@ -18,7 +18,7 @@ from flexcam.response import Status
 from flexcam.runner import geometry_of, mode_likeness, prepare, result_file
 from flexcam.runner import modes as case_modes
 from flexcam.terminal import out, print_json, progress
-from flexcam.train import StrengthSink, build_structure, member_masses
+from flexcam.train import StrengthSink, build_structure, member_masses, operation
 
 Prestress = Annotated[
     Literal["rest", "equilibrium"] | None,
@@ -75,19 +75,27 @@ def run(
         sinks = [sink, strength, *bar]
         response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, stop=running.stopped)
     result = sink.path if response.status.ok else sink.partial
+    figures = operation(ready.model, response, ready.revolution)
     if as_json:
         print_json({
             "status": str(response.status.cause), "message": response.status.text, "remedy": response.status.remedy,
             "result": str(result), "steps": response.stats.steps, "dof": response.stats.unknowns,
             "seconds": response.stats.seconds,
+            "events": response.stats.events, "periodicity": console.periodicity(response),
+            "train": {figure.name: figure.value for figure in figures},
             "strength": {name: asdict(member) for name, member in strength.members().items()},
         })  # fmt: skip
     else:
         out().print(console.run_table(ready.case, response))
         out().print()
         out().print(console.strength_table(strength.members()))
+        if figures:
+            out().print()
+            out().print(console.operation_table(figures))
         for sentence in console.couplings(ready.case):
             out().print("\n" + sentence)
+        if response.stats.periodicity >= 0.0:
+            out().print(f"\nThe start returns after a revolution within {response.stats.periodicity:.3g} of the motion")
         out().print(f"\n{response.stats.steps} steps of {response.stats.unknowns} unknowns; result: {result}")
         out().print(f"Open it in ParaView 5.12 or newer; for older ones: flexcam export {result} --format pvd")
     return response.status

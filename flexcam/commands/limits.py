@@ -1,15 +1,22 @@
-"""Command that finds what gives way first: limits."""
+"""Commands over speed: limits, parting, stability."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from cyclopts import Parameter
 
 from flexcam import console
-from flexcam.commands.app import CaseFile, Json, Overrides, app, load, quantity
+from flexcam.checks import refuse
+from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load, quantity
 from flexcam.limits import find_limits
+from flexcam.parting import parting as compare_models
+from flexcam.stability import stability as find_causes
 from flexcam.terminal import out, print_json
+from flexcam.units import parse
+from flexcam.view import force_figure, save_figure
 
 
 @app.command(
@@ -41,3 +48,61 @@ def limits(
         print_json({"status": "ok", **console.limits_json(found, scale)})
     else:
         out().print(console.limits_table(found, scale))
+
+
+@app.command(
+    help_prologue="""\
+flexcam parting cases/pushrod-engine/intake.toml
+flexcam parting case.toml --lowest 2000rpm --highest 7000rpm --count 6 --plot parting.svg --json
+"""
+)
+def parting(
+    case: CaseFile, *,
+    lowest: Annotated[str | None, Parameter(help="Lowest speed; half the case's by default.")] = None,
+    highest: Annotated[str | None, Parameter(help="Highest speed; one and a half of the case's by default.")] = None,
+    count: Annotated[int, Parameter(help="Speeds, evenly between both.")] = 8,
+    tolerance: Annotated[str, Parameter(help="Part of the force from which on models differ.")] = "5 %",
+    contact: Annotated[str | None, Parameter(help="Contact, where a case has several.")] = None,
+    plot: Annotated[Path | None, Parameter(help="Also draw the forces: .svg, .png or .pdf.")] = None,
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Compare a rigid train, one held to its cam and one that may leave it over speed: where they part.
+
+    Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
+    """
+    if count < 2:
+        raise refuse("--count", count, "a whole number from 2")
+    read = load(case, overrides)
+    scale = 2.0 if read.record.run.speed is None else 1.0
+    low = 0.5 * read.speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
+    high = 1.5 * read.speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
+    if not high > low:
+        raise refuse("--highest", highest, "above the lowest speed")
+    part = parse(tolerance, "number")
+    found = compare_models(read, np.linspace(low, high, count).tolist(), contact=contact)
+    shaft = "crank" if scale == 2.0 else "camshaft"
+    if plot is not None:
+        rpm = np.array([scale * one.rpm for one in found])
+        save_figure(force_figure(rpm, console.force_bands(found), shaft), plot, overwrite=overwrite)
+    if as_json:
+        files = [] if plot is None else [str(plot)]
+        print_json({"status": "ok", **console.parting_json(found, scale, part), "shaft": shaft, "files": files})
+    else:
+        out().print(console.parting_table(found, scale, part))
+
+
+@app.command(
+    help_prologue="""\
+flexcam stability cases/tayeb/model-3-shm.toml --set run.speed=4000rpm
+flexcam stability case.toml --json
+"""
+)
+def stability(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False) -> None:
+    """Tell what endangers a case at its speed: the step, parametric growth, resonance, or lost contact."""
+    read = load(case, overrides)
+    scale = 2.0 if read.record.run.speed is None else 1.0
+    found = find_causes(read)
+    if as_json:
+        print_json({"status": "ok", **console.stability_json(found, scale)})
+    else:
+        out().print(console.stability_table(found, scale))

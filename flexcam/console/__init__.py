@@ -17,7 +17,9 @@ from flexcam.console.cases import (
 )
 from flexcam.console.laws import law_facts, law_json, laws_table, spectrum_table
 from flexcam.console.limits import limits_json, limits_table
-from flexcam.console.results import info_table, run_table, strength_table
+from flexcam.console.parting import force_bands, parting_json, parting_table
+from flexcam.console.results import info_table, operation_table, periodicity, run_table, strength_table
+from flexcam.console.stability import stability_json, stability_table
 from flexcam.console.synthesis import (
     harmonic_table,
     or_null,
@@ -36,6 +38,7 @@ __all__ = [
     "comparison_table",
     "comparison_words",
     "couplings",
+    "force_bands",
     "harmonic_table",
     "info_table",
     "law_facts",
@@ -46,9 +49,13 @@ __all__ = [
     "mac_table",
     "mode_table",
     "model_table",
+    "operation_table",
     "or_null",
     "overlap_table",
     "pareto_table",
+    "parting_json",
+    "parting_table",
+    "periodicity",
     "polydyne_facts",
     "polydyne_table",
     "read_table",
@@ -56,6 +63,8 @@ __all__ = [
     "run_table",
     "smoothing_table",
     "spectrum_table",
+    "stability_json",
+    "stability_table",
     "strength_table",
     "synthesis_json",
     "synthesis_table",

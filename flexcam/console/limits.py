@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from rich.table import Table
 
 from flexcam.limits import Limits
@@ -21,13 +23,16 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
     Returns
     -------
     dict
-        A key ``NAME_rpm`` per limit, null where it was not met.
+        A key ``NAME_rpm`` per limit, null where it was not met; ``tolerance_rpm`` is null where one was met already at
+        the lowest speed, so that it is not bracketed.
     """
+    width = max(one.tolerance_rpm for one in found.limits.values())
     rpm = {f"{name}_rpm": None if one.rpm is None else scale * one.rpm for name, one in found.limits.items()}
     return {
         **rpm, "first": found.first, "shaft": "crank" if scale == 2.0 else "camshaft",
-        "tolerance_rpm": scale * max(one.tolerance_rpm for one in found.limits.values()),
+        "tolerance_rpm": None if math.isinf(width) else scale * width,
         "rigid_loss_of_contact_rpm": None if found.rigid_rpm is None else scale * found.rigid_rpm,
+        "spring_margin": found.spring_margin, "buckling_margins": dict(found.buckling_margins),
         "lowest_rpm": scale * found.lowest_rpm, "highest_rpm": scale * found.highest_rpm,
     }  # fmt: skip
 
@@ -51,11 +56,17 @@ def limits_table(found: Limits, scale: float) -> Table:
     ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
     rows = [
         (name.replace("_", " "), f"not up to {high:.6g}" if one.rpm is None else f"{scale * one.rpm:.6g}",
-         "" if one.rpm is None else f"{scale * one.tolerance_rpm:.3g}", one.words)
+         "" if one.rpm is None or math.isinf(one.tolerance_rpm) else f"{scale * one.tolerance_rpm:.3g}", one.words)
         for name, one in ordered
     ]  # fmt: skip
     if found.rigid_rpm is not None:
         words = "a rigid train would leave its cam: its inertia equals its springs"
         rows.append(("(rigid train)", f"{scale * found.rigid_rpm:.6g}", "", words))
+    if found.spring_margin is not None:
+        rows.append(("spring margin", f"{found.spring_margin:.1%}", "", "of the rigid train at the case's speed"))
+    rows += [
+        (f"{name}, margin", f"{margin:.3g}", "", "buckling load by the compression at full lift, at rest")
+        for name, margin in found.buckling_margins.items()
+    ]
     shaft = "crank" if scale == 2.0 else "camshaft"
     return table("What gives way, and when", ("limit", f"{shaft} rpm", "within", "what happens"), rows)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from rich.table import Table
@@ -13,7 +14,7 @@ from flexcam.console.cases import rpm
 from flexcam.io import Result
 from flexcam.response import Response
 from flexcam.terminal import facts, table
-from flexcam.train import MemberStrength
+from flexcam.train import Figure, MemberStrength
 
 
 def run_table(case: Case, response: Response) -> Table:
@@ -41,6 +42,47 @@ def run_table(case: Case, response: Response) -> Table:
                 rows.append((full, *(f"{round(1e3 * x, 4) + 0.0:.4f} {unit}" for x in (moved.min(), moved.max()))))
     title = f"{case.record.title or case.name}, {rpm(case):g} rpm"
     return table(title, ("probe", "least", "largest"), rows or [("no probe moves", "", "")])
+
+
+def operation_table(figures: Sequence[Figure]) -> Table:
+    """Return what the train did in the last revolution.
+
+    Parameters
+    ----------
+    figures
+        From `flexcam.train.operation`.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    rows: list[tuple[str, str]] = []
+    for figure in figures:
+        factor, unit = _SHOWN.get(figure.unit, (1.0, figure.unit))
+        words = figure.name.replace(".", " ").replace("_", " ")
+        rows.append((words, f"{factor * figure.value:.4g} {'' if unit == '1' else unit}".rstrip()))
+    return facts("The train in the last revolution", rows)
+
+
+def periodicity(response: Response) -> float | None:
+    """Return by how much the start of a run misses returning, as a part of the motion; None where it was not asked.
+
+    Parameters
+    ----------
+    response
+        Of the run.
+
+    Returns
+    -------
+    float
+        1.
+    """
+    return response.stats.periodicity if response.stats.periodicity >= 0.0 else None
+
+
+_SHOWN = {"m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg"), "Pa": (1e-6, "MPa")}
+"""Factor and unit by SI unit, where tables show another."""
 
 
 def strength_table(members: Mapping[str, MemberStrength]) -> Table:
@@ -83,6 +125,11 @@ def info_table(result: Result) -> Table:
     rows = [
         ("run", str(response.status)),
         ("steps", f"{response.stats.steps} of {response.stats.unknowns} unknowns, {response.stats.seconds:.3g} s"),
+        *(
+            [("periodic within", f"{response.stats.periodicity:.3g} of the motion")]
+            if response.stats.periodicity >= 0.0
+            else []
+        ),
         ("saved", f"{len(response.time)} instants of the probes, {len(response.field_time)} of the fields"),
         ("probes", ", ".join(name for name, _ in response.outline.probes) or "none"),
         ("channels", ", ".join(f"{name} [{unit}]" for name, unit in response.outline.channels) or "none"),

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from flexcam.integrate.first import Starter
 from flexcam.integrate.local import LocalForces
-from flexcam.integrate.scheme import Scheme
+from flexcam.integrate.scheme import Method
 from flexcam.integrate.settle import NoConvergenceError
-from flexcam.integrate.step import Instant, Moment, Stepper
+from flexcam.integrate.step import Instant, Moment, stepper
 from flexcam.linalg import FloatArray
 from flexcam.system import System
 
@@ -61,12 +61,12 @@ class Walker:
     """
 
     def __init__(
-        self, system: System, scheme: Scheme, step: float, forces: LocalForces, starter: Starter,
+        self, system: System, scheme: Method, step: float, forces: LocalForces, starter: Starter,
         at: Callable[[float], Instant],
     ) -> None:  # fmt: skip
         self._system, self._scheme, self._step, self._forces = system, scheme, step, forces
         self._starter, self._at = starter, at
-        self._whole = Stepper(system, scheme, step, forces)
+        self._whole = stepper(system, forces, scheme, step, at)
         self.events = 0
 
     def walk(self, now: Moment, to: Instant, halvings: int = 0) -> list[Moment]:
@@ -102,7 +102,7 @@ class Walker:
         # Differences of times carry the rounding of the time itself: a whole step is recognized generously.
         if abs(length - self._step) <= 1e-6 * self._step:
             return self._whole.advance(now, to)
-        return Stepper(self._system, self._scheme, length, self._forces).advance(now, to)
+        return stepper(self._system, self._forces, self._scheme, length, self._at).advance(now, to)
 
     def _side(self, moment: Moment) -> Bools:
         return self._forces.pressed(moment.gap) if moment.pressed is None else moment.pressed
@@ -122,7 +122,7 @@ class Walker:
         pressed = self._forces.pressed(moment.gap)
         pressed[first] = not side[first]
         moment = replace(moment, pressed=pressed)
-        if self._scheme.alpha_m or self._scheme.alpha_f:
+        if not self._scheme.balances:
             moment = replace(self._starter.restarted(moment), pressed=pressed)
         return self._struck(moment, there, pressed & ~side)
 

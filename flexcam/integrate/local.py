@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.system import AngleVector, CamMotion, Reaction, Stored, Storing, System
 
+_NO_STATE = np.zeros(0)
+
 
 @dataclass(frozen=True, eq=False)
 class _Stack:
@@ -135,25 +137,21 @@ class LocalForces:
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return the reaction of all laws side by side to gamma and gamma', shape (c,), and all states, shape (s,)."""
-        c, s = self.count, len(state)
+        c = self.count
         force, by_gap, by_rate = np.zeros(c), np.zeros((c, c)), np.zeros((c, c))
-        state_rate, by_state, of_gap, of_rate, of_state = (
-            np.zeros(shape) for shape in ((s,), (c, s), (s, c), (s, c), (s, s))
-        )
+        answers: list[tuple[Reaction, slice, slice]] = []
         for law, part, inner in self.laws:
-            reaction = law.respond(gap[part], rate[part], state[inner], angle)
-            force[part], by_gap[part, part], by_rate[part, part] = reaction.force, reaction.by_gap, reaction.by_rate
-            if inner.start == inner.stop:
-                continue
-            state_rate[inner] = reaction.state_rate
-            for whole, places, one in (
-                (by_state, (part, inner), reaction.by_state),
-                (of_gap, (inner, part), reaction.state_rate_by_gap),
-                (of_rate, (inner, part), reaction.state_rate_by_rate),
-                (of_state, (inner, inner), reaction.state_rate_by_state),
-            ):
-                whole[places] = one if one.size else 0.0
-        return Reaction(force, by_gap, by_rate, state_rate, by_state, of_gap, of_rate, of_state)
+            one = law.respond(gap[part], rate[part], state[inner], angle)
+            force[part] = one.force
+            if part.stop - part.start == 1:
+                by_gap[part.start, part.start], by_rate[part.start, part.start] = one.by_gap[0, 0], one.by_rate[0, 0]
+            else:
+                by_gap[part, part], by_rate[part, part] = one.by_gap, one.by_rate
+            if inner.start < inner.stop:
+                answers.append((one, part, inner))
+        if not answers:
+            return Reaction(force, by_gap, by_rate, _NO_STATE)
+        return Reaction(force, by_gap, by_rate, *_inner(answers, c, len(state)))
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy of all laws that store some, and the derivatives of it, shape (m,), (m, c) and (m, s)."""
@@ -168,6 +166,23 @@ class LocalForces:
     def pressed(self, gap: FloatArray) -> NDArray[np.bool_]:
         """Return on which side of zero the switching scalars are."""
         return gap[self.switching] > 0.0
+
+
+def _inner(answers: list[tuple[Reaction, slice, slice]], c: int, s: int) -> tuple[FloatArray, ...]:
+    """Return the rates of all states, and the derivatives that states take part in."""
+    rate, by_state, of_gap, of_rate, of_state = (
+        np.zeros(shape) for shape in ((s,), (c, s), (s, c), (s, c), (s, s))
+    )  # fmt: skip
+    for one, part, inner in answers:
+        rate[inner] = one.state_rate
+        for whole, places, given in (
+            (by_state, (part, inner), one.by_state),
+            (of_gap, (inner, part), one.state_rate_by_gap),
+            (of_rate, (inner, part), one.state_rate_by_rate),
+            (of_state, (inner, inner), one.state_rate_by_state),
+        ):
+            whole[places] = given if given.size else 0.0
+    return rate, by_state, of_gap, of_rate, of_state
 
 
 def _slices(sizes: list[int]) -> list[slice]:

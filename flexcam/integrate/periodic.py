@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexcam.integrate.problem import Problem, State
-from flexcam.integrate.scheme import Scheme
+from flexcam.integrate.scheme import Method
 from flexcam.integrate.solve import solve
 from flexcam.linalg import FloatArray
 from flexcam.response import Response, SaveAt
@@ -24,7 +24,7 @@ _PATIENCE = 12
 """Revolutions without halving the miss after which the search ends: contacts that open and close leave a floor."""
 
 
-def periodic(problem: Problem, scheme: Scheme, *, tolerance: float = 1e-9) -> State:
+def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9) -> State:
     """Return the state that comes back after one revolution.
 
     Parameters
@@ -80,7 +80,7 @@ def _unpacked(problem: Problem, x: FloatArray) -> State:
     return State(x[:n], x[n : 2 * n], time, x[2 * n :] if len(x) > 2 * n else None)
 
 
-def _revolved(problem: Problem, scheme: Scheme, start: State) -> tuple[Response, FloatArray | None]:
+def _revolved(problem: Problem, scheme: Method, start: State) -> tuple[Response, FloatArray | None]:
     every = max(problem.steps // 64, 1)
     response = solve(replace(problem, start=start), scheme, save=SaveAt(field_every=every))
     if not response.status.ok:

@@ -14,7 +14,7 @@ from flexcam.integrate.events import Walker
 from flexcam.integrate.first import Starter
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.problem import Problem, State
-from flexcam.integrate.scheme import Scheme
+from flexcam.integrate.scheme import Method
 from flexcam.integrate.settle import NoConvergenceError
 from flexcam.integrate.step import Instant, Moment
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
@@ -58,7 +58,7 @@ def outline(system: System) -> Outline:
 
 def solve(
     problem: Problem,
-    scheme: Scheme,
+    scheme: Method,
     *,
     save: SaveAt | None = None,
     sinks: Sequence[Sink] = (),
@@ -71,7 +71,7 @@ def solve(
     problem
         System, drive, step and start; it is not changed.
     scheme
-        From `newmark`, `hht` or `generalized_alpha`.
+        From `newmark`, `hht`, `generalized_alpha` or `bathe`.
     save
         What to keep; None for the defaults of `SaveAt`.
     sinks
@@ -147,7 +147,7 @@ def _singular(fault: SingularMatrixError, system: System) -> Status:
 class _Run:
     """One run: the walk over the blocks."""
 
-    def __init__(self, problem: Problem, scheme: Scheme, save: SaveAt, stop: Callable[[], bool]) -> None:
+    def __init__(self, problem: Problem, scheme: Method, save: SaveAt, stop: Callable[[], bool]) -> None:
         self._problem, self._save, self._system, self._stop = problem, save, problem.system, stop
         self._forces = LocalForces(problem.system)
         self._starter = Starter(problem.system, self._forces)

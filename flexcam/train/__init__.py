@@ -4,8 +4,9 @@ May import `cam`, `integrate`, `modal`, `fem`, `motion`, `system` and what is be
 A new kind of part is a dataclass in `model` and its rows in `structure`; a new contact is a file like `published`.
 """
 
-from flexcam.train.buckling import CompressionSink, buckling_load
+from flexcam.train.buckling import buckling_load
 from flexcam.train.build import build_system
+from flexcam.train.cam_contact import hertz_line
 from flexcam.train.free_running import free_running
 from flexcam.train.loads import element_loads
 from flexcam.train.model import (
@@ -25,6 +26,7 @@ from flexcam.train.model import (
     Wire,
 )
 from flexcam.train.modes import ModelModes, model_modes
+from flexcam.train.operation import Figure, Seating, main_lift, operation, seating, separation
 from flexcam.train.rigid import build_rigid
 from flexcam.train.strength import MemberStrength, StrengthSink
 from flexcam.train.structure import Structure, build_structure, member_masses, valve_ratio
@@ -34,8 +36,8 @@ __all__ = [
     "Adjuster",
     "Cam",
     "CamContact",
-    "CompressionSink",
     "Contact",
+    "Figure",
     "GivenLoad",
     "Lash",
     "Lever",
@@ -46,6 +48,7 @@ __all__ = [
     "PublishedLoad",
     "Rocker",
     "Seat",
+    "Seating",
     "Spring",
     "StrengthSink",
     "Structure",
@@ -56,8 +59,13 @@ __all__ = [
     "build_system",
     "element_loads",
     "free_running",
+    "hertz_line",
     "lift_transfer",
+    "main_lift",
     "member_masses",
     "model_modes",
+    "operation",
+    "seating",
+    "separation",
     "valve_ratio",
 ]

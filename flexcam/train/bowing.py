@@ -69,7 +69,8 @@ class Bowing:
         """Return the forces, shape (..., e, 7)."""
         stretch, _, pulled = self._shape(gap)
         N = self.axial_force(gap)
-        return np.concatenate([(N - self.axial * stretch)[..., None], N[..., None] * pulled], axis=-1)
+        force_of_shortening = N - self.axial * stretch
+        return np.concatenate([force_of_shortening[..., None], N[..., None] * pulled], axis=-1)
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return force and tangent."""
@@ -104,7 +105,7 @@ def bowings(structure: Structure) -> Coupling:
     -------
     Coupling
         A local force per member with geometric stiffness. Channels: ``members.NAME.compression``, the largest of its
-        elements, and where the member can buckle ``members.NAME.buckling_use``, the same as a part of its buckling load.
+        elements, and where the member can buckle ``members.NAME.buckling_use``, the same by its buckling load.
     """
     forces: list[LocalForce] = []
     channels: list[Channel] = []

@@ -7,9 +7,8 @@ import math
 import numpy as np
 
 from flexcam import fem
-from flexcam.fem import Beams, beam
-from flexcam.linalg import FloatArray, null_space, pins
-from flexcam.response import Block, Stats, Status
+from flexcam.fem import beam
+from flexcam.linalg import null_space, pins
 from flexcam.train.structure import Structure
 
 
@@ -55,31 +54,3 @@ def buckling_load(structure: Structure, member: str) -> float:
     scaled = np.linalg.solve(root, np.linalg.solve(root, -G.part(kept).dense()).T)
     largest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).max())
     return 1.0 / largest if largest > 1e-12 * float(np.abs(scaled).max(initial=1.0)) else math.inf
-
-
-class CompressionSink:
-    """Sink that follows the axial force of every member at the saved instants.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    """
-
-    def __init__(self, structure: Structure) -> None:
-        self._structure = structure
-        self._beams: Beams = structure.beams
-        self._most: FloatArray = np.zeros(len(structure.beams))
-
-    def write(self, block: Block) -> None:
-        """Take the axial forces of a block."""
-        for nodal in self._structure.dofs.nodal(block.fields.displacement):
-            self._most = np.maximum(self._most, -beam.axial_force(self._beams, nodal))
-
-    def close(self, status: Status, stats: Stats) -> None:
-        """Do nothing: the figures are asked for with `compression`."""
-
-    def compression(self) -> dict[str, float]:
-        """Return the largest compression of every member, N; zero where it was only pulled."""
-        ranges = self._structure.model.mesh.element_ranges()
-        return {name: float(self._most[part].max(initial=0.0)) for name, part in ranges.items()}

@@ -68,7 +68,11 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
     row = structure.row(seat.at, seat.direction, f"contacts.{name}.at")
     law = Stop(seat.stiffness, seat.damping)
     force = conservative(f"contacts.{name}", AngleVector.constant(-row), law, restitution=seat.restitution)
-    return Coupling((), (force,), (Channel(f"contacts.{name}.force", "N", force_sum(0)),))
+    return Coupling((), (force,), (
+        Channel(f"contacts.{name}.force", "N", force_sum(0)),
+        Channel(f"contacts.{name}.gap", "m", lambda seen: -seen.gaps[:, 0]),
+        Channel(f"contacts.{name}.velocity", "m/s", lambda seen: -seen.rates[:, 0]),
+    ))  # fmt: skip
 
 
 def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
@@ -91,7 +95,10 @@ def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
     where = f"contacts.{name}"
     row, gap = play_row(structure, lash, where), constant(-lash.gap)
     force = conservative(where, AngleVector.constant(row), Stop(lash.stiffness, lash.damping), gap)
-    return Coupling((), (force,), (Channel(f"{where}.force", "N", force_sum(0)),))
+    return Coupling((), (force,), (
+        Channel(f"{where}.force", "N", force_sum(0)),
+        Channel(f"{where}.gap", "m", lambda seen: -seen.gaps[:, 0]),
+    ))  # fmt: skip
 
 
 def play_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatArray:

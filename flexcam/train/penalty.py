@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import overload
 
 import numpy as np
 
@@ -20,8 +21,11 @@ def _nothing(count: int) -> Reaction:
     return Reaction(np.zeros(count), np.zeros((count, count)), np.zeros((count, count)), np.zeros(0))
 
 
+_EMPTY = np.zeros(0)
+
+
 def _one(force: float, by_gap: float, by_rate: float) -> Reaction:
-    return Reaction(np.array([force]), np.array([[by_gap]]), np.array([[by_rate]]), np.zeros(0))
+    return Reaction(np.array([force]), np.array([[by_gap]]), np.array([[by_rate]]), _EMPTY)
 
 
 class _Stateless:
@@ -89,6 +93,8 @@ class Stop(_Stateless):
         """Return force and tangent; a damper that would pull lets go."""
         if gap.max() <= 0.0:
             return _nothing(len(gap))
+        if len(gap) == 1:
+            return self._single(float(gap[0]), float(rate[0]))
         part = np.clip(gap / self.hold, 0.0, 1.0)
         force = self.stiffness * gap + self.damping * part * rate
         pressed = (gap > 0.0) & (force > 0.0)
@@ -97,6 +103,15 @@ class Stop(_Stateless):
             np.where(pressed, force, 0.0), np.diag(np.where(pressed, by_gap, 0.0)),
             np.diag(np.where(pressed, self.damping * part, 0.0)), np.zeros(0),
         )  # fmt: skip
+
+    def _single(self, gap: float, rate: float) -> Reaction:
+        """Return the same for one place that is pressed, as most are."""
+        part = min(gap / self.hold, 1.0)
+        force = self.stiffness * gap + self.damping * part * rate
+        if force <= 0.0:
+            return _nothing(1)
+        by_gap = self.stiffness + (self.damping * rate / self.hold if part < 1.0 else 0.0)
+        return _one(force, by_gap, self.damping * part)
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy stored and its derivative, per instant."""
@@ -150,7 +165,8 @@ class HertzLine(_Stateless):
     A cylinder of radius R pressed by p per length approaches its middle by ``(1 - nu^2) p/(pi E) (2 ln(4 R/a) - 1)``
     and sinks into a flat body of depth d by ``(1 - nu^2) p/(pi E) (2 ln(2 d/a) - nu/(1 - nu))``, with the half width
     ``a^2 = 4 p R/(pi E*)``: K. L. Johnson, Contact Mechanics (1985), eqs. 4.43, 5.57 and 5.58. Two cylinders share the
-    first with the relative radius.
+    first with the relative radius. In the sum the radius cancels: with ``q = (1 - nu^2) p/(pi E)`` the approach is
+    ``q (2 ln(d/q) - 1 - nu/(1 - nu))``, so that the cam's curvature tells in the pressure, not in the stiffness.
 
     Parameters
     ----------
@@ -183,9 +199,9 @@ class HertzLine(_Stateless):
         depth, factor = float(gap[0]), 1.0 + self.dissipation * float(rate[0])
         if depth <= 0.0 or factor <= 0.0:
             return _nothing(1)
-        load, slope = self.line_load(gap, self.radius(np.array([angle]), 0))
-        force = self.width * float(load[0])
-        return _one(force * factor, self.width * float(slope[0]) * factor, force * self.dissipation)
+        load, slope = self._load(depth, self._most(float(self.radius(np.array([angle]), 0)[0])))
+        force = self.width * load
+        return _one(force * factor, self.width * slope * factor, force * self.dissipation)
 
     def line_load(self, approach: FloatArray, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the load per length at approaches, N/m, and its slope, N/m^2.
@@ -202,47 +218,62 @@ class HertzLine(_Stateless):
         tuple
             Shape (m,) each, by Newton's iteration; straight on from where the contact is a quarter of the radius wide.
         """
-        most = self._most(radius)
-        end, give = self._approach(most, radius)
-        p = most * np.minimum(approach / end, 1.0)
-        for _ in range(_MOST_ITERATIONS):
-            value, its_give = self._approach(p, radius)
-            new = p + (np.minimum(approach, end) - value) / its_give
-            new = np.where(new > 0.0, new, 0.5 * p)
-            still = np.abs(new - p) <= 1e-14 * new
-            p = new
-            if still.all():
-                break
-        beyond = np.maximum(approach - end, 0.0) / give
-        return p + beyond, 1.0 / np.where(beyond > 0.0, give, self._approach(p, radius)[1])
+        pairs = [self._load(d, m) for d, m in zip(approach.tolist(), self._most(radius).tolist(), strict=True)]
+        loads, slopes = np.array(pairs).reshape(-1, 2).T
+        return loads, slopes
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy stored (the integral of the load over the approach, by parts) and its derivative."""
-        depth, radius = gap[..., 0], self.radius(angle, 0)
-        pressed = depth > 0.0
-        load, slope = self.line_load(np.where(pressed, depth, 1e-9), radius)
-        most = self._most(radius)
-        straight = np.where(load > most, 0.5 * (load + most) * (load - most) / slope, 0.0)  # from `most` on
-        p = np.minimum(load, most)
-        there = self._approach(p, radius)[0]
-        # The approach is one p times terms that fall by 2 ln p: its integral over p is one p^2 (terms + 1)/2.
-        one = 1.0 / (math.pi * self.plane_strain)
-        inside = p * there - 0.5 * one * p**2 * (there / (one * p) + 1.0)
-        energy = np.where(pressed, self.width * (inside + straight), 0.0)
-        return Stored(energy, np.where(pressed, self.width * load, 0.0)[..., None], np.zeros_like(state))
+        depth = gap[..., 0]
+        energy, load = np.zeros_like(depth), np.zeros_like(depth)
+        at = np.flatnonzero(depth > 0.0)
+        if len(at):
+            most = self._most(self.radius(angle[at], 0))
+            radius = most / self._most(1.0)
+            load[at], slope = self.line_load(depth[at], radius)
+            straight = np.where(load[at] > most, 0.5 * (load[at] + most) * (load[at] - most) / slope, 0.0)
+            # The approach is q times terms that fall by 2 ln q: its integral over q is q^2 (terms + 1)/2.
+            p = np.minimum(load[at], most)
+            q = self._one * p
+            terms = 2.0 * np.log(self.depth / q) - self._rest
+            energy[at] = self.width * (p * q * terms - 0.5 * p * q * (terms + 1.0) + straight)
+        return Stored(energy, self.width * load[..., None], np.zeros_like(state))
 
-    def _most(self, radius: FloatArray) -> FloatArray:
+    @property
+    def _one(self) -> float:
+        """Q per load, 1/Pa."""
+        return 1.0 / (math.pi * self.plane_strain)
+
+    @property
+    def _rest(self) -> float:
+        """What the logarithm is lessened by."""
+        return 1.0 + self.poisson / (1.0 - self.poisson)
+
+    @overload
+    def _most(self, radius: float) -> float: ...
+    @overload
+    def _most(self, radius: FloatArray) -> FloatArray: ...
+    def _most(self, radius: float | FloatArray) -> float | FloatArray:
         """Return the load per length from which on the law is straight."""
         return radius * math.pi * self.plane_strain / 128.0
 
-    def _approach(self, p: FloatArray, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the approach under a load per length, and its slope."""
-        one = 1.0 / (math.pi * self.plane_strain)
-        half_width = np.sqrt(8.0 * p * radius * one)  # E* is half of E/(1 - nu^2) for two bodies alike
-        terms = 2.0 * np.log(4.0 * radius / half_width) - 1.0
-        terms += 2.0 * np.log(2.0 * self.depth / half_width) - self.poisson / (1.0 - self.poisson)
-        # a grows with the root of p: each logarithm falls by 1/(2p), twice.
-        return one * p * terms, one * (terms - 2.0)
+    def _load(self, approach: float, most: float) -> tuple[float, float]:
+        """Return load per length and slope at one approach."""
+        one, rest, depth = self._one, self._rest, self.depth
+        q_most = one * most
+        terms = 2.0 * math.log(depth / q_most) - rest
+        end, give = q_most * terms, one * (terms - 2.0)
+        if approach >= end:
+            return most + (approach - end) / give, 1.0 / give
+        q = q_most * approach / end
+        for _ in range(_MOST_ITERATIONS):
+            terms = 2.0 * math.log(depth / q) - rest
+            new = q + (approach - q * terms) / (terms - 2.0)
+            new = new if new > 0.0 else 0.5 * q
+            if abs(new - q) <= 1e-14 * new:
+                break
+            q = new
+        return q / one, 1.0 / (one * (2.0 * math.log(depth / q) - rest - 2.0))
 
     def pressure(self, force: FloatArray, angle: FloatArray) -> FloatArray:
         """Return the largest Hertz pressure, sqrt(p E*/(pi R)), Pa, of forces (N) at cam angles (rad), shape (n,)."""

@@ -4,16 +4,18 @@ May import `cam`, `motion` and what is below them; owns matplotlib, of which onl
 A new picture is a function that draws into given axes, and one that makes its figure.
 """
 
+from flexcam.view.axes import save_figure
 from flexcam.view.curves import (
     law_figure,
     lift_figure,
     pressure_figure,
     profile_figure,
-    save_figure,
     spectrum_figure,
 )
+from flexcam.view.speeds import force_figure
 
 __all__ = [
+    "force_figure",
     "law_figure",
     "lift_figure",
     "pressure_figure",

@@ -1,8 +1,4 @@
-"""Curves of laws, lifts and cams.
-
-Colours are those of M. Okabe and K. Ito, which colour-blind readers tell apart; lines differ in their dashes as well,
-for print without colour.
-"""
+"""Curves of laws, lifts and cams."""
 
 # pyright: reportUnknownMemberType=false
 # matplotlib leaves the types of its keyword arguments open.
@@ -10,23 +6,17 @@ for print without colour.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import cycle
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexcam.cam import CamProfile, SwingFlatFollower, SwingRollerFollower, Turn
-from flexcam.checks import refuse
-from flexcam.io import free_to_write, made_folder
 from flexcam.linalg import ComplexArray, FloatArray
 from flexcam.motion import Event, Law, joints, residual_spectrum
+from flexcam.view.axes import COLOURS, legend, looks, stacked
 
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-_DASHES = ("-", "--", "-.", ":")
-_FORMATS = (".svg", ".png", ".pdf")
 _POINTS = 1441
 _RATIOS = np.linspace(0.05, 6.0, 600)
 
@@ -45,11 +35,11 @@ def law_figure(laws: Mapping[str, Law]) -> Figure:
         Four axes, one above the other.
     """
     z = np.linspace(0.0, 1.0, _POINTS)
-    figure, axes = _stacked(["s", "s'", "s''", "s'''"], "z, part of the rise")
-    for (name, law), (color, dashes) in zip(laws.items(), _looks(), strict=False):
+    figure, axes = stacked(["s", "s'", "s''", "s'''"], "z, part of the rise")
+    for (name, law), (color, dashes) in zip(laws.items(), looks(), strict=False):
         for order, one in enumerate(axes):
             one.plot(*_broken(z, law.breaks, law(z, order)), label=name, color=color, linestyle=dashes)
-    _legend(figure, axes[0], len(laws))
+    legend(figure, axes[0], len(laws))
     return figure
 
 
@@ -68,15 +58,15 @@ def lift_figure(events: Mapping[str, Event]) -> Figure:
     """
     angle = np.linspace(0.0, 2.0 * math.pi, _POINTS)
     labels = ["lift\nmm", "velocity\nmm/rad", "acceleration\nmm/rad²", "jerk\nmm/rad³"]
-    figure, axes = _stacked(labels, "cam angle, deg")
-    for (name, event), (color, dashes) in zip(events.items(), _looks(), strict=False):
+    figure, axes = stacked(labels, "cam angle, deg")
+    for (name, event), (color, dashes) in zip(events.items(), looks(), strict=False):
         met = joints(event)
         for order, one in enumerate(axes):
             steps = tuple(math.degrees(joint.angle) for joint in met if joint.steps[order])
             one.plot(
                 *_broken(np.degrees(angle), steps, 1e3 * event(angle, order)), label=name, color=color, linestyle=dashes
             )
-    _legend(figure, axes[0], len(events))
+    legend(figure, axes[0], len(events))
     axes[-1].set_xticks(range(0, 361, 45))
     axes[-1].set_xlim(0.0, 360.0)
     return figure
@@ -97,14 +87,14 @@ def spectrum_figure(laws: Mapping[str, Law]) -> Figure:
     """
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.add_subplot()
-    for (name, law), (color, dashes) in zip(laws.items(), _looks(), strict=False):
+    for (name, law), (color, dashes) in zip(laws.items(), looks(), strict=False):
         axes.plot(_RATIOS, residual_spectrum(law, _RATIOS), label=name, color=color, linestyle=dashes)
     axes.set_xlabel("rise time over the period of the oscillator")
     axes.set_ylabel("residual amplitude over lift")
     axes.set_ylim(0.0, 1.1)
     axes.set_xlim(0.0, float(_RATIOS[-1]))
     axes.grid(alpha=0.3)
-    _legend(figure, axes, len(laws))
+    legend(figure, axes, len(laws))
     return figure
 
 
@@ -147,7 +137,7 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float) -> None:
     at = int(np.argmin(np.abs(np.angle(np.exp(1j * (profile.angle - angle))))))
     touch, follower = profile.touch, profile.follower
     around = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
-    _line(axes, _closed(profile.points) * turned, "cam", color=_COLOURS[0], linewidth=2.0)
+    _line(axes, _closed(profile.points) * turned, "cam", color=COLOURS[0], linewidth=2.0)
     _line(
         axes,
         np.asarray(follower.base_radius * around, dtype=np.complex128),
@@ -158,16 +148,16 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float) -> None:
     )
     if math.isfinite(follower.roller_radius):
         _line(axes, _closed(profile.pitch) * turned, "pitch curve", color="0.6", linewidth=0.8, linestyle=":")
-        _line(axes, touch.trace[at] + follower.roller_radius * around, "roller", color=_COLOURS[1], linewidth=1.5)
+        _line(axes, touch.trace[at] + follower.roller_radius * around, "roller", color=COLOURS[1], linewidth=1.5)
     else:
         along = -1j * touch.normal[at] * 0.7 * follower.base_radius
-        _line(axes, touch.point[at] + along * np.array([-1.0, 1.0]), "flat face", color=_COLOURS[1], linewidth=1.5)
+        _line(axes, touch.point[at] + along * np.array([-1.0, 1.0]), "flat face", color=COLOURS[1], linewidth=1.5)
     axes.plot(1e3 * touch.point[at].real, 1e3 * touch.point[at].imag, "o", color="black", markersize=4, label="contact")
     axes.plot(0.0, 0.0, "+", color="black")
     if isinstance(follower, (SwingRollerFollower, SwingFlatFollower)):
         end = touch.trace[at] if math.isfinite(follower.roller_radius) else touch.point[at]
-        _line(axes, np.array([follower.distance, end], dtype=np.complex128), "arm", color=_COLOURS[1], linewidth=1.0)
-        axes.plot(1e3 * follower.distance, 0.0, "^", color=_COLOURS[1], markersize=8, label="pivot")
+        _line(axes, np.array([follower.distance, end], dtype=np.complex128), "arm", color=COLOURS[1], linewidth=1.0)
+        axes.plot(1e3 * follower.distance, 0.0, "^", color=COLOURS[1], markersize=8, label="pivot")
     _rotation(axes, 0.5 * follower.base_radius, profile.turn)
     axes.set_aspect("equal")
     axes.grid(alpha=0.3)
@@ -196,69 +186,16 @@ def pressure_figure(profile: CamProfile) -> Figure:
     Figure
         Two axes.
     """
-    figure, (upper, lower) = _stacked(["pressure angle\ndeg", "radius of\ncurvature, mm"], "cam angle, deg")
+    figure, (upper, lower) = stacked(["pressure angle\ndeg", "radius of\ncurvature, mm"], "cam angle, deg")
     angle = np.degrees(profile.angle)
-    upper.plot(angle, np.degrees(profile.pressure_angle), color=_COLOURS[0])
+    upper.plot(angle, np.degrees(profile.pressure_angle), color=COLOURS[0])
     # A nearly straight flank has a radius of metres, beside which nothing else could be seen.
     most = 10.0 * float(np.abs(profile.touch.trace).max())
-    lower.plot(angle, np.where(np.abs(profile.radius) < most, 1e3 * profile.radius, np.nan), color=_COLOURS[0])
+    lower.plot(angle, np.where(np.abs(profile.radius) < most, 1e3 * profile.radius, np.nan), color=COLOURS[0])
     lower.axhline(0.0, color="0.4", linewidth=0.8)
     lower.set_xlim(0.0, 360.0)
     lower.set_xticks(range(0, 361, 45))
     return figure
-
-
-def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
-    """Write a figure.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    path
-        With the ending ``.svg``, ``.png`` or ``.pdf``.
-    overwrite
-        Whether an existing file may be replaced.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If the ending is another, or the file exists and may not be replaced.
-    """
-    if path.suffix not in _FORMATS:
-        raise refuse("picture", str(path), f"a name that ends in {', '.join(_FORMATS)}")
-    free_to_write("picture", path, overwrite=overwrite)
-    made_folder(path.parent)
-    figure.savefig(path, dpi=150)
-    return path
-
-
-def _looks() -> Iterator[tuple[str, str]]:
-    """Return pairs of colour and dashes; seven colours and four kinds of dashes repeat after 28 curves."""
-    return zip(cycle(_COLOURS), cycle(_DASHES), strict=False)
-
-
-def _stacked(labels: Sequence[str], below: str) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(7.0, 1.2 + 1.6 * len(labels)), layout="constrained")
-    axes = list(np.atleast_1d(np.asarray(figure.subplots(len(labels), sharex=True))))
-    for one, label in zip(axes, labels, strict=True):
-        one.set_ylabel(label)
-        one.grid(alpha=0.3)
-    axes[-1].set_xlabel(below)
-    figure.align_ylabels(axes)
-    return figure, axes
-
-
-def _legend(figure: Figure, axes: Axes, count: int) -> None:
-    """Put the names of several curves above the axes, where they cover none."""
-    if count > 1:
-        lines, names = axes.get_legend_handles_labels()
-        figure.legend(lines, names, loc="outside upper center", fontsize="small", ncols=min(count, 4))
 
 
 def _broken(x: FloatArray, breaks: Sequence[float], y: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -156,11 +156,11 @@ def test_surge(record, parts):
 def test_hertz_line_load_is_the_inverse_of_the_approach():
     law = HertzLine(0.012, 207e9, 0.29, constant(0.02), 0.03)
     for approach in (1e-9, 1e-7, 1e-5, 1e-4):
-        load, slope = law.line_load(approach, 0.02)
+        load, slope = (float(one[0]) for one in law.line_load(np.array([approach]), np.array([0.02])))
         one = (1.0 - 0.29**2) / (math.pi * 207e9)
         a = math.sqrt(8.0 * load * 0.02 * one)
         terms = 2 * math.log(4 * 0.02 / a) - 1 + 2 * math.log(2 * 0.03 / a) - 0.29 / 0.71
         assert one * load * terms == pytest.approx(approach, rel=1e-12)
         step = 1e-6 * approach
-        around = [law.line_load(approach + side, 0.02)[0] for side in (-step, step)]
+        around = law.line_load(np.array([approach - step, approach + step]), np.full(2, 0.02))[0]
         assert slope == pytest.approx((around[1] - around[0]) / (2 * step), rel=1e-6)

@@ -58,7 +58,19 @@ class GeneralizedAlphaRecord(PartRecord[integrate.Scheme]):
         return integrate.generalized_alpha(rho_inf=self.rho_inf)
 
 
-IntegratorRecord = Annotated[NewmarkRecord | HhtRecord | GeneralizedAlphaRecord, Field(discriminator="method")]
+class BatheRecord(PartRecord[integrate.Method]):
+    """Composite step of Bathe: two stages, no parameter, high frequencies gone within a step."""
+
+    method: Literal["bathe"]
+
+    def made(self) -> integrate.Method:
+        """Return the method."""
+        return integrate.bathe()
+
+
+IntegratorRecord = Annotated[
+    NewmarkRecord | HhtRecord | GeneralizedAlphaRecord | BatheRecord, Field(discriminator="method")
+]
 
 
 class ResultStartRecord(Record):

@@ -1,0 +1,94 @@
+"""Table of where models of a train part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich.table import Table
+
+from flexcam.linalg import FloatArray
+from flexcam.parting import MODELS, Forces, Speed, parts_at
+from flexcam.terminal import table
+
+_PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
+
+
+def parting_table(found: Sequence[Speed], scale: float, tolerance: float) -> Table:
+    """Return least and largest contact force on the main lift by model.
+
+    Parameters
+    ----------
+    found
+        From `flexcam.parting.parting`.
+    scale
+        Turns of the shaft that is counted per turn of the camshaft: 2 for the crankshaft.
+    tolerance
+        Part of the force from which on models differ.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    rows = [(f"{scale * one.rpm:.6g}", *(_told(one.forces[name]) for name in MODELS)) for one in found]
+    head = ("crank rpm" if scale == 2.0 else "camshaft rpm", *(f"{name}, N" for name in MODELS))
+    return table(f"Contact force on the main lift; {_where(found, scale, tolerance)}", head, rows)
+
+
+def _told(forces: Forces | None) -> str:
+    return "did not finish" if forces is None else f"{forces.least:.0f} to {forces.largest:.0f}"
+
+
+def _where(found: Sequence[Speed], scale: float, tolerance: float) -> str:
+    words: list[str] = []
+    for first, second in _PAIRS:
+        rpm = parts_at(found, first, second, tolerance)
+        there = "do not part" if rpm is None else f"part at {scale * rpm:.6g} rpm"
+        words.append(f"{first} and {second} {there}")
+    return ", ".join(words) + f" ({tolerance:.0%})"
+
+
+def parting_json(found: Sequence[Speed], scale: float, tolerance: float) -> dict[str, object]:
+    """Return the same as ``--json`` prints it.
+
+    Parameters
+    ----------
+    found, scale, tolerance
+        As for `parting_table`.
+
+    Returns
+    -------
+    dict
+        Lists by model, and where they part.
+    """
+    part: dict[str, object] = {}
+    for first, second in _PAIRS:
+        rpm = parts_at(found, first, second, tolerance)
+        part[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
+    forces = {
+        name: [None if (one := speed.forces[name]) is None else [one.least, one.largest] for speed in found]
+        for name in MODELS
+    }
+    return {"rpm": [scale * one.rpm for one in found], "forces_n": forces, **part, "tolerance": tolerance}
+
+
+def force_bands(found: Sequence[Speed]) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Return least and largest forces by model for a picture.
+
+    Parameters
+    ----------
+    found
+        As for `parting_table`.
+
+    Returns
+    -------
+    dict
+        Two arrays of shape (speeds,) by model, N; NaN where a run did not finish.
+    """
+    nothing = Forces(float("nan"), float("nan"))
+    each = {name: [speed.forces[name] or nothing for speed in found] for name in MODELS}
+    return {
+        name: (np.array([one.least for one in forces]), np.array([one.largest for one in forces]))
+        for name, forces in each.items()
+    }

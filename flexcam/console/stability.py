@@ -1,0 +1,86 @@
+"""Table of what endangers a speed."""
+
+from __future__ import annotations
+
+import math
+
+from rich.table import Table
+
+from flexcam.stability import Resonance, Stability
+from flexcam.terminal import facts
+
+_SHOWN = 5
+
+_WORDS = {
+    "numerical": "the time integration itself grows: take a smaller step or an unconditionally stable integrator",
+    "parametric": "disturbances of the periodic motion grow from revolution to revolution",
+    "resonance": "a harmonic of the cam meets a mode",
+    "contact loss": "the follower is off its cam on the lift, or would have to be pulled",
+}
+
+
+def stability_table(found: Stability, scale: float) -> Table:
+    """Return what endangers a speed.
+
+    Parameters
+    ----------
+    found
+        From `flexcam.stability.stability`.
+    scale
+        Turns of the shaft that is counted per turn of the camshaft: 2 for the crankshaft.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    rows = [
+        ("integrator", f"spectral radius {found.radius:.9g}, largest for the mode at {found.endangered:.5g} Hz"),
+        ("periodic motion", _grows(found)),
+        ("off the cam", f"{math.degrees(found.open_on_the_lift):.3g} deg of the lift"),
+        *((f"harmonic {one.harmonic}", _met(one, scale)) for one in found.resonances[:_SHOWN]),
+        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in found.verdict) or "nothing endangers this speed"),
+    ]  # fmt: skip
+    return facts(f"Stability at {scale * found.rpm:.6g} rpm", rows)
+
+
+def _met(one: Resonance, scale: float) -> str:
+    there = f"{scale * one.rpm:.5g} rpm meets {one.frequency:.5g} Hz ({one.words})"
+    return f"{there}, {1e3 * one.amplitude:.3g} mm in the lift"
+
+
+def _grows(found: Stability) -> str:
+    if found.floquet is None:
+        return f"not looked at: {found.why_not}"
+    largest = abs(complex(found.floquet.multipliers[0]))
+    words = (
+        f"largest multiplier {largest:.6g}, growth {found.floquet.growth:.4g} 1/s ({', '.join(found.floquet.moving())})"
+    )
+    return f"{words}; {found.why_not}" if found.why_not else words
+
+
+def stability_json(found: Stability, scale: float) -> dict[str, object]:
+    """Return the same as ``--json`` prints it.
+
+    Parameters
+    ----------
+    found, scale
+        As for `stability_table`.
+
+    Returns
+    -------
+    dict
+        With the verdict as a list.
+    """
+    multipliers = [] if found.floquet is None else [[one.real, one.imag] for one in found.floquet.multipliers.tolist()]
+    return {
+        "rpm": scale * found.rpm, "spectral_radius": found.radius, "endangered_mode_hz": found.endangered,
+        "multipliers": multipliers, "growth": None if found.floquet is None else found.floquet.growth,
+        "note": found.why_not, "open_on_the_lift_deg": math.degrees(found.open_on_the_lift),
+        "resonances": [
+            {"rpm": scale * one.rpm, "harmonic": one.harmonic, "amplitude_m": one.amplitude,
+             "frequency_hz": one.frequency, "moves": one.words}
+            for one in found.resonances[: 4 * _SHOWN]
+        ],
+        "verdict": list(found.verdict),
+    }  # fmt: skip

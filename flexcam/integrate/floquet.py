@@ -1,0 +1,151 @@
+"""Floquet multipliers: whether small disturbances of a periodic motion grow from revolution to revolution.
+
+The system is linearized about a motion: local forces give their tangents, which change with the cam angle, with what
+is pressed and what is not, and with the axial force of a pushrod. A basis of disturbances is carried over one period by
+the average acceleration; the eigenvalues of what becomes of it are the multipliers. Above 1 in modulus the motion is
+unstable. A. H. Nayfeh and D. T. Mook, Nonlinear Oscillations (1979), ch. 5.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.checks import refuse
+from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.problem import Problem
+from flexcam.integrate.scheme import Method, newmark
+from flexcam.integrate.solve import solve
+from flexcam.linalg import ComplexArray, FloatArray
+from flexcam.response import RunFailedError, SaveAt
+
+_MOST = 400
+"""Unknowns up to which a basis of disturbances is carried along."""
+
+
+@dataclass(frozen=True, eq=False)
+class Floquet:
+    """Multipliers of a periodic motion.
+
+    Parameters
+    ----------
+    multipliers
+        Largest first, complex, shape (2n,).
+    shapes
+        Displacements at the period's beginning that belong to them, complex, shape (n, 2n).
+    period
+        s.
+    names
+        Of the unknowns.
+    """
+
+    multipliers: ComplexArray
+    shapes: ComplexArray
+    period: float
+    names: tuple[str, ...]
+
+    @property
+    def growth(self) -> float:
+        """Rate at which the largest disturbance grows, 1/s; negative where it dies out."""
+        return math.log(max(abs(complex(self.multipliers[0])), np.finfo(float).tiny)) / self.period
+
+    def stable(self, tolerance: float = 1e-6) -> bool:
+        """Tell whether no multiplier is beyond 1 by more than a tolerance."""
+        return bool(abs(self.multipliers[0]) <= 1.0 + tolerance)
+
+    def moving(self, count: int = 3) -> list[str]:
+        """Return the names of the unknowns that move most in the largest disturbance."""
+        order: list[int] = np.argsort(-np.abs(self.shapes[:, 0])).tolist()
+        return [self.names[i] for i in order[:count]]
+
+
+def floquet(problem: Problem, method: Method | None = None) -> Floquet:
+    """Return the Floquet multipliers of a motion over one period.
+
+    Parameters
+    ----------
+    problem
+        The period, from the periodic state: `flexcam.integrate.periodic` finds it.
+    method
+        That computes the motion itself; the average acceleration by default.
+
+    Returns
+    -------
+    Floquet
+        Its multipliers.
+
+    Raises
+    ------
+    InputError
+        If the system is too large, or has internal states, which this tool does not disturb.
+    RunFailedError
+        If the motion cannot be computed.
+
+    Examples
+    --------
+    A mass on a spring alone has both multipliers on the unit circle:
+
+    >>> from flexcam.linalg import Triplets
+    >>> from flexcam.system import ConstantSpeed, System
+    >>> one = Triplets.from_dense([[1.0]])
+    >>> system = System(one, Triplets.zeros(1), one, ("x",))
+    >>> found = floquet(Problem(system, ConstantSpeed(1.0), step=0.01, steps=100))
+    >>> np.abs(found.multipliers).round(9).tolist()
+    [1.0, 1.0]
+    """
+    system, n = problem.system, problem.system.size
+    if not 0 < n <= _MOST:
+        raise refuse("system", f"{n} unknowns", f"1 to {_MOST}", "a basis of disturbances is carried along")
+    forces = LocalForces(system)
+    if len(forces.start_state):
+        raise refuse("system", "local forces with internal states", "none", "their disturbances are not followed")
+    response = solve(problem, method or newmark(), save=SaveAt(field_every=1))
+    if not response.status.ok:
+        raise RunFailedError(response.status)
+    motion = problem.drive.at(response.field_time)
+    tangents = _Tangents(problem, forces, forces.schedule(motion))
+    d, v = response.fields.displacement, response.fields.velocity
+    carried = _carried(tangents, d, v, problem.step)
+    values, vectors = np.linalg.eig(carried)
+    order = np.argsort(-np.abs(values))
+    period = float(response.field_time[-1] - response.field_time[0])
+    return Floquet(values[order], vectors[:n, order], period, system.names)
+
+
+class _Tangents:
+    """Damping and stiffness about the motion, instant by instant."""
+
+    def __init__(self, problem: Problem, forces: LocalForces, schedule: Schedule) -> None:
+        system = problem.system
+        self.M, self._C, self._K = (np.asarray(m.dense()) for m in (system.mass, system.damping, system.stiffness))
+        self._forces, self._schedule = forces, schedule
+
+    def at(self, i: int, d: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return C and K of small disturbances at an instant, (n, n) each."""
+        forces, schedule = self._forces, self._schedule
+        if not forces.count:
+            return self._C, self._K
+        gap, rate, _ = (one[0] for one in forces.sensed(d[None], v[None], schedule.row(i)))
+        answer = forces.respond(gap, rate, forces.start_state, float(schedule.angle[i]))
+        act = schedule.act[i] @ forces.act.vectors
+        sense = schedule.sense[i] @ forces.sense.vectors
+        turning = schedule.sense_rate[i] @ forces.sense.vectors
+        by_rate = act.T @ answer.by_rate
+        return self._C - by_rate @ sense, self._K - act.T @ answer.by_gap @ sense - by_rate @ turning
+
+
+def _carried(tangents: _Tangents, d: FloatArray, v: FloatArray, step: float) -> FloatArray:
+    """Return what becomes of a unit disturbance of every displacement and velocity, shape (2n, 2n)."""
+    n = d.shape[1]
+    M = tangents.M
+    x, dx = np.hstack([np.eye(n), np.zeros((n, n))]), np.hstack([np.zeros((n, n)), np.eye(n)])
+    C, K = tangents.at(0, d[0], v[0])
+    a = np.linalg.lstsq(M, -C @ dx - K @ x, rcond=None)[0]
+    for i in range(1, len(d)):
+        C, K = tangents.at(i, d[i], v[i])
+        there, speed = x + step * dx + 0.25 * step**2 * a, dx + 0.5 * step * a
+        a = np.linalg.solve(M + 0.5 * step * C + 0.25 * step**2 * K, -C @ speed - K @ there)
+        x, dx = there + 0.25 * step**2 * a, speed + 0.5 * step * a
+    return np.vstack([x, dx])

@@ -1,0 +1,161 @@
+"""Where models of a train part: rigid, held to its cam (bilateral), and free to leave it (unilateral), over speed.
+
+May import `runner` and everything below it; `flexcam parting` prints and draws what stands here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.case import Case
+from flexcam.checks import refuse
+from flexcam.integrate import equilibrium, solve
+from flexcam.linalg import FloatArray
+from flexcam.response import Response
+from flexcam.runner import Prepared, prepare
+from flexcam.train import CamContact, Model, build_structure, build_system, hertz_line, main_lift
+
+MODELS = ("rigid", "bilateral", "unilateral")
+_RPM = math.pi / 30.0
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Contact force of one model at one speed, on the main lift in the last revolution.
+
+    Parameters
+    ----------
+    least, largest
+        N.
+    """
+
+    least: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class Speed:
+    """The models at one speed.
+
+    Parameters
+    ----------
+    rpm
+        Camshaft speed.
+    forces
+        By model: ``rigid``, ``bilateral``, ``unilateral``; None where the run did not reach its end.
+    """
+
+    rpm: float
+    forces: Mapping[str, Forces | None]
+
+    def differs(self, first: str, second: str, tolerance: float) -> bool:
+        """Tell whether two models' extremes differ by more than a part of the larger one's largest force."""
+        one, other = self.forces[first], self.forces[second]
+        if one is None or other is None:
+            return True
+        size = max(one.largest, other.largest)
+        return max(abs(one.largest - other.largest), abs(one.least - other.least)) > tolerance * size
+
+
+def parting(case: Case, speeds: Sequence[float], *, contact: str | None = None) -> list[Speed]:
+    """Run a case over speeds with a rigid train, with a contact that cannot part, and with one that can.
+
+    Parameters
+    ----------
+    case
+        A case with a unilateral contact.
+    speeds
+        Camshaft speeds, rad/s.
+    contact
+        Name of the contact; the first unilateral one by default.
+
+    Returns
+    -------
+    list
+        The models at every speed. The stiffness of the bilateral contact is that of the unilateral one; of a Hertz
+        contact the secant at the rigid train's largest force.
+
+    Raises
+    ------
+    InputError
+        If the case has no such contact.
+    """
+    model = prepare(case).model
+    known = [name for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral]
+    if not known or (contact is not None and contact not in known):
+        given = "no unilateral contact" if contact is None else repr(contact)
+        raise refuse("contacts", given, f"one of {', '.join(known)}" if known else "a unilateral contact")
+    return [_at(case, speed, contact or known[0]) for speed in speeds]
+
+
+def parts_at(found: Sequence[Speed], first: str, second: str, tolerance: float = 0.05) -> float | None:
+    """Return the lowest speed, rpm, from which two models differ by more than a part of the force; None if never.
+
+    Parameters
+    ----------
+    found
+        From `parting`, speeds ascending.
+    first, second
+        Of `MODELS`.
+    tolerance
+        The part.
+
+    Returns
+    -------
+    float
+        rpm of the camshaft.
+    """
+    return next((one.rpm for one in found if one.differs(first, second, tolerance)), None)
+
+
+def _at(case: Case, speed: float, contact: str) -> Speed:
+    run = case.record.run.model_copy(update={"speed": speed, "crank_speed": None})
+    one = replace(case, record=case.record.model_copy(update={"run": run}))
+    rigid, free = prepare(one, rigid=True), prepare(one)
+    still = _forces(solve(rigid.problem, rigid.scheme), free, contact)
+    held = _held(free, contact, still.largest if still else 0.0)
+    responses = {
+        name: solve(ready.problem, ready.scheme) for name, ready in (("bilateral", held), ("unilateral", free))
+    }
+    forces = {name: _forces(response, free, contact) for name, response in responses.items()}
+    return Speed(speed / _RPM, {"rigid": still, **forces})
+
+
+def _forces(response: Response, ready: Prepared, contact: str) -> Forces | None:
+    if not response.status.ok:
+        return None
+    model = ready.model
+    cam = model.driven[contact].cam
+    last = response.time > response.time[-1] - ready.revolution * (1.0 - 1e-9)
+    lifted = last & (model.cams[cam].event(response.angle) > main_lift(model, cam))
+    force: FloatArray = response.channels[f"contacts.{contact}.force"][lifted]
+    return Forces(float(force.min()), float(force.max()))
+
+
+def _held(ready: Prepared, contact: str, force: float) -> Prepared:
+    """Return the same train with a contact that cannot part."""
+    part = ready.model.contacts[contact]
+    if not isinstance(part, CamContact):
+        raise refuse("contacts", repr(contact), "a contact with a stiffness")
+    stiffness = part.stiffness or _secant(ready.model, contact, part, force)
+    held = replace(part, unilateral=False, stiffness=stiffness, restitution=None)
+    model = replace(ready.model, contacts={**ready.model.contacts, contact: held})
+    system = build_system(model, ready.case.speed)
+    start = equilibrium(system, ready.problem.drive)
+    return replace(ready, model=model, problem=replace(ready.problem, system=system, start=start))
+
+
+def _secant(model: Model, name: str, part: CamContact, force: float) -> float:
+    """Return force by approach of a Hertz contact, N/m, where the cam is at full lift."""
+    structure = build_structure(model)
+    cam = model.cams[part.cam]
+    law = hertz_line(structure, name, part, cam)
+    angles = np.linspace(0.0, 2.0 * math.pi, 721)
+    top = angles[int(np.argmax(cam.event(angles)))]
+    depth = np.geomspace(1e-8, 1e-4, 400)
+    there = law.stored(depth[:, None], np.zeros((400, 0)), np.full(400, top)).by_gap[:, 0]
+    return force / float(np.interp(force, there, depth))

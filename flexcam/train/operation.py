@@ -1,0 +1,207 @@
+"""What an engine's train did in a run: contact, seating, springs, pushrods, shaft, in figures of one revolution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.linalg import FloatArray
+from flexcam.response import Response
+from flexcam.train.model import CamContact, Lash, Model, Seat
+
+Bools = NDArray[np.bool_]
+
+_TOUCH = 1e-6
+"""Height above the seat, m, from which a valve that has closed counts as open again."""
+
+_PARTED = 0.02
+"""Part of the lift above which a cam is on its main lift, where it has no ramps."""
+
+
+@dataclass(frozen=True)
+class Seating:
+    """How a valve comes down.
+
+    Parameters
+    ----------
+    velocity
+        At the first touch after the lift, m/s, towards the seat.
+    bounces
+        How often it rises again before its cam lifts it.
+    height
+        Of the highest bounce, m.
+    angle
+        Cam angle of the first touch, rad.
+    """
+
+    velocity: float
+    bounces: int
+    height: float
+    angle: float
+
+
+def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating | None:
+    """Return how a valve came down within one revolution.
+
+    Parameters
+    ----------
+    gap, velocity
+        Distance from the seat, m, and its rate, m/s, over one revolution, shape (m,).
+    angle
+        Cam angles, rad, shape (m,).
+
+    Returns
+    -------
+    Seating
+        None if it never opened or never touched down.
+
+    Examples
+    --------
+    >>> lift = np.array([0.0, 1.0, 2.0, 1.0, -1e-9, 0.1, -1e-9, 0.0])
+    >>> seating(lift, np.full(8, -0.5), np.arange(8.0)).bounces
+    1
+    """
+    top = int(np.argmax(gap))
+    height, speed, at = (np.roll(one, -top) for one in (gap, velocity, angle))
+    shut = np.flatnonzero(height <= 0.0)
+    if not len(shut) or gap[top] <= _TOUCH:
+        return None
+    first, last = int(shut[0]), int(shut[-1])
+    between = height[first : last + 1]
+    rising = np.diff(np.concatenate([[0], (between > _TOUCH).astype(int)])) > 0
+    largest = max(float(between.max()), 0.0)
+    return Seating(max(-float(speed[first - 1]), 0.0), int(rising.sum()), largest, float(at[first]))
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A named result of a run.
+
+    Parameters
+    ----------
+    name
+        Such as ``contacts.seat.seating_velocity``.
+    value
+        SI.
+    unit
+        SI unit.
+    """
+
+    name: str
+    value: float
+    unit: str
+
+
+def operation(model: Model, response: Response, period: float) -> list[Figure]:
+    """Return what a train did in the last revolution of a run.
+
+    Parameters
+    ----------
+    model
+        The model.
+    response
+        Of a run of it.
+    period
+        Of a revolution, s.
+
+    Returns
+    -------
+    list
+        Largest and least values of contacts, seats, springs, members and shafts; shorter runs are taken whole.
+    """
+    if not len(response.time):
+        return []
+    last = response.time >= response.time[-1] - period * (1.0 - 1e-9)
+    figures: list[Figure] = []
+    for name, contact in model.driven.items():
+        if isinstance(contact, CamContact):
+            angle = separation(model, response, name, last)
+            figures.append(Figure(f"contacts.{name}.open_on_the_lift", angle, "rad"))
+    for name in (name for name, one in model.contacts.items() if isinstance(one, Seat)):
+        figures += _seat(response, f"contacts.{name}", last)
+    for channel, unit in response.outline.channels:
+        end = channel.rpartition(".")[2]
+        values = response.channels[channel][last]
+        if end in _LARGEST:
+            figures.append(Figure(f"{channel}.largest", float(np.abs(values).max()), unit))
+        if end in _LEAST:
+            figures.append(Figure(f"{channel}.least", float(values.min()), unit))
+        if end == "buckling_use" and float(values.max()) > 0.0:
+            figures.append(Figure(channel.replace("use", "margin"), 1.0 / float(values.max()), "1"))
+    return figures
+
+
+_LARGEST = (
+    "force", "torque", "pressure", "sliding", "friction", "surge", "stress", "compression", "twist", "deflection",
+    "leak_down",
+)  # fmt: skip
+"""Ends of the names of channels whose largest size says something."""
+
+_LEAST = ("clearance",)
+
+
+def _seat(response: Response, where: str, last: Bools) -> list[Figure]:
+    gap, velocity = (response.channels[f"{where}.{one}"][last] for one in ("gap", "velocity"))
+    came = seating(gap, velocity, response.angle[last])
+    if came is None:
+        return []
+    return [
+        Figure(f"{where}.seating_velocity", came.velocity, "m/s"),
+        Figure(f"{where}.bounces", float(came.bounces), "1"),
+        Figure(f"{where}.bounce_height", came.height, "m"),
+    ]
+
+
+def separation(model: Model, response: Response, contact: str, instants: Bools) -> float:
+    """Return over how much cam angle a follower is off its cam on the main lift.
+
+    Parameters
+    ----------
+    model
+        The model.
+    response
+        Of a run of it.
+    contact
+        Name of the contact.
+    instants
+        Which instants count, shape (m,), bool.
+
+    Returns
+    -------
+    float
+        rad.
+    """
+    cam = model.driven[contact].cam
+    angle = response.angle[instants]
+    if len(angle) < 2:
+        return 0.0
+    lifted = model.cams[cam].event(angle) > main_lift(model, cam)
+    off = lifted & (response.channels[f"contacts.{contact}.force"][instants] <= 0.0)
+    return float(off.sum()) * float(angle[-1] - angle[0]) / (len(angle) - 1)
+
+
+def main_lift(model: Model, cam: str) -> float:
+    """Return the lift above which a cam has taken up ramps and play.
+
+    Parameters
+    ----------
+    model
+        The model.
+    cam
+        Name of the cam.
+
+    Returns
+    -------
+    float
+        m.
+    """
+    event = model.cams[cam].event
+    ramp = getattr(event, "ramp", None)
+    plays = [
+        one.gap / (model.rockers[one.rocker].ratio if one.rocker else 1.0)
+        for one in model.contacts.values()
+        if isinstance(one, Lash)
+    ]
+    return max([_PARTED * event.height, *plays, *([ramp.height] if ramp else [])])

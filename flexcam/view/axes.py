@@ -1,0 +1,108 @@
+"""Axes, looks and files that all figures share.
+
+Colours are those of M. Okabe and K. Ito, which colour-blind readers tell apart; lines differ in their dashes as well,
+for print without colour.
+"""
+
+# pyright: reportUnknownMemberType=false
+# matplotlib leaves the types of its keyword arguments open.
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import cycle
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from flexcam.checks import refuse
+from flexcam.io import free_to_write, made_folder
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Colours of curves, in their order."""
+
+_DASHES = ("-", "--", "-.", ":")
+_FORMATS = (".svg", ".png", ".pdf")
+
+
+def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
+    """Write a figure.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    path
+        With the ending ``.svg``, ``.png`` or ``.pdf``.
+    overwrite
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If the ending is another, or the file exists and may not be replaced.
+    """
+    if path.suffix not in _FORMATS:
+        raise refuse("picture", str(path), f"a name that ends in {', '.join(_FORMATS)}")
+    free_to_write("picture", path, overwrite=overwrite)
+    made_folder(path.parent)
+    figure.savefig(path, dpi=150)
+    return path
+
+
+def looks() -> Iterator[tuple[str, str]]:
+    """Return pairs of colour and dashes; seven colours and four kinds of dashes repeat after 28 curves.
+
+    Returns
+    -------
+    iterator
+        Without end.
+    """
+    return zip(cycle(COLOURS), cycle(_DASHES), strict=False)
+
+
+def stacked(labels: Sequence[str], below: str) -> tuple[Figure, list[Axes]]:
+    """Return a figure with axes above each other.
+
+    Parameters
+    ----------
+    labels
+        Of the vertical axes, from above.
+    below
+        Of the horizontal axis.
+
+    Returns
+    -------
+    tuple
+        Figure and axes.
+    """
+    figure = Figure(figsize=(7.0, 1.2 + 1.6 * len(labels)), layout="constrained")
+    axes = list(np.atleast_1d(np.asarray(figure.subplots(len(labels), sharex=True))))
+    for one, label in zip(axes, labels, strict=True):
+        one.set_ylabel(label)
+        one.grid(alpha=0.3)
+    axes[-1].set_xlabel(below)
+    figure.align_ylabels(axes)
+    return figure, axes
+
+
+def legend(figure: Figure, axes: Axes, count: int) -> None:
+    """Put the names of several curves above the axes, where they cover none.
+
+    Parameters
+    ----------
+    figure, axes
+        Where they are.
+    count
+        How many curves there are; one needs no name.
+    """
+    if count > 1:
+        lines, names = axes.get_legend_handles_labels()
+        figure.legend(lines, names, loc="outside upper center", fontsize="small", ncols=min(count, 4))
