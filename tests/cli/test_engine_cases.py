@@ -28,13 +28,12 @@ OIL = (
     'lash = { at = "rocker", model = "lash-adjuster", stiffness = "15 MN/m", leak = "100 kN s/m", '
     'refill = "200 N s/m", plunger_force = "20 N" }'
 )
-BENT = 'elements = 4, material = "steel", section = "tube"'
 WAYS = {
     "adjuster": [(LASH, OIL)],
     "lever": [(LUMPED, LEVER)],
     "lever and adjuster": [(LUMPED, LEVER), (LASH, OIL)],
     "lever without play": [(LUMPED, LEVER), (LASH, "")],
-    "bow": [(BENT, f'{BENT}, geometric_stiffness = true, bow = "0.2 mm"')],
+    "bow": [('bow = "0.1 mm"', 'bow = "0.2 mm"')],
     "swinging speed": [("revolutions = 2", "revolutions = 2\nfluctuation = { orders = [2], amplitudes = [0.03] }")],
     "free running": [
         ("revolutions = 2", 'revolutions = 2\nfree_running = { cam = "intake", cam_mass = "2 kg", follower_mass = "0.1 kg" }'),
