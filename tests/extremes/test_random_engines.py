@@ -1,0 +1,246 @@
+"""Random engines that could be built, of the parts of engines: each run is complete, or its status names the cause."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexcam import read_case, run
+from flexcam.response import RunFailedError
+
+HEAD = """
+format = 1
+
+[nodes]
+drive = [0, 0, 0]
+cam = ["60 mm", 0, 0]
+rear = ["120 mm", 0, 0]
+tappet = ["60 mm", "28 mm", 0]
+top = ["60 mm", "278 mm", 0]
+
+[materials.steel]
+E = "207 GPa"
+nu = 0.29
+density = "7800 kg/m^3"
+
+[sections]
+shaft = {{ shape = "circle", diameter = "30 mm" }}
+tube = {{ shape = "tube", outer_diameter = "8 mm", inner_diameter = "5 mm" }}
+
+[members]
+camshaft = {{ nodes = ["drive", "cam", "rear"], material = "steel", section = "shaft" }}
+{pushrod}
+
+[supports]
+drive = ["ux", "uy", "uz", "rx"]
+rear = ["uy", "uz"]
+tappet = ["ux", "uz", "ry", "rx"]
+top = ["ux", "uz"]
+
+[masses]
+follower = {{ at = "{follower}", mass = {follower_mass} }}
+valve = {{ at = "valve", mass = {valve_mass} }}
+
+[rockers.rocker]
+{rocker}
+
+[springs.valve]
+at = "valve"
+direction = "uy"
+{spring}
+
+[springs.tappet]
+at = "tappet"
+direction = "uy"
+stiffness = "0.5 kN/m"
+installed_force = "10 N"
+
+[cams.intake]
+at = "cam"
+law = "{law}"
+lift = {lift}
+rise = "80 deg"
+return = "80 deg"
+phase = "30 deg"
+{ramps}
+base_radius = "{base} mm"
+width = "12 mm"
+follower = {face}
+
+[contacts.intake]
+cam = "intake"
+follower = "{follower}"
+model = "unilateral"
+{contact}
+
+[contacts.seat]
+at = "valve"
+model = "seat"
+{seat}
+
+{play}
+
+[run]
+crank_speed = "{speed} rpm"
+revolutions = 1
+steps_per_revolution = {steps}
+start = "{start}"
+{drive}
+damping = {{ beta = "1e-7 s" }}
+
+[output]
+probes = ["valve", "cam", "tappet"]
+"""
+
+
+class Draw:
+    """Numbers of one seed."""
+
+    def __init__(self, seed):
+        self.random = np.random.default_rng(seed)
+        self.number = self.random.uniform
+
+    def about(self, value):
+        """Return a value within three decades about one."""
+        return float(value * 10.0 ** self.number(-1.5, 1.5))
+
+    def maybe(self, text, chance=0.5):
+        return text if self.random.random() < chance else ""
+
+    def one_of(self, *choices):
+        return choices[int(self.random.integers(len(choices)))]
+
+
+def pushrod(draw):
+    bent = "geometric_stiffness = true"
+    bow = f"{bent}, bow = {draw.number(-1.0, 1.0) * 1e-3}"
+    what = draw.one_of("", f", {bent}", f", {bow}")
+    elements = draw.one_of(1, 2, 3)
+    return (
+        f'pushrod = {{ nodes = ["tappet", "top"], elements = {elements}, material = "steel", section = "tube"{what} }}'
+    )
+
+
+def rocker(draw, kind):
+    arms = f'arms = ["25 mm", "{draw.number(20.0, 45.0)} mm"]'
+    inertia = f"inertia = {draw.about(6e-5)}"
+    if kind == "lumped":
+        return f'model = "lumped"\nfrom = "top"\nto = "valve"\n{arms}\n{inertia}'
+    start = 'from = "pad"\ndirection = "uy"' if kind == "finger" else 'from = "top"'
+    angles = f"angles = [{draw.number(-0.3, 0.1)}, {draw.number(-0.4, 0.2)}]"
+    driven = draw.maybe(f"drive_stiffness = {draw.about(2e7)}\ndrive_damping = {draw.about(50.0)}")
+    own = f"stiffness = {draw.about(1e7)}\ndamping = {draw.about(50.0)}"
+    return f'model = "lever"\n{start}\nto = "valve"\n{arms}\n{angles}\n{inertia}\n{own}\n{driven}'
+
+
+def spring(draw):
+    elements = draw.one_of(1, 2, 5, 9)
+    stiffness = f"stiffness = {draw.about(50e3)}"
+    coils = (
+        f'wire = {{ diameter = "4 mm", coil_diameter = "26 mm", active_coils = {draw.number(2.5, 8.0)}, '
+        'shear_modulus = "80 GPa" }'
+    )
+    lines = (
+        draw.one_of(stiffness, coils), f"installed_force = {draw.about(400.0)}", f"mass = {draw.about(0.06)}",
+        f"elements = {elements}", f"damping = {draw.about(2.0)}", draw.maybe('clash_travel = "15 mm"'),
+    )  # fmt: skip
+    return "\n".join(lines)
+
+
+def play(draw):
+    lash = f'model = "lash"\ngap = {draw.number(0.0, 0.5) * 1e-3}\nstiffness = {draw.about(2e7)}'
+    lash += f"\ndamping = {draw.about(200.0)}"
+    refill = draw.about(300.0)
+    oil = f'model = "lash-adjuster"\nstiffness = {draw.about(2e7)}\nleak = {refill * 10.0 ** draw.number(0.5, 4.0)}'
+    oil += f"\nrefill = {refill}\nplunger_force = {draw.about(20.0)}"
+    one = draw.one_of("", lash, oil)
+    return f'[contacts.play]\nat = "rocker"\n{one}' if one else ""
+
+
+def engine(seed):
+    """Return the text of a case."""
+    draw = Draw(seed)
+    kind = draw.one_of("lumped", "lever", "finger")
+    rolls = draw.random.random() < 0.3
+    hertz = draw.random.random() < 0.5
+    face = '{ type = "roller", radius = "9 mm" }' if rolls else '{ type = "flat" }'
+    contact = [
+        'stiffness = "hertz"' if hertz else f"stiffness = {draw.about(5e7)}",
+        f"dissipation = {draw.number(0.0, 0.5)}",
+        draw.maybe(f"restitution = {draw.number(0.0, 0.95)}", 0.4),
+    ]
+    if not rolls:
+        contact.append(draw.maybe(f"friction = {draw.number(0.0, 0.3)}\nfriction_speed = {draw.about(0.02)}"))
+    seat = f"stiffness = {draw.about(6e7)}\ndamping = {draw.about(300.0)}\n"
+    swing = f"fluctuation = {{ orders = [2], amplitudes = [{draw.number(0.0, 0.1)}] }}"
+    return HEAD.format(
+        pushrod=pushrod(draw),
+        follower="pad" if kind == "finger" else "tappet",
+        follower_mass=draw.about(0.06), valve_mass=draw.about(0.09),
+        rocker=rocker(draw, kind), spring=spring(draw), law=draw.one_of("4-5-6-7", "cycloidal", "modified-sine"),
+        lift=6e-3 * draw.number(0.4, 1.2), base=draw.number(35.0, 45.0), face=face, contact="\n".join(contact),
+        ramps=draw.maybe('ramps = { height = "0.3 mm", duration = "25 deg" }'),
+        seat=seat + draw.maybe(f"restitution = {draw.number(0.0, 0.9)}", 0.4), play=play(draw),
+        speed=draw.about(4000.0), steps=draw.one_of(360, 720), start=draw.one_of("rest", "equilibrium"),
+        drive=draw.maybe(swing, 0.3),
+    )  # fmt: skip
+
+
+def outcome(seed, folder):
+    """Return the status and the energy residual as a part of the energy that was about."""
+    path = folder / f"engine-{seed}.toml"
+    path.write_text(engine(seed), encoding="utf-8")
+    try:
+        response = run(read_case(path))
+    except RunFailedError as failure:
+        return failure.status, 0.0
+    for values in (*response.channels.values(), response.probes.displacement, response.fields.displacement):
+        assert np.isfinite(values).all()
+    energy = {name.partition(".")[2]: v for name, v in response.channels.items() if name.startswith("energy.")}
+    most = max(np.abs(energy["work"]).max(), (energy["kinetic"] + energy["strain"] + energy["contact"]).max())
+    return response.status, float(np.abs(energy["residual"]).max() / most) if most > 0.0 else 0.0
+
+
+LIGHT = "refused: 'a restitution where a body has no mass', by rounding of 1e-16 beside the massless tip of a lever"
+MADE = "energy from nothing: the trapezoidal rule overshoots where an adjuster refills within less than a step"
+BEYOND = "the energy residual is 4 %, with an adjuster and impacts; not looked into"
+KNOWN = {
+    **dict.fromkeys((29, 72, 91, 100, 124, 161, 225, 237, 240, 257, 262), LIGHT),
+    **dict.fromkeys((6, 58, 150, 176, 188, 201, 227, 244), MADE),
+    **dict.fromkeys((180, 187), BEYOND),
+}
+"""Seeds with a fault of flexcam, and which."""
+
+LONG = (19, 75, 116, 238, 241, 247, 253, 274, 295)
+"""Seeds that take more than a minute: contacts chatter, and a located event costs as much as a hundred steps."""
+
+QUICK = (3, 13, 14, 17, 38, 39, 43, 44, 45, 111, 121, 162, 185, 213, 264)
+
+
+def check(seed, folder):
+    status, residual = outcome(seed, folder)
+    assert status.ok or (len(status.text) > 20 and status.remedy), str(status)
+    assert not status.ok or residual < 0.02, f"{residual:.2g} of the energy does not add up"
+
+
+def marks(seed):
+    if seed in LONG:
+        return [pytest.mark.xfail(run=False, reason="takes more than a minute")]
+    return [pytest.mark.xfail(strict=True, reason=KNOWN[seed])] if seed in KNOWN else []
+
+
+@pytest.mark.parametrize("seed", QUICK)
+def test_fifteen(seed, tmp_path):
+    check(seed, tmp_path)
+
+
+@pytest.mark.parametrize("seed", [161, 150])
+def test_known_faults(seed, request, tmp_path):
+    request.applymarker(pytest.mark.xfail(strict=True, reason=KNOWN[seed]))
+    check(seed, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [pytest.param(seed, marks=marks(seed)) for seed in range(300)])
+def test_three_hundred(seed, tmp_path):
+    check(seed, tmp_path)
