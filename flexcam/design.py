@@ -164,9 +164,14 @@ def _train(model: Model, cam: str, speed: float) -> Transfer:
     contact = next((n for n, c in model.driven.items() if c.cam == cam), None)
     if contact is None:
         raise refuse(f"cams.{cam}", "no contact", "a contact that drives a train", "", "add one under [contacts]")
-    follower = model.mesh.connected(model.mesh.node(model.driven[contact].follower))
-    points = [rocker.point for rocker in model.rockers.values() if model.mesh.node(rocker.start) in follower]
-    answer = lift_transfer(model, contact, points[0] if points else model.driven[contact].follower, speed)
+    start = model.driven[contact].follower
+    finger = model.rocker_at(start)
+    if finger is not None:
+        points = [finger.point]
+    else:
+        follower = model.mesh.connected(model.mesh.node(start))
+        points = [r.point for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in follower]
+    answer = lift_transfer(model, contact, points[0] if points else start, speed)
     ratio = valve_ratio(model, cam)
 
     def relative(omega: FloatArray) -> ComplexArray:

@@ -81,6 +81,8 @@ class Limits:
 
 
 Question = Callable[[Response, Prepared], bool]
+Answers = dict[str, bool] | str
+"""By question, or why there are none."""
 
 
 def find_limits(
@@ -121,14 +123,17 @@ def find_limits(
         raise refuse(
             "contacts", "no unilateral contact", 'a contact with model = "unilateral"', why, "change the model"
         )
-    seen: dict[float, dict[str, bool]] = {}
+    seen: dict[float, Answers] = {}
     questions = _questions(model, bounce_height)
 
-    def ask(speed: float) -> dict[str, bool]:
+    def ask(speed: float) -> Answers:
         if speed not in seen:
             ready = prepare(_at(case, speed))
             response = solve(ready.problem, ready.scheme, save=ready.save)
-            seen[speed] = {name: not response.status.ok or q(response, ready) for name, (q, _) in questions.items()}
+            if response.status.ok:
+                seen[speed] = {name: question(response, ready) for name, (question, _) in questions.items()}
+            else:
+                seen[speed] = f"the run at {speed / _RPM:.6g} camshaft rpm ended: {response.status.text}"
         return seen[speed]
 
     speeds = np.geomspace(lowest, highest, max(count, 2)).tolist()
@@ -157,19 +162,26 @@ def _at_rest(case: Case) -> dict[str, float]:
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
 
 
-def _bracketed(
-    name: str, words: str, speeds: list[float], ask: Callable[[float], dict[str, bool]], tolerance: float
-) -> Limit:
+def _bracketed(name: str, words: str, speeds: list[float], ask: Callable[[float], Answers], tolerance: float) -> Limit:
     """Return the lowest speed of a list at which something happens, halved towards the one before."""
-    first = next((i for i, speed in enumerate(speeds) if ask(speed)[name]), None)
-    if first is None:
+    low = 0.0
+    for high in speeds:
+        answers = ask(high)
+        if isinstance(answers, str):
+            return Limit(None, tolerance / _RPM, f"{words}: not known from there on; {answers}")
+        if answers[name]:
+            break
+        low = high
+    else:
         return Limit(None, tolerance / _RPM, f"{words}: not up to {speeds[-1] / _RPM:.6g} rpm")
-    if first == 0:
-        return Limit(speeds[0] / _RPM, math.inf, f"{words}: already at the lowest speed looked at")
-    low, high = speeds[first - 1], speeds[first]
+    if low == 0.0:
+        return Limit(high / _RPM, math.inf, f"{words}: already at the lowest speed looked at")
     while high - low > tolerance:
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if ask(middle)[name] else (middle, high)
+        answers = ask(middle)
+        if isinstance(answers, str):
+            return Limit(high / _RPM, (high - low) / _RPM, f"{words}; {answers}")
+        low, high = (low, middle) if answers[name] else (middle, high)
     return Limit(high / _RPM, (high - low) / _RPM, words)
 
 
@@ -179,16 +191,17 @@ def _questions(model: Model, bounce_height: float) -> dict[str, tuple[Question, 
         words = f"the valve leaves its seat again by more than {1e3 * bounce_height:g} mm"
         questions["bounce"] = (lambda response, ready: _bounces(response, ready, bounce_height), words)
     if any(spring.clash_travel is not None for spring in model.springs.values()):
-        questions["coil_clash"] = (lambda response, ready: _clashed(response), "coils of a spring touch")
+        questions["coil_clash"] = (_clashed, "coils of a spring touch")
     words = "a member's compression passes its buckling load"
-    questions["buckling"] = (lambda response, ready: _buckled(response), words)
+    questions["buckling"] = (_buckled, words)
     return questions
 
 
 def _lost(response: Response, ready: Prepared) -> bool:
     """Tell whether a follower is off its cam somewhere on the main lift, in the last revolution."""
     last = _last_revolution(response, ready)
-    return any(separation(ready.model, response, name, last) > _OPEN for name in ready.model.driven)
+    free = [name for name, one in ready.model.driven.items() if isinstance(one, CamContact) and one.unilateral]
+    return any(separation(ready.model, response, name, last) > _OPEN for name in free)
 
 
 def _bounces(response: Response, ready: Prepared, height: float) -> bool:
@@ -203,16 +216,22 @@ def _bounces(response: Response, ready: Prepared, height: float) -> bool:
     return False
 
 
-def _clashed(response: Response) -> bool:
-    return any(float(v.max()) > 0.0 for name, v in response.channels.items() if name.endswith(".clash"))
+def _clashed(response: Response, ready: Prepared) -> bool:
+    return _largest(response, ready, ".clash") > 0.0
 
 
-def _buckled(response: Response) -> bool:
-    return any(float(v.max()) > 1.0 for name, v in response.channels.items() if name.endswith(".buckling_use"))
+def _buckled(response: Response, ready: Prepared) -> bool:
+    return _largest(response, ready, ".buckling_use") > 1.0
+
+
+def _largest(response: Response, ready: Prepared, end: str) -> float:
+    """Return the largest value of some channels in the last revolution."""
+    last = _last_revolution(response, ready)
+    return max((float(v[last].max()) for name, v in response.channels.items() if name.endswith(end)), default=0.0)
 
 
 def _last_revolution(response: Response, ready: Prepared) -> NDArray[np.bool_]:
-    return response.time > response.time[-1] - 2.0 * math.pi / ready.case.speed * (1.0 - 1e-9)
+    return response.time > response.time[-1] - ready.revolution * (1.0 - 1e-9)
 
 
 def _rigid(case: Case) -> float | None:

@@ -149,7 +149,12 @@ def _drive(case: Case, model: Model, start: float = 0.0) -> Drive:
 def _from_angle(case: Case, model: Model, drive: Drive, angle: float, time: float) -> Drive:
     """Return the drive that passes a cam angle at a time."""
     missing = angle - float(drive.at(np.array([time])).angle[0])
-    return drive if abs(missing) <= _SAME_ANGLE else _drive(case, model, missing)
+    if abs(missing) <= _SAME_ANGLE:
+        return drive
+    free = case.record.run.free_running
+    if free is not None:
+        return free_running(model, case.speed, *free.made(), angle, time)
+    return _drive(case, model, missing)
 
 
 def _guess(system: System, drive: Drive) -> State:
@@ -159,7 +164,7 @@ def _guess(system: System, drive: Drive) -> State:
 def _periodic(case: Case, problem: Problem, revolution: float) -> Problem:
     """Return the problem from its periodic state."""
     if not problem.system.size:
-        return problem
+        return replace(problem, start=replace(State.rest(0), periodicity=0.0))
     per_revolution = round(revolution / problem.step)
     if abs(per_revolution * problem.step - revolution) > _SAME_ANGLE * revolution:
         given, why = f"a step of {problem.step:g} s", "the periodic state is that after a whole revolution"

@@ -11,7 +11,7 @@ from flexcam import fem, train
 from flexcam.case.read import Case
 from flexcam.case.records import CaseRecord
 from flexcam.case.tables import cams, contacts, members, parts
-from flexcam.checks import Fault, InputError, refuse
+from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Member, Mesh
 from flexcam.fem.frames import default_orientation
 from flexcam.linalg import FloatArray
@@ -55,7 +55,7 @@ def build_model(case: Case) -> train.Model:
         return made
 
     mesh = _mesh(case)
-    faults.extend(_shared_trains(case, mesh))
+    faults.extend([*_shared_trains(case, mesh), *_shared_points(case)])
     model = train.Model(
         mesh=mesh,
         members={name: _member(member, record) for name, member in record.members.items()},
@@ -145,8 +145,40 @@ def _shared_trains(case: Case, mesh: Mesh) -> list[Fault]:
     return faults
 
 
+def _shared_points(case: Case) -> list[Fault]:
+    """Return the plays and fingers that stand where another one stands already."""
+    faults: list[Fault] = []
+    seen: dict[str, str] = {}
+    plays = {
+        n: one
+        for n, one in case.record.contacts.items()
+        if isinstance(one, contacts.LashRecord | contacts.AdjusterRecord)
+    }
+    for name, play in plays.items():
+        if play.at is not None and play.at in seen:
+            given, why = f"{play.at!r}, as contact {seen[play.at]!r}", "a rocker has one play or adjuster"
+            faults.append(Fault(case.place(("contacts", name, "at")), given, "one at a rocker", why, "remove one"))
+        if play.ends is not None and play.ends[0] == play.ends[1]:
+            why = "a play lies between two bodies"
+            faults.append(
+                Fault(case.place(("contacts", name, "to")), repr(play.ends[1]), "another node", why, "name two")
+            )
+        seen.setdefault(play.at or "", name)
+    starts = [one.start for one in case.record.rockers.values()]
+    for name, rocker in case.record.rockers.items():
+        if starts.count(rocker.start) > 1 and isinstance(rocker, parts.LeverRecord):
+            why = "each lever has a driven end of its own"
+            faults.append(Fault(case.place(("rockers", name, "from")), repr(rocker.start), "another point", why, ""))
+    return faults
+
+
 def _rocker(record: parts.LumpedRecord | parts.LeverRecord, case: CaseRecord, mesh: Mesh) -> train.Rocker:
     finger = isinstance(record, parts.LeverRecord) and record.start not in mesh.points
+    touched = [one.follower for one in case.contacts.values() if isinstance(one, contacts.CamContactRecord)]
+    if finger and record.start not in touched:
+        allowed = f"a named node, or the follower of a cam's contact: {', '.join([*mesh.points, *touched])}"
+        why, remedy = "nothing would drive the lever", did_you_mean(record.start, [*mesh.points, *touched])
+        raise refuse("from", repr(record.start), allowed, why, remedy)
     along = _driven_along(record, case, mesh) if not finger else _finger_along(record)
     if isinstance(record, parts.LumpedRecord):
         return train.Rocker(record.start, record.to, record.arms, record.inertia, along)
@@ -218,13 +250,32 @@ def _driven(record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> 
 def _lift(record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> FloatArray:
     """Return the direction of the lift: given, or from cam to follower square to the shaft."""
     if record.direction is not None:
-        return fem.direction(record.direction)
+        return _towards(fem.direction(record.direction), record, case, mesh)
     cam = mesh.node(case.cams[record.cam].at, "cam")
     for rocker in case.rockers.values():
         if record.follower == rocker.start and record.follower not in mesh.points:
             return _finger_along(rocker)
     follower = mesh.node(record.follower, "follower")
     return _six(_across(mesh.nodes[follower] - mesh.nodes[cam], _tangent(mesh, cam)))
+
+
+def _towards(lift: FloatArray, record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> FloatArray:
+    """Return a given direction of the lift if it leads away from the shaft, square to it."""
+    cam = mesh.node(case.cams[record.cam].at, "cam")
+    if abs(float(lift[:3] @ _tangent(mesh, cam))) > _SQUARE * float(np.linalg.norm(lift[:3])):
+        raise refuse(
+            "direction", lift[:3].tolist(), "a direction square to the shaft", "a plate cam lifts in its plane"
+        )
+    if record.follower in mesh.points:
+        span = mesh.nodes[mesh.node(record.follower)] - mesh.nodes[cam]
+        if float(span @ lift[:3]) < -_SQUARE * float(np.linalg.norm(span)):
+            why = "the follower lies on the other side, and the cam would pass through it"
+            raise refuse("direction", lift[:3].tolist(), "from the cam to its follower", why, "turn its sign")
+    return lift
+
+
+_SQUARE = 1e-6
+"""Cosine up to which directions are square to each other."""
 
 
 def _axis(cam: cams.CamRecord, mesh: Mesh) -> FloatArray:

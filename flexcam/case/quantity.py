@@ -65,6 +65,8 @@ class Unit:
         The value must be above zero.
     signed
         Negative values are allowed.
+    most
+        Largest value, SI; None without.
 
     Examples
     --------
@@ -76,6 +78,7 @@ class Unit:
     dimension: str
     above: bool = False
     signed: bool = False
+    most: float | None = None
 
     def validate(self, value: Any) -> float:  # noqa: ANN401 - whatever stands in the file
         """Return the SI number.
@@ -93,6 +96,8 @@ class Unit:
             raise refused(f"{self._kind} {'above zero' if self.above else 'of zero or more'}")
         if number == 0.0 and self.above:
             raise refused(f"{self._kind} above zero")
+        if self.most is not None and number > self.most:
+            raise refused(f"{self._kind} up to {self.most:g}")
         return number
 
     @property

@@ -32,6 +32,9 @@ _CLOSE = 1e-9
 _SHARP = 1e-12
 """Share of a step by which an event may be missed."""
 
+_TOGETHER = 1e-6
+"""Share of a step within which events are one, such as those of two trains that mirror each other."""
+
 _SLOW = 1e-3
 """Rate of approach, m/s, up to which bodies meet without an impact: the contact's own law then holds them."""
 
@@ -120,7 +123,8 @@ class Walker:
         first = int(np.argmin(roots))
         moment, there = self._stopped(now, trial, to, first, roots[first])
         pressed = self._forces.pressed(moment.gap)
-        pressed[first] = not side[first]
+        together = crossed & (np.abs(np.array(roots) - roots[first]) <= _TOGETHER * length)
+        pressed[together] = ~side[together]
         moment = replace(moment, pressed=pressed)
         if not self._scheme.balances:
             moment = replace(self._starter.restarted(moment), pressed=pressed)
@@ -134,7 +138,8 @@ class Walker:
         length, side = to.time - now.time, bool(self._side(now)[which])
         low, high, after = 0.0, length, guess
         sharp = max(_SHARP * length, 4.0 * np.finfo(float).eps * abs(to.time))
-        moment, there, beyond = trial, to, 0
+        moment, there, was_beyond = trial, to, False
+        near, far = float(self._gaps(now)[0][which]), float(self._gaps(trial)[0][which])
         for _ in range(_CORRECTIONS):
             if after <= _CLOSE * length:
                 return replace(now, impulse=None, iterations=0), self._at(now.time)
@@ -145,11 +150,16 @@ class Walker:
             its_gap, its_rate = (float(one[which]) for one in self._gaps(moment))
             if abs(its_gap) <= sharp * abs(its_rate) or high - low <= sharp:
                 break
-            beyond = beyond + 1 if (its_gap > 0.0) != side else 0
-            low, high = (low, after) if beyond else (after, high)
-            after -= its_gap / its_rate if its_rate else 0.0
-            if beyond > 1 or not low < after < high:  # a stiff contact slows what is beyond: Newton would creep there
-                after = 0.5 * (low + high)
+            beyond = (its_gap > 0.0) != side
+            if beyond:
+                # The same end again: the Illinois rule, lest a stiff contact's side is crept along.
+                high, far, near = after, its_gap, 0.5 * near if was_beyond else near
+            else:
+                low, near = after, its_gap
+            newton = after - its_gap / its_rate if its_rate else high
+            after = newton if not (beyond and was_beyond) else low - near * (high - low) / (far - near)
+            after = after if low < after < high else 0.5 * (low + high)
+            was_beyond = beyond
         return moment, there
 
     def _struck(self, moment: Moment, there: Instant, closed: Bools) -> list[Moment]:

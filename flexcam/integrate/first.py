@@ -14,6 +14,9 @@ from flexcam.integrate.step import Instant, Moment
 from flexcam.linalg import DENSE_LIMIT, Factor, FloatArray, IntArray, Triplets, factorize, null_space, pins
 from flexcam.system import System
 
+_TOUCHED = 1e-9
+"""Share of an impact along a motion without mass (of size 1) that is rounding."""
+
 
 class Starter:
     """Balances instants of a system: ``M a = f - C v - K d``.
@@ -137,7 +140,7 @@ class Starter:
         for which in bouncing:
             own = forces.act.owner[which] > 0.0
             vectors = forces.act.vectors[own]
-            if self._light.shape[1] and float(np.abs(vectors @ self._light).max(initial=0.0)) > 0.0:
+            if self._light.shape[1] and float(np.abs(vectors @ self._light).max(initial=0.0)) > _TOUCHED:
                 why = "an impact changes the velocity of a mass"
                 given, allowed = "a restitution where a body has no mass", "a mass on both sides, or ground"
                 raise refuse(forces.names[which], given, allowed, why, "add a mass there, or use dissipation")

@@ -21,7 +21,7 @@ from flexcam.linalg import (
     pins,
 )
 from flexcam.response import TOO_FINE, Cause, RunFailedError, Status
-from flexcam.system import Drive, Load, System
+from flexcam.system import CamMotion, Drive, Load, Resting, System
 
 _UNLOADED = 1e-9
 """Share of the load along a free motion that counts as none: loads are sums of given numbers with 15 digits."""
@@ -195,4 +195,16 @@ def _balanced(system: System, drive: Drive, time: float, acts: Callable[[Load], 
         d = static_displacement(system.stiffness, load, system.names, system.free)
     else:
         d = balanced(system, forces, load, motion)
-    return State(d, np.zeros(system.size), time)
+    return State(d, np.zeros(system.size), time, _resting(forces, d, motion))
+
+
+def _resting(forces: LocalForces, d: FloatArray, motion: CamMotion) -> FloatArray | None:
+    """Return the internal states at rest, shape (s,); None where there are none."""
+    inner = forces.start_state.copy()
+    if not len(inner):
+        return None
+    gap = forces.sensed(d[None], np.zeros((1, len(d))), forces.schedule(motion))[0][0]
+    for law, part, own in forces.laws:
+        if isinstance(law, Resting):
+            inner[own] = law.rest_state(gap[part])
+    return inner

@@ -3,7 +3,17 @@
 from flexcam.system.channel import Channel, Observable, Observed, force_sum, load_sum, row_of, total
 from flexcam.system.drive import CamMotion, ConstantSpeed, Drive, FluctuatingSpeed, SpeedByAngle
 from flexcam.system.equations import Load, Probe, System
-from flexcam.system.local import AngleFunction, AngleVector, LocalForce, LocalLaw, Reaction, Stored, Storing, constant
+from flexcam.system.local import (
+    AngleFunction,
+    AngleVector,
+    LocalForce,
+    LocalLaw,
+    Reaction,
+    Resting,
+    Stored,
+    Storing,
+    constant,
+)
 
 __all__ = [
     "AngleFunction",
@@ -20,6 +30,7 @@ __all__ = [
     "Observed",
     "Probe",
     "Reaction",
+    "Resting",
     "SpeedByAngle",
     "Stored",
     "Storing",

@@ -123,8 +123,8 @@ class SpeedByAngle:
     ----------
     speed
         omega over the cam angle, rad/s, above zero; its first derivative is asked for too.
-    start
-        Cam angle at time zero, rad.
+    start, time
+        Cam angle, rad, and when it is passed, s.
     points
         Of the table of times that is inverted; Newton's method sharpens what it gives.
 
@@ -134,13 +134,13 @@ class SpeedByAngle:
         If the shaft would stop.
     """
 
-    def __init__(self, speed: AngleFunction, start: float = 0.0, points: int = 7201) -> None:
+    def __init__(self, speed: AngleFunction, start: float = 0.0, time: float = 0.0, points: int = 7201) -> None:
         self._speed, self._start = speed, start
         self._angles = np.linspace(0.0, 2.0 * np.pi, points)
         if float(speed(self._angles, 0).min()) <= 0.0:
             raise refuse("speed", "zero or less at some angle", "above zero at every cam angle")
         self._times = np.concatenate([[0.0], np.cumsum(self._passing(self._angles[:-1], np.diff(self._angles)))])
-        self._first = float(self._time_at(np.array([start % (2.0 * np.pi)]))[0])
+        self._first = float(self._time_at(np.array([start % (2.0 * np.pi)]))[0]) - time
 
     @property
     def period(self) -> float:

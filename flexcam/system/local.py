@@ -115,6 +115,15 @@ class Storing(Protocol):
         ...
 
 
+@runtime_checkable
+class Resting(Protocol):
+    """A local law whose internal state follows from where it comes to rest."""
+
+    def rest_state(self, gap: FloatArray) -> FloatArray:
+        """Return the internal state, shape (s,), at rest at gamma, shape (c,)."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class LocalForce:
     """A force that senses c scalars of the motion and acts with c forces.

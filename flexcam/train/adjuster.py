@@ -2,7 +2,7 @@
 
 While the oil column is pressed by e = gamma - z it carries k e and leaks, z' = k e/c. When it would be pulled the check
 valve opens: oil flows in, z' = k e/c0 with a c0 much smaller than c, and only the plunger's spring pushes. The internal
-state z is the leak-down since installation; at rest it is zero, the adjuster having taken up all play.
+state z is the leak-down since installation. At rest the plunger's spring has taken up all play, e = 0.
 """
 
 from __future__ import annotations
@@ -47,6 +47,10 @@ class OilColumn:
     def start_state(self) -> FloatArray:
         """No leak-down."""
         return np.zeros(1)
+
+    def rest_state(self, gap: FloatArray) -> FloatArray:
+        """Return the leak-down at which the oil neither carries nor is missing."""
+        return gap.copy()
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return force, velocity of leak-down and tangent."""

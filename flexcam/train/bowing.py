@@ -55,15 +55,16 @@ class Bowing:
 
     def axial_force(self, gap: FloatArray) -> FloatArray:
         """Return the axial force of every element, tension positive, N, shape (..., e)."""
-        stretch, bent, pulled = self._shape(gap)
-        start = np.einsum("ei,eij,ej->e", self.bow, self.shortening, self.bow)
-        return self.axial * (stretch + 0.5 * np.einsum("...ei,...ei->...e", bent, pulled) - 0.5 * start)
+        stretch, moved, pulled = self._shape(gap)
+        # y.g.(y + 2 y0): the difference of both squares would leave rounding where nothing is bent.
+        start = np.einsum("eij,ej->ei", self.shortening, self.bow)
+        return self.axial * (stretch + 0.5 * np.einsum("...ei,...ei->...e", moved, pulled + start))
 
     def _shape(self, gap: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the stretch, y + y0 and g (y + y0)."""
-        values = gap.reshape(*gap.shape[:-1], -1, _SCALARS)
+        """Return the stretch, y and g (y + y0)."""
+        values = gap.reshape(*gap.shape[:-1], len(self.axial), _SCALARS)
         bent = values[..., 1:] + self.bow
-        return values[..., 0], bent, np.einsum("eij,...ej->...ei", self.shortening, bent)
+        return values[..., 0], values[..., 1:], np.einsum("eij,...ej->...ei", self.shortening, bent)
 
     def _force(self, gap: FloatArray) -> FloatArray:
         """Return the forces, shape (..., e, 7)."""

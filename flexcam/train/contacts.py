@@ -6,6 +6,7 @@ that what the cam's torque puts in is what kinetic, strain and contact energy ta
 
 from __future__ import annotations
 
+from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
 from flexcam.system import AngleFunction, AngleVector, Channel, LocalForce, LocalLaw, constant, force_sum
 from flexcam.train.coupling import Coupling
@@ -66,6 +67,12 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
         A local force with its channel.
     """
     row = structure.row(seat.at, seat.direction, f"contacts.{name}.at")
+    if not row.any():
+        given = f"a seat at {seat.at!r} along {seat.direction.tolist()}"
+        why = "what cannot move that way needs no seat"
+        raise refuse(
+            f"contacts.{name}", given, "a point that is free along the seat's direction", why, 'add direction = "uy"'
+        )
     law = Stop(seat.stiffness, seat.damping)
     force = conservative(f"contacts.{name}", AngleVector.constant(-row), law, restitution=seat.restitution)
     return Coupling((), (force,), (

@@ -1,6 +1,6 @@
 """A cam that turns by its own inertia: its speed follows from the energy of cam and follower.
 
-Equations of the paper on the settings of a valve spring (see docs/motion.md): with the reduced inertia
+Equations of the paper on the settings of the valve spring (one-mass model, variable speed): with the reduced inertia
 ``J = m_c/2 (r0^2 + 4 r0 s + 2 s^2) + m_t s'^2`` the energy ``J omega^2`` stays what it is at the mean speed and the
 inertia ``m_c/2 (r0 + h)^2``.
 """
@@ -16,7 +16,13 @@ from flexcam.train.model import Model
 
 
 def free_running(
-    model: Model, speed: float, cam: str, cam_mass: float, follower_mass: float, start: float = 0.0
+    model: Model,
+    speed: float,
+    cam: str,
+    cam_mass: float,
+    follower_mass: float,
+    start: float = 0.0,
+    time: float = 0.0,
 ) -> SpeedByAngle:
     """Return the drive of a freely running cam.
 
@@ -30,8 +36,8 @@ def free_running(
         Name of the cam, with its base circle.
     cam_mass, follower_mass
         kg.
-    start
-        Cam angle at time zero, rad.
+    start, time
+        Cam angle, rad, and when it is passed, s.
 
     Returns
     -------
@@ -62,4 +68,4 @@ def free_running(
         found = speed * np.sqrt(mean / J)
         return found if order == 0 else -0.5 * found * change / J
 
-    return SpeedByAngle(omega, start)
+    return SpeedByAngle(omega, start, time)

@@ -14,6 +14,7 @@ from flexcam.linalg import FloatArray
 from flexcam.system import AngleVector, LocalForce, Reaction, Stored, constant
 from flexcam.train.coupling import Coupling
 from flexcam.train.model import Lever
+from flexcam.train.published import follower_train
 from flexcam.train.structure import Structure, lever_ends
 
 _NONE = np.zeros(0)
@@ -77,6 +78,7 @@ def lever_joints(structure: Structure) -> Coupling:
     Coupling
         A local force per elastic end.
     """
+    _refuse_far_turns(structure)
     forces: list[LocalForce] = []
     for name, lever in structure.model.levers.items():
         for end, rows in lever_ends(structure, lever).items():
@@ -85,3 +87,14 @@ def lever_joints(structure: Structure) -> Coupling:
             where = f"rockers.{name}.{('from', 'to')[end]}"
             forces.append(LocalForce(where, sense, act, LeverEnd(lever, end), (constant(0.0),) * 2))
     return Coupling((), tuple(forces), ())
+
+
+def _refuse_far_turns(structure: Structure) -> None:
+    """Refuse a lift that would turn a lever until its arm points along the motion."""
+    model = structure.model
+    for name, contact in model.driven.items():
+        train = follower_train(structure, contact, f"contacts.{name}.follower")
+        event = model.cams[contact.cam].event
+        for lever in model.levers.values():
+            driven = float(structure.row(lever.start, lever.direction) @ train.motion)
+            lever.path_at(np.array([driven * event.height]))

@@ -66,7 +66,7 @@ def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating
     top = int(np.argmax(gap))
     height, speed, at = (np.roll(one, -top) for one in (gap, velocity, angle))
     shut = np.flatnonzero(height <= 0.0)
-    if not len(shut) or gap[top] <= _TOUCH:
+    if not len(shut) or gap[top] <= _TOUCH or gap[-1] > _TOUCH:  # or the record ends with the valve open
         return None
     first, last = int(shut[0]), int(shut[-1])
     between = height[first : last + 1]
@@ -116,7 +116,7 @@ def operation(model: Model, response: Response, period: float) -> list[Figure]:
     last = response.time >= response.time[-1] - period * (1.0 - 1e-9)
     figures: list[Figure] = []
     for name, contact in model.driven.items():
-        if isinstance(contact, CamContact):
+        if isinstance(contact, CamContact) and contact.unilateral:
             angle = separation(model, response, name, last)
             figures.append(Figure(f"contacts.{name}.open_on_the_lift", angle, "rad"))
     for name in (name for name, one in model.contacts.items() if isinstance(one, Seat)):
@@ -125,7 +125,8 @@ def operation(model: Model, response: Response, period: float) -> list[Figure]:
         end = channel.rpartition(".")[2]
         values = response.channels[channel][last]
         if end in _LARGEST:
-            figures.append(Figure(f"{channel}.largest", float(np.abs(values).max()), unit))
+            size = values if end in _SIGNED else np.abs(values)
+            figures.append(Figure(f"{channel}.largest", float(size.max()), unit))
         if end in _LEAST:
             figures.append(Figure(f"{channel}.least", float(values.min()), unit))
         if end == "buckling_use" and float(values.max()) > 0.0:
@@ -138,6 +139,9 @@ _LARGEST = (
     "leak_down",
 )  # fmt: skip
 """Ends of the names of channels whose largest size says something."""
+
+_SIGNED = ("compression",)
+"""Those of which only the positive side is meant."""
 
 _LEAST = ("clearance",)
 

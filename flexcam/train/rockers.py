@@ -7,7 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
+
+_MOST = math.radians(75.0)
+"""Angle between an arm and the square to its end's motion, up to which a lever makes sense."""
+
+_STEEP = math.sin(_MOST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +68,14 @@ class Lever(Rocker):
     stiffness: tuple[float, float] = (0.0, 0.0)
     damping: tuple[float, float] = (0.0, 0.0)
 
+    def __post_init__(self) -> None:
+        if max(abs(angle) for angle in self.angles) > _MOST:
+            why, given = (
+                "an arm nearly along the motion of its end moves it no more",
+                [math.degrees(a) for a in self.angles],
+            )
+            raise refuse("angles", f"{given} deg", f"within {math.degrees(_MOST):g} deg of square", why)
+
     @property
     def ratio(self) -> float:
         """Motion of the point per motion of the driven end, as installed."""
@@ -85,6 +99,10 @@ class Lever(Rocker):
             return lift, np.ones_like(lift), np.zeros_like(lift)
         arm, start = self.arms[0], self.angles[0]
         sine = math.sin(start) + lift / arm
+        if float(np.abs(sine).max(initial=0.0)) >= _STEEP:
+            given = f"a motion of {1e3 * float(np.abs(lift).max()):.4g} mm at an arm of {1e3 * arm:.4g} mm"
+            why, remedy = "the lever would turn until its arm points along the motion", "a longer arm, or other angles"
+            raise refuse(f"rocker to {self.point}, arms", given, f"up to {math.degrees(_MOST):g} deg", why, remedy)
         cosine = np.sqrt(1.0 - sine**2)
         return arm * (np.arcsin(sine) - start), 1.0 / cosine, sine / (arm * cosine**3)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flexcam.fem.elements import beam
-from flexcam.linalg import FloatArray
-from flexcam.system import Channel, Observable, Observed, row_of
+from flexcam.linalg import FloatArray, IntArray
+from flexcam.system import Channel, Load, Observable, Observed, row_of
 from flexcam.train.coupling import Coupling
 from flexcam.train.structure import Structure
 
@@ -46,14 +46,28 @@ def shafts(structure: Structure) -> Coupling:
             if abs(float(along[axis])) > _ALONG and ("rx", "ry", "rz")[axis] in held:
                 name = point if len(model.mesh.select(point)) == 1 else model.mesh.node_name(node)
                 channels.append(Channel(f"supports.{name}.torque", "N m", _torque(structure, node, along)))
-    return Coupling((), (), tuple(channels))
+    return Coupling(_inertias(structure), (), tuple(channels))
+
+
+def _inertias(structure: Structure) -> tuple[Load, ...]:
+    mesh = structure.model.mesh
+    shafts: dict[int, Load] = {}
+    for contact in structure.model.driven.values():
+        nodes = mesh.connected(mesh.node(structure.model.cams[contact.cam].at))
+        if int(nodes[0]) not in shafts:
+            shafts[int(nodes[0])] = _inertia(structure, nodes, contact.shaft_axis)
+    return tuple(shafts.values())
 
 
 def _torque(structure: Structure, node: int, axis: FloatArray) -> Observable:
-    """Return the torque that holds a node's rotation, from the elements that end there."""
-    beams, dofs = structure.beams, structure.dofs
-    stiff, heavy = (beam.to_global(beams, matrix) for matrix in (beam.stiffness(beams), beam.mass(beams)))
-    on_d, on_a = np.zeros(dofs.size), np.zeros(dofs.size)
+    """Return the torque that holds a node's rotation, from the elements that end there and the bodies on it.
+
+    Modal damping, which couples everything, is left out.
+    """
+    stiff, heavy = _global(structure)
+    beams, dofs, damping = structure.beams, structure.dofs, structure.model.damping
+    on_d, on_a, inertia = np.zeros(dofs.size), np.zeros(dofs.size), 0.0
+    turning = np.tile(np.concatenate([np.zeros(3), axis]), 2)
     for e, end in np.argwhere(beams.nodes == node).tolist():
         turned = np.zeros(12)
         turned[6 * end + 3 : 6 * end + 6] = axis
@@ -61,8 +75,38 @@ def _torque(structure: Structure, node: int, axis: FloatArray) -> Observable:
         free = numbers >= 0
         on_d[numbers[free]] += (turned @ stiff[e])[free]
         on_a[numbers[free]] += (turned @ heavy[e])[free]
+        inertia += float(turned @ heavy[e] @ turning)
+    for part in structure.model.masses.values():
+        if structure.is_node(part.at) and structure.model.mesh.node(part.at) == node:
+            inertia += float(turning[:6] @ part.body.matrix() @ turning[:6])
+    on_v = damping.alpha * on_a + damping.beta * on_d
 
     def held(seen: Observed) -> FloatArray:
-        return seen.displacement @ on_d + seen.acceleration @ on_a
+        own = seen.displacement @ on_d + seen.velocity @ on_v + seen.acceleration @ on_a
+        return own + inertia * seen.motion.rate
 
     return held
+
+
+def _global(structure: Structure) -> tuple[FloatArray, FloatArray]:
+    """Return stiffness and mass of every element, shape (e, 12, 12), global axes."""
+    beams = structure.beams
+    return beam.to_global(beams, beam.stiffness(beams)), beam.to_global(beams, beam.mass(beams))
+
+
+def _inertia(structure: Structure, nodes: IntArray, axis: FloatArray) -> Load:
+    """Return the load of a shaft's rotary inertia while its speed changes: unknowns turn with the shaft."""
+    beams, dofs = structure.beams, structure.dofs
+    turning = np.concatenate([np.zeros(3), axis])
+    heavy = _global(structure)[1]
+    vector = np.zeros(dofs.size)
+    for e in np.flatnonzero(np.isin(beams.nodes[:, 0], nodes)).tolist():
+        numbers = dofs.numbers[beams.nodes[e]].ravel()
+        free = numbers >= 0
+        vector[numbers[free]] -= (heavy[e] @ np.tile(turning, 2))[free]
+    for part in structure.model.masses.values():
+        if structure.is_node(part.at) and structure.model.mesh.node(part.at) in nodes:
+            node = structure.model.mesh.node(part.at)
+            numbers = dofs.numbers[node]
+            vector[numbers[numbers >= 0]] -= (part.body.matrix() @ turning)[numbers >= 0]
+    return Load(f"shaft of {structure.model.mesh.node_name(int(nodes[0]))}", vector, lambda motion: motion.rate)
