@@ -20,7 +20,7 @@ from flexcam.linalg import FloatArray
 from flexcam.response import Response
 from flexcam.runner import Prepared, prepare
 from flexcam.system import ConstantSpeed
-from flexcam.train import CamContact, Model, Seat, seating, separation
+from flexcam.train import CamContact, Model, Seat, main_lift, seating, separation
 
 _RPM = math.pi / 30.0
 _REVOLUTIONS = 3
@@ -237,10 +237,10 @@ def _last_revolution(response: Response, ready: Prepared) -> NDArray[np.bool_]:
 def _rigid(case: Case) -> float | None:
     """Return the camshaft speed at which the rigid train's contact force first falls to zero, rpm."""
     one = prepare(_at(case, 1.0), rigid=True)
-    angle = _ANGLES
     worst: list[float] = []
-    for name in one.model.driven:
-        still, moving = (_rigid_force(case, name, speed, angle) for speed in (1e-3, 1.0))
+    for name, contact in one.model.driven.items():
+        lifted = one.model.cams[contact.cam].event(_ANGLES) > main_lift(one.model, contact.cam)
+        still, moving = (_rigid_force(case, name, speed, _ANGLES)[lifted] for speed in (1e-3, 1.0))
         inertia = moving - still  # per (rad/s)^2
         pulls = inertia < 0.0
         if pulls.any():

@@ -10,6 +10,7 @@ import numpy as np
 
 from flexcam.checks import did_you_mean, refuse
 from flexcam.fem.elements.beam import Beams
+from flexcam.fem.elements.shallow import half_wave
 from flexcam.fem.frames import default_orientation, triads
 from flexcam.fem.material import Material
 from flexcam.fem.mesh import Mesh
@@ -106,7 +107,14 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
         phi_y=shear * 12.0 * E * Iz / (kappa_y * A * G * length**2),
         phi_z=shear * 12.0 * E * Iy / (kappa_z * A * G * length**2),
         lumped=each([float(m.mass == "lumped") for m in chosen]),
+        arched=each([float(m.geometric_stiffness) for m in chosen]), bow=_bows(mesh, chosen, length),
     )  # fmt: skip
+
+
+def _bows(mesh: Mesh, chosen: list[Member], length: FloatArray) -> FloatArray:
+    ranges = mesh.element_ranges().values()
+    bows = [half_wave(member.bow, length[part]) for member, part in zip(chosen, ranges, strict=True)]
+    return np.concatenate([np.zeros((0, 6)), *bows])
 
 
 def _orientations(axes: FloatArray, chosen: list[Member], repeats: list[int]) -> FloatArray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.fem.elements import beam
+from flexcam.fem.elements import beam, shallow
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.section import Section
 from flexcam.linalg import FloatArray
@@ -58,7 +58,8 @@ def section_forces(
     >>> float(section_forces(bar, nodal)[0, 1, 0].round(6))
     10000.0
     """
-    on_nodes = np.einsum("eij,...ej->...ei", beam.stiffness(beams), _local(beams, nodal))
+    local = _local(beams, nodal)
+    on_nodes = np.einsum("eij,...ej->...ei", beam.stiffness(beams), local) + shallow.beyond_linear(beams, local)
     if acceleration is not None:
         on_nodes += np.einsum("eij,...ej->...ei", beam.mass(beams), _local(beams, acceleration))
     if spread is not None:

@@ -2,7 +2,8 @@
 
 While the oil column is pressed by e = gamma - z it carries k e and leaks, z' = k e/c. When it would be pulled the check
 valve opens: oil flows in, z' = k e/c0 with a c0 much smaller than c, and only the plunger's spring pushes. The internal
-state z is the leak-down since installation. At rest the plunger's spring has taken up all play, e = 0.
+state z is the leak-down since installation. At rest the plunger's spring has taken up all
+play.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ class OilColumn:
         return np.zeros(1)
 
     def rest_state(self, gap: FloatArray) -> FloatArray:
-        """Return the leak-down at which the oil neither carries nor is missing."""
-        return gap.copy()
+        """Return the leak-down at which no oil is missing: what carries at rest has not leaked yet."""
+        return np.minimum(gap, 0.0)
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return force, velocity of leak-down and tangent."""

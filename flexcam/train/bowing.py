@@ -1,11 +1,6 @@
-"""Geometric stiffness within a run: what axial force does to bending, and bending to axial force.
+"""Geometric stiffness within a run: the shallow arch of `flexcam.fem.elements.shallow` as a local force.
 
-A beam element that bends shortens its chord by half the integral of v'^2. With one axial strain per element its energy
-is ``EA/(2 L) e^2`` with ``e = D + 1/2 (y + y0)^T g (y + y0) - 1/2 y0^T g y0``: D is the stretch of the chord, y the
-bending (slope of the chord and rotations of both ends, in each plane), y0 that of the initial bow, g the geometric
-stiffness under a unit force. What is beyond the linear ``EA/L D^2/2`` acts as a local force: N g (y + y0) on bending
-and the axial force of the shortening on the chord. M. A. Crisfield, Non-linear Finite Element Analysis of Solids and
-Structures 1 (1991), sec. 7.1 and 7.2 (shallow element with constant axial strain).
+What is beyond the linear ``EA/L D^2/2`` acts: N g (y + y0) on bending, the axial force of the shortening on the chord.
 """
 
 from __future__ import annotations
@@ -16,16 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.fem import Beams
-from flexcam.fem.elements import bending
-from flexcam.fem.elements.beam import PLANE_XY, PLANE_XZ
+from flexcam.fem.elements import shallow
 from flexcam.linalg import DENSE_LIMIT, FloatArray, IntArray
 from flexcam.system import AngleVector, Channel, LocalForce, Observable, Observed, Reaction, Stored, constant
 from flexcam.train.buckling import buckling_load
 from flexcam.train.coupling import Coupling
 from flexcam.train.structure import Structure
-
-_SCALARS = 7
-"""Per element: the stretch of its chord, then slope of the chord and both end rotations in the x-y and x-z plane."""
 
 _NONE = np.zeros(0)
 
@@ -62,7 +53,7 @@ class Bowing:
 
     def _shape(self, gap: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the stretch, y and g (y + y0)."""
-        values = gap.reshape(*gap.shape[:-1], len(self.axial), _SCALARS)
+        values = gap.reshape(*gap.shape[:-1], len(self.axial), shallow.SCALARS)
         bent = values[..., 1:] + self.bow
         return values[..., 0], values[..., 1:], np.einsum("eij,...ej->...ei", self.shortening, bent)
 
@@ -78,13 +69,13 @@ class Bowing:
         e = len(self.axial)
         pulled = self._shape(gap)[2]
         N = self.axial_force(gap)
-        by_gap = np.zeros((e, _SCALARS, e, _SCALARS))
+        by_gap = np.zeros((e, shallow.SCALARS, e, shallow.SCALARS))
         each = np.arange(e)
         across = self.axial[:, None] * pulled
         by_gap[each, 0, each, 1:] = across
         by_gap[each, 1:, each, 0] = across
         by_gap[each, 1:, each, 1:] = N[:, None, None] * self.shortening + across[:, :, None] * pulled[:, None, :]
-        size = e * _SCALARS
+        size = e * shallow.SCALARS
         return Reaction(self._force(gap).ravel(), by_gap.reshape(size, size), np.zeros((size, size)), _NONE)
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
@@ -119,7 +110,7 @@ def bowings(structure: Structure) -> Coupling:
         elements = np.arange(len(structure.beams))[model.mesh.element_ranges()[name]]
         where = f"members.{name}"
         if member.geometric_stiffness:
-            rows, law = _sensed(structure, elements), _law(structure.beams, elements, member.bow)
+            rows, law = _sensed(structure, elements), _law(structure.beams, elements)
             sense = tuple(AngleVector.constant(row) for row in rows)
             act = tuple(AngleVector.constant(-row) for row in rows)
             forces.append(LocalForce(f"{where}.bending", sense, act, law, (constant(0.0),) * len(rows)))
@@ -138,7 +129,7 @@ def _part(value: Observable, whole: float) -> Observable:
 
 
 def _linear_compression(structure: Structure, elements: IntArray) -> Observable:
-    rows = np.array([_ends(structure, e)[0] for e in elements.tolist()])
+    rows = np.array([local[6] - local[0] for local in (_ends(structure, e) for e in elements.tolist())])
     stiffness = structure.beams.EA[elements] / structure.beams.length[elements]
     return lambda seen: -(seen.displacement @ rows.T * stiffness).min(axis=1)
 
@@ -150,48 +141,23 @@ def _compression(law: Bowing, part: slice) -> Observable:
     return largest
 
 
-def _law(beams: Beams, elements: IntArray, bow: float) -> Bowing:
-    L = beams.length[elements]
-    one = np.ones(len(L))
-    g = np.zeros((len(L), 6, 6))
-    for first, phi in ((0, beams.phi_y), (3, beams.phi_z)):
-        whole = bending.geometric(one, L, phi[elements])
-        turned = _from_chord(L)
-        g[:, first : first + 3, first : first + 3] = np.swapaxes(turned, 1, 2) @ whole @ turned
-    x = np.concatenate([[0.0], np.cumsum(L)])
-    wave = np.pi / x[-1]
-    y0 = np.zeros((len(L), 6))
-    y0[:, 0] = bow * np.diff(np.sin(wave * x)) / L
-    y0[:, 1], y0[:, 2] = bow * wave * np.cos(wave * x[:-1]), bow * wave * np.cos(wave * x[1:])
-    return Bowing(beams.EA[elements] / L, g, y0)
-
-
-def _from_chord(length: FloatArray) -> FloatArray:
-    """Return v1, rotation 1, v2, rotation 2 by slope of the chord and rotations, with v1 = 0, shape (e, 4, 3)."""
-    turned = np.zeros((len(length), 4, 3))
-    turned[:, 1, 1] = turned[:, 3, 2] = 1.0
-    turned[:, 2, 0] = length
-    return turned
+def _law(beams: Beams, elements: IntArray) -> Bowing:
+    axial = beams.EA[elements] / beams.length[elements]
+    return Bowing(axial, shallow.shortening(beams, elements), beams.bow[elements])
 
 
 def _sensed(structure: Structure, elements: IntArray) -> FloatArray:
     """Return the rows of all scalars, shape (7 e, n)."""
-    rows: list[FloatArray] = []
-    for e in elements.tolist():
-        stretch, local = _ends(structure, e)
-        rows.append(stretch)
-        for plane, sign in ((PLANE_XY, 1.0), (PLANE_XZ, -1.0)):
-            v1, r1, v2, r2 = local[plane]
-            rows += [(v2 - v1) / structure.beams.length[e], sign * r1, sign * r2]
-    return np.array(rows)
+    deforming = shallow.deforming(structure.beams, elements)
+    return np.concatenate([D @ _ends(structure, e) for D, e in zip(deforming, elements.tolist(), strict=True)])
 
 
-def _ends(structure: Structure, e: int) -> tuple[FloatArray, FloatArray]:
-    """Return the row of an element's stretch, and those of its twelve local components, shape (12, n)."""
+def _ends(structure: Structure, e: int) -> FloatArray:
+    """Return the rows of an element's twelve local components, shape (12, n)."""
     beams, dofs = structure.beams, structure.dofs
     local = np.zeros((12, dofs.size))
     for end, node in zip((0, 6), beams.nodes[e].tolist(), strict=True):
         for k, axis in enumerate(beams.triads[e]):
             local[end + k] = dofs.vector(node, np.concatenate([axis, np.zeros(3)]))
             local[end + 3 + k] = dofs.vector(node, np.concatenate([np.zeros(3), axis]))
-    return local[6] - local[0], local
+    return local

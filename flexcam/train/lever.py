@@ -78,7 +78,7 @@ def lever_joints(structure: Structure) -> Coupling:
     Coupling
         A local force per elastic end.
     """
-    _refuse_far_turns(structure)
+    refuse_far_turns(structure)
     forces: list[LocalForce] = []
     for name, lever in structure.model.levers.items():
         for end, rows in lever_ends(structure, lever).items():
@@ -89,12 +89,23 @@ def lever_joints(structure: Structure) -> Coupling:
     return Coupling((), tuple(forces), ())
 
 
-def _refuse_far_turns(structure: Structure) -> None:
-    """Refuse a lift that would turn a lever until its arm points along the motion."""
+def refuse_far_turns(structure: Structure) -> None:
+    """Refuse a lift that would turn a lever until its arm points along the motion.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+
+    Raises
+    ------
+    InputError
+        Naming the lever.
+    """
     model = structure.model
     for name, contact in model.driven.items():
         train = follower_train(structure, contact, f"contacts.{name}.follower")
         event = model.cams[contact.cam].event
-        for lever in model.levers.values():
+        for rocker, lever in model.levers.items():
             driven = float(structure.row(lever.start, lever.direction) @ train.motion)
-            lever.path_at(np.array([driven * event.height]))
+            lever.path_at(np.array([driven * event.height]), f"rockers.{rocker}.arms")

@@ -8,6 +8,7 @@ import numpy as np
 
 from flexcam import fem, modal
 from flexcam.fem import COMPONENTS, beam
+from flexcam.fem.recovery import section_forces
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.modal import Modes
 from flexcam.train.structure import Structure, spring_parts
@@ -68,7 +69,7 @@ def model_modes(structure: Structure, count: int | None = None, *, loaded: Float
     """
     stiffness, free = structure.stiffness, structure.free
     if loaded is not None:
-        force = beam.axial_force(structure.beams, structure.dofs.nodal(loaded))
+        force = section_forces(structure.beams, structure.dofs.nodal(loaded))[:, 0, 0]
         geometric = fem.geometric(structure.beams, force, structure.dofs)
         stiffness, free = stiffness + geometric, _unstressed(free, geometric, stiffness)
     found = modal.modes(structure.mass, stiffness, count, free=free)

@@ -11,6 +11,7 @@ from flexcam.linalg import FloatArray, Triplets
 from flexcam.motion import Event
 from flexcam.system import AngleFunction, CamMotion, Channel, Load, Probe, System, load_sum
 from flexcam.train.build import probe_of
+from flexcam.train.lever import refuse_far_turns
 from flexcam.train.model import CamContact, Lash, Lever, Model, PublishedLoad, path_name, tip_name
 from flexcam.train.published import FollowerTrain, follower_train, preload, stated_forces
 from flexcam.train.structure import Structure, build_structure, spring_parts
@@ -90,23 +91,55 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
 
 
 def _split(structure: Structure, train: FollowerTrain) -> tuple[FloatArray, tuple[Coordinate, ...]]:
-    """Return the motions of a train: what is in proportion to the lift, and both ends of every lever."""
-    base = train.motion.copy()
+    """Return the motions of a train: what is in proportion to the lift, what a play holds back, both ends of levers."""
+    base, names, model = train.motion.copy(), structure.dofs.names, structure.model
     motions: list[FloatArray] = []
     coordinates: list[Coordinate] = []
-    names = structure.dofs.names
-    for name, lever in structure.model.levers.items():
-        driven = float(structure.row(lever.start, lever.direction) @ train.motion)
+
+    def add(moved: FloatArray, coordinate: Coordinate) -> None:
+        for one in [base, *motions]:
+            one[moved != 0.0] = 0.0
+        motions.append(moved)
+        coordinates.append(coordinate)
+
+    for play in model.plays:
+        driven = float(structure.row(play.ends[0], play.direction) @ train.motion)
+        if driven != 0.0:
+            behind = structure.completed(driven * structure.shifted(model.mesh.node(play.ends[1]), play.direction))
+            add(behind, _held_back(_proportional, play.gap / driven))
+    for name, rocker in model.rockers.items():
+        driven = float(structure.row(rocker.start, rocker.direction) @ train.motion)
         if driven == 0.0:
             continue
-        for end, own in ((0, [path_name(name)]), (1, [tip_name(name), lever.point])):
-            moved = np.sum([structure.dofs.unit(one) for one in own if one in names] or [np.zeros_like(base)], axis=0)
-            base = np.where(moved > 0.0, 0.0, base)
-            motions.append(moved)
-            coordinates.append(_turned(lever, end, driven))
+        gap = _gap_before(model, rocker.point)
+        if isinstance(rocker, Lever):
+            add(_units(structure, [path_name(name)]), _turned(rocker, 0, driven))
+            add(_units(structure, [tip_name(name)]), _turned(rocker, 1, driven))
+            add(_units(structure, [rocker.point]), _held_back(_turned(rocker, 1, driven), gap))
+        elif rocker.point in names:
+            share = rocker.ratio * driven
+            add(share * _units(structure, [rocker.point]), _held_back(_proportional, gap / share))
     # Springs stretch evenly between their ends, whatever moves these.
     every = [structure.with_springs(one) for one in [base, *motions]]
     return np.array(every), (_proportional, *coordinates)
+
+
+def _units(structure: Structure, names: list[str]) -> FloatArray:
+    known = [structure.dofs.unit(one) for one in names if one in structure.dofs.names]
+    return np.sum([np.zeros(structure.dofs.size), *known], axis=0)
+
+
+def _held_back(coordinate: Coordinate, gap: float) -> Coordinate:
+    """Return a path behind a play: nothing moves before it is taken up."""
+    if gap == 0.0:
+        return coordinate
+
+    def moved(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        h, h1, h2 = coordinate(lift)
+        on = h > gap
+        return np.where(on, h - gap, 0.0), np.where(on, h1, 0.0), np.where(on, h2, 0.0)
+
+    return moved
 
 
 def _proportional(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -148,6 +181,7 @@ def build_rigid(model: Model, speed: float) -> System:
         As `build_system`.
     """
     structure = build_structure(model)
+    refuse_far_turns(structure)
     trains = {
         name: rigid_train(structure, contact, f"contacts.{name}.follower", speed)
         for name, contact in model.driven.items()
@@ -172,7 +206,7 @@ def _slope(event: AngleFunction) -> AngleFunction:
 
 def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrain]) -> Probe:
     """Return the probe as the rigid trains move it."""
-    model, gap = structure.model, _gap_before(structure.model, probe.name)
+    model = structure.model
     moving: list[list[AngleFunction]] = [[] for _ in probe.components]
     for name, train in trains.items():
         event = model.cams[model.driven[name].cam].event
@@ -182,7 +216,7 @@ def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrai
                 for share, one in zip(shares, train.coordinates, strict=True)
                 if share != 0.0
             ]
-    offsets = tuple(_combined(component, gap) for component in moving)
+    offsets = tuple(_combined(component) for component in moving)
     return Probe(probe.name, probe.components, np.zeros((len(probe.components), 0)), offsets)
 
 
@@ -212,16 +246,8 @@ def _along(share: float, coordinate: Coordinate, event: Event) -> AngleFunction:
     return lifted
 
 
-def _combined(moving: list[AngleFunction], gap: float) -> AngleFunction | None:
-    """Return a sum of motions, or None where there are none; a play is taken up before anything moves."""
+def _combined(moving: list[AngleFunction]) -> AngleFunction | None:
+    """Return a sum of motions, or None where there are none."""
     if not moving:
         return None
-
-    def lifted(angle: FloatArray, order: int) -> FloatArray:
-        total = sum((one(angle, order) for one in moving), np.zeros_like(angle))
-        if gap == 0.0:
-            return total
-        lift = total if order == 0 else sum((one(angle, 0) for one in moving), np.zeros_like(angle))
-        return np.where(lift > gap, total - (gap if order == 0 else 0.0), 0.0)
-
-    return lifted
+    return lambda angle, order: np.sum([one(angle, order) for one in moving], axis=0)

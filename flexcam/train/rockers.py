@@ -82,18 +82,25 @@ class Lever(Rocker):
         driven = 1.0 if self.finger else math.cos(self.angles[0])
         return self.arms[1] / self.arms[0] * math.cos(self.angles[1]) / driven
 
-    def path_at(self, lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def path_at(self, lift: FloatArray, where: str = "arms") -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the path of the driven end at a motion of what drives it, m, and its first two derivatives.
 
         Parameters
         ----------
         lift
             m, any shape; for a finger this is the path itself.
+        where
+            The place, for the message.
 
         Returns
         -------
         tuple
             Three arrays of that shape: m, 1, 1/m.
+
+        Raises
+        ------
+        InputError
+            If the arm would turn along the motion.
         """
         if self.finger:
             return lift, np.ones_like(lift), np.zeros_like(lift)
@@ -102,7 +109,7 @@ class Lever(Rocker):
         if float(np.abs(sine).max(initial=0.0)) >= _STEEP:
             given = f"a motion of {1e3 * float(np.abs(lift).max()):.4g} mm at an arm of {1e3 * arm:.4g} mm"
             why, remedy = "the lever would turn until its arm points along the motion", "a longer arm, or other angles"
-            raise refuse(f"rocker to {self.point}, arms", given, f"up to {math.degrees(_MOST):g} deg", why, remedy)
+            raise refuse(where, given, f"up to {math.degrees(_MOST):g} deg", why, remedy)
         cosine = np.sqrt(1.0 - sine**2)
         return arm * (np.arcsin(sine) - start), 1.0 / cosine, sine / (arm * cosine**3)
 

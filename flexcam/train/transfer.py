@@ -11,7 +11,8 @@ from flexcam.fem import along
 from flexcam.integrate import static_displacement
 from flexcam.linalg import ComplexArray, FloatArray
 from flexcam.train.build import build_system
-from flexcam.train.model import Model, PublishedLoad
+from flexcam.train.contacts import play_row
+from flexcam.train.model import Adjuster, Lash, Model, PublishedLoad
 from flexcam.train.published import series_stiffness
 from flexcam.train.structure import build_structure
 
@@ -60,6 +61,10 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
             raise refuse(f"contacts.{contact}.stiffness", "hertz", "a number", "the answer to a lift must be linear")
         force = part.stiffness * push
         stiffness, free = stiffness + along(push, part.stiffness), None
+    for name, play in model.contacts.items():  # plays are closed while the train is pressed together
+        if isinstance(play, Lash | Adjuster):
+            closed = along(play_row(structure, play, f"contacts.{name}"), play.stiffness)
+            stiffness, free = stiffness + closed, None
     row = structure.row(probe, np.zeros(6) if model.rocker_at(probe) else lift, "probe")
     M, C, K = (np.asarray(matrix.dense()) for matrix in (system.mass, system.damping, stiffness))
     still = float(row @ static_displacement(stiffness, force, system.names, free))

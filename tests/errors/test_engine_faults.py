@@ -151,27 +151,16 @@ FAULTS = {
 
 ACCEPTED = "accepted without a word"
 KNOWN = {
-    "friction above two": f"{ACCEPTED}: le=2.0 of q.Ratio = Field(...) is dropped by the plain validator",
-    "two plays at one rocker": f"{ACCEPTED}: both act side by side",
-    "play and adjuster at one rocker": f"{ACCEPTED}: both act side by side",
-    "play from a node to itself": f"{ACCEPTED}: it never acts",
     "play along a held direction": f"{ACCEPTED}: it never acts",
     "play about an axis": f"{ACCEPTED}: a gap in m between angles",
     "friction speed without friction": f"{ACCEPTED}: it acts on nothing",
-    "lever's lift exceeds its arm": f"{ACCEPTED}: the rigid train is NaN",
     "lever installed along its motion": f"{ACCEPTED}: its ratio has no bound, the rigid train is NaN",
     "lever installed backwards": ACCEPTED,
     "lever whose point stands along its motion": f"{ACCEPTED}: its ratio is zero",
-    "lever at a misspelt node": "taken for a finger: only the direction is asked for, no near name",
-    "lever at a misspelt node, with a direction": f"{ACCEPTED}: it becomes a finger that nothing drives",
     "lever along a held direction": "said at the valve's spring only; without that, accepted",
     "finger that turns": "said at the springs, as 'a direction along [0.0, 0.0, 0.0]'",
-    "finger that nothing drives": ACCEPTED,
     "two fingers at one point": f"{ACCEPTED}: two unknowns of one name",
     "restitution at a point without mass": "the place has no line; `check` accepts it",
-    "stiffness beside that of the wire": f"{ACCEPTED}: active_coils and shear_modulus act on nothing",
-    "wire of a spring that twists": f"{ACCEPTED}: N/m of the wire become N m/rad",
-    "clash of a spring without stiffness": f"{ACCEPTED}: the coils' contact has stiffness zero, they pass through",
     "free running with an unknown cam": "no line, no near name",
     "free running without a base circle": "no line",
     "periodic with a step that does not fit": "no line",
@@ -293,10 +282,9 @@ def test_no_nan_in_the_rigid_train(angles, written):
     assert np.isfinite(response["valve"].displacement).all()
 
 
-@pytest.mark.xfail(strict=True, reason="arcsin beyond one: warnings of numpy's, and NaN in the rigid train")
 @pytest.mark.parametrize(
     "change",
-    [(ARMS, 'arms = ["2.5 mm", "4 mm"]'), (ANGLES, 'angles = ["75 deg", "-6 deg"]'), (ANGLES, 'angles = ["90 deg", 0]')],
+    [(ARMS, 'arms = ["2.5 mm", "4 mm"]'), (ANGLES, 'angles = ["76 deg", "-6 deg"]'), (ANGLES, 'angles = ["90 deg", 0]')],
 )  # fmt: skip
 def test_no_nan_in_the_rigid_train_of_a_lever_out_of_reach(change, written):
     """Refused, or ended with a status that names the lever; never numbers that are not finite."""

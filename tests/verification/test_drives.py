@@ -187,11 +187,6 @@ def test_free_running_cam(record, case):
     assert np.ptp(motion.speed) > 0.02 * OMEGA
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="under a swinging speed the twist is counted from the drive's angle, but the inertia -I w' of what turns "
-    "with the shaft (members and bodies at their nodes) is no load: neither twist nor supports.drive.torque have it",
-)
 def test_inertia_of_a_flywheel_under_swinging_speed(case):
     """A disc on the cam's node lags by I w'/(G J/L) and asks I w' of the drive, far below its own frequency."""
     inertia = 2e-3
@@ -228,14 +223,7 @@ def test_a_restart_goes_on_at_its_angle(case, tmp_path, lines):
     "lines",
     [
         SWINGS,
-        pytest.param(
-            FREE,
-            marks=pytest.mark.xfail(
-                strict=True,
-                reason="runner._from_angle adds the missing angle to the angle at time zero, but a freely running "
-                "cam's speed depends on its angle: it does not pass the result's angle at the result's time",
-            ),
-        ),
+        FREE,
     ],
 )
 def test_a_restart_at_another_speed_goes_on_at_its_angle(case, tmp_path, lines):

@@ -22,7 +22,7 @@ import pytest
 from flexcam import build_model, modes, prepare, read_case, run
 from flexcam.fem import Section
 from flexcam.integrate import Problem, State, equilibrium, newmark, solve
-from flexcam.response import RunFailedError, SaveAt
+from flexcam.response import SaveAt
 from flexcam.runner import result_file
 from flexcam.system import ConstantSpeed, Load
 
@@ -149,23 +149,12 @@ def test_slowly_rising_force(record, column):
            reason="Pcr of four elements is 5e-4 high, five times that at the end; 0.5 % for its inertia")  # fmt: skip
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="Bowing.axial_force takes 1/2 (y + y0) g (y + y0) - 1/2 y0 g y0: what is left of rounding lies above the "
-    "tolerance of settle while the forces are small, and the run ends with no-convergence at its first steps",
-)
 def test_force_that_rises_from_nothing(column):
     end, steps = 20.0 * 2.0 * math.pi / OMEGA, 600
     response = pushed(column(1e-5, elements=2), rising(end, 0.0), end / steps, 20)
     assert response.status.ok
 
 
-@pytest.mark.xfail(
-    strict=True,
-    raises=ValueError,
-    reason="Bowing._shape cannot reshape no instants: a first block of one instant (field_every * fields_per_block of "
-    "1, or a first step that does not settle) ends in a ValueError",
-)
 def test_a_block_of_one_instant(column):
     ready = prepare(column(1e-4, PUSH.format(-100.0), elements=1))
     response = solve(ready.problem, ready.scheme, save=SaveAt(field_every=1, fields_per_block=1))
@@ -349,12 +338,6 @@ def test_energy_of_a_train_that_loses_none(record, tmp_path):
            absolute=True, reason="trapezoids of the torque, and the Hertz law changing with the curvature")  # fmt: skip
 
 
-@pytest.mark.xfail(
-    strict=True,
-    raises=RunFailedError,
-    reason="as above: at rest 1/2 y0 g y0 - 1/2 y0 g y0 leaves rounding, which nothing loaded stands against, and "
-    "start = rest ends with 'the contacts found no static balance'",
-)
 def test_an_unloaded_train_with_a_bow_can_start(tmp_path):
     path = tmp_path / "train.toml"
     text = TRAIN.replace(', installed_force = "900 N"', "").replace('start = "equilibrium"', 'start = "rest"')
@@ -369,7 +352,6 @@ LINEAR_ONLY = (
 )
 
 
-@pytest.mark.xfail(strict=True, reason=f"fem.recovery, io.vtkhdf: {LINEAR_ONLY}; stress_axial and von Mises with it")
 def test_section_force_of_a_bowed_column_in_the_result_file(column, tmp_path):
     ready = prepare(column(1e-3, PUSH.format(-0.5 * EULER)))
     sink = result_file(ready, tmp_path / "results")
@@ -379,7 +361,6 @@ def test_section_force_of_a_bowed_column_in_the_result_file(column, tmp_path):
     np.testing.assert_allclose(axial, -0.5 * EULER, rtol=1e-3)
 
 
-@pytest.mark.xfail(strict=True, reason=f"train.modes under prestress: {LINEAR_ONLY}")
 def test_modes_of_a_bowed_column_under_load(column):
     """Across the plane of the bow, the lowest frequency is that of a straight column under P."""
     found = modes(column(1e-3, PUSH.format(-0.5 * EULER)), 3, prestress="equilibrium").modes.frequencies

@@ -246,11 +246,6 @@ def test_at_a_rocker(record):
     assert np.abs(channels["energy.residual"]).max() < 1e-3 * most
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the rigid train ends at a play or an adjuster between nodes: what it pushes stands still, its springs and "
-    "masses are missing in the contact force",
-)
 @pytest.mark.parametrize(("play", "gap"), [(LASH, 0.5e-3), (ADJUSTER, 0.0)])
 def test_rigid_model_behind_a_play_between_nodes(case, play, gap):
     made = case(play, revolutions=0.3, steps=720)
@@ -261,11 +256,6 @@ def test_rigid_model_behind_a_play_between_nodes(case, play, gap):
     np.testing.assert_allclose(behind, 30e3 * (lift[lift > 1.5e-3] - gap), rtol=0.02)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="rigid.RigidTrain.contact_force leaves the play of a rocker out, which the rigid valve's motion has: on the "
-    "base circle the valve spring presses the tappet (650 N, not 10 N), on the lift it is compressed too much",
-)
 def test_rigid_force_with_a_play_at_the_rocker():
     gap = "contacts.lash={ at = 'rocker', model = 'lash', gap = '1 mm', stiffness = '20 MN/m' }"
     case = read_case("cases/pushrod-engine/intake.toml", [gap, "run.crank_speed=20 rpm", "run.revolutions=0.5",

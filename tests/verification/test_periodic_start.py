@@ -176,10 +176,6 @@ def test_rigid_model():
     np.testing.assert_allclose(valve[-1], valve[0], atol=1e-12)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the rigid model is periodic but reports a periodicity of -1, which stands for 'not asked for'",
-)
 def test_rigid_model_says_so():
     response = run(read_case(LINEAR, [*DAMPED, "run.start=periodic"]), rigid=True)
     assert 0.0 <= response.stats.periodicity <= 1e-9

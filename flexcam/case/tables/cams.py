@@ -21,7 +21,9 @@ class RampsRecord(Record):
 
     height: q.Length
     duration: q.PositiveAngle
-    take_off: q.Ratio = Field(0.25, le=1.0, description="part of the duration over which the velocity rises")
+    take_off: Annotated[float, q.Unit("number", most=1.0)] = Field(
+        0.25, description="part of the duration over which the velocity rises"
+    )
     closing_height: q.Length | None = Field(None, description="as height by default")
     closing_duration: q.PositiveAngle | None = Field(None, description="as duration by default")
 

@@ -48,7 +48,9 @@ class UnilateralRecord(Record):
     restitution: q.Ratio | None = Field(
         None, le=1.0, description="rate of parting per rate of approach, at the moment they meet"
     )
-    friction: q.Ratio = Field(0.0, le=2.0, description="Coulomb's coefficient along a flat face")
+    friction: Annotated[float, q.Unit("number", most=2.0)] = Field(
+        0.0, description="Coulomb's coefficient along a flat face"
+    )
     friction_speed: q.Velocity = Field(0.01, description="velocity of sliding over which friction turns over, m/s")
 
 

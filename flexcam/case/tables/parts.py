@@ -76,6 +76,18 @@ class SpringRecord(PartRecord[train.Spring]):
     )
     wire: WireRecord | None = Field(None, description="for the shear stress, and the stiffness where none is given")
 
+    @model_validator(mode="after")
+    def _of_one_piece(self) -> Self:
+        if self.wire is not None and not direction(self.direction)[:3].any():
+            raise q.refused(
+                "a wire on a spring along a line", "its stress and stiffness are those of a coil in compression"
+            )
+        if self.wire is not None and self.wire.rate is not None and self.stiffness:
+            raise q.refused("either stiffness, or active_coils and shear_modulus of the wire", "both say the same")
+        if self.clash_travel is not None and not self.made().stiffness:
+            raise q.refused("a stiffness where coils can touch", "a spring without one has no coils")
+        return self
+
     @field_validator("stiffness", "damping", mode="before")
     @classmethod
     def _in_its_unit(cls, value: object, info: ValidationInfo) -> float:

@@ -40,6 +40,10 @@ class Beams:
         Shear parameters of bending in the x-y and x-z plane, shape (e,); zero without shear deformation.
     lumped
         1 where the mass is lumped, else 0, shape (e,).
+    arched
+        1 where axial force and bending act on each other, else 0, shape (e,).
+    bow
+        Initial slopes and rotations of such elements, see `shallow`, shape (e, 6).
 
     Examples
     --------
@@ -60,6 +64,8 @@ class Beams:
     phi_y: FloatArray
     phi_z: FloatArray
     lumped: FloatArray
+    arched: FloatArray
+    bow: FloatArray
 
     def __len__(self) -> int:
         return len(self.length)

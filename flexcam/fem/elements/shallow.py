@@ -1,0 +1,120 @@
+"""The beam element as a shallow arch: what axial force and bending do to each other.
+
+Seven scalars deform it: the stretch D of its chord, and in each plane the slope of the chord and both end rotations, y.
+With one axial strain its axial energy is ``EA/(2 L) e^2``, ``e = D + 1/2 y^T g (y + 2 y0)``: bending shortens the chord
+by half the integral of v'^2, y0 is an initial bow, g the geometric stiffness under a unit force. M. A. Crisfield,
+Non-linear Finite Element Analysis of Solids and Structures 1 (1991), sec. 7.1 and 7.2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexcam.fem.elements import bending
+from flexcam.fem.elements.beam import PLANE_XY, PLANE_XZ, Beams
+from flexcam.linalg import FloatArray, IntArray
+
+SCALARS = 7
+"""Per element: the stretch, then slope of the chord and both end rotations in the x-y and the x-z plane."""
+
+
+def deforming(beams: Beams, elements: IntArray) -> FloatArray:
+    """Return the seven scalars by the twelve local components.
+
+    Parameters
+    ----------
+    beams
+        All elements.
+    elements
+        Which of them, shape (e,).
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 7, 12).
+    """
+    L = beams.length[elements]
+    D = np.zeros((len(L), SCALARS, 12))
+    D[:, 0, 0], D[:, 0, 6] = -1.0, 1.0
+    for first, plane, sign in ((1, PLANE_XY, 1.0), (4, PLANE_XZ, -1.0)):
+        D[:, first, plane[0]], D[:, first, plane[2]] = -1.0 / L, 1.0 / L
+        D[:, first + 1, plane[1]] = D[:, first + 2, plane[3]] = sign
+    return D
+
+
+def shortening(beams: Beams, elements: IntArray) -> FloatArray:
+    """Return g over slopes and rotations of both planes.
+
+    Parameters
+    ----------
+    beams, elements
+        As for `deforming`.
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 6, 6), m.
+    """
+    L = beams.length[elements]
+    g = np.zeros((len(L), 6, 6))
+    from_chord = np.zeros((len(L), 4, 3))  # v1 = 0, rotation 1, v2, rotation 2
+    from_chord[:, 1, 1] = from_chord[:, 3, 2] = 1.0
+    from_chord[:, 2, 0] = L
+    for first, phi in ((0, beams.phi_y), (3, beams.phi_z)):
+        whole = bending.geometric(np.ones(len(L)), L, phi[elements])
+        g[:, first : first + 3, first : first + 3] = np.swapaxes(from_chord, 1, 2) @ whole @ from_chord
+    return g
+
+
+def beyond_linear(beams: Beams, local: FloatArray) -> FloatArray:
+    """Return the end forces that shallow arches have beyond those of straight bars and beams.
+
+    Parameters
+    ----------
+    beams
+        All elements.
+    local
+        Displacements of both ends, shape (..., e, 12), local axes.
+
+    Returns
+    -------
+    ndarray
+        Shape (..., e, 12), local axes, N and N m; zero for members without geometric stiffness.
+    """
+    forces = np.zeros_like(local)
+    arched = np.flatnonzero(beams.arched)
+    if not len(arched):
+        return forces
+    D, g, y0 = deforming(beams, arched), shortening(beams, arched), beams.bow[arched]
+    values = np.einsum("eij,...ej->...ei", D, local[..., arched, :])
+    y = values[..., 1:]
+    pulled = np.einsum("eij,...ej->...ei", g, y + y0)
+    axial = beams.EA[arched] / beams.length[arched]
+    beyond = 0.5 * axial * np.einsum("...ei,...ei->...e", y, pulled + np.einsum("eij,ej->ei", g, y0))
+    N = axial * values[..., 0] + beyond
+    acting = np.concatenate([beyond[..., None], N[..., None] * pulled], axis=-1)
+    forces[..., arched, :] = np.einsum("eij,...ei->...ej", D, acting)
+    return forces
+
+
+def half_wave(bow: float, length: FloatArray) -> FloatArray:
+    """Return y0 of the elements of a member with an initial half wave in its x-y plane.
+
+    Parameters
+    ----------
+    bow
+        At mid-length, m.
+    length
+        Of its elements in order, m, shape (e,).
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 6).
+    """
+    x = np.concatenate([[0.0], np.cumsum(length)])
+    wave = np.pi / x[-1]
+    y0 = np.zeros((len(length), 6))
+    y0[:, 0] = bow * np.diff(np.sin(wave * x)) / length
+    y0[:, 1], y0[:, 2] = bow * wave * np.cos(wave * x[:-1]), bow * wave * np.cos(wave * x[1:])
+    return y0
