@@ -90,7 +90,6 @@ def test_rate_of_the_wire(record, case):
     found = build_model(case(OF_WIRE)).springs["valve"].stiffness
     record(source=SOURCE, case="wire 4.2 mm, D = 27 mm, 5.5 coils", quantity="rate", unit="N/m", reference=RATE,
            computed=found, tolerance=1e-12, reason="rounding")  # fmt: skip
-    assert build_model(case(OF_WIRE + "\nstiffness = 25e3")).springs["valve"].stiffness == 25e3  # a given rate stands
 
 
 @pytest.mark.parametrize("degrees", [0.0, 40.0, 80.0])
