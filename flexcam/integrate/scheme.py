@@ -123,7 +123,7 @@ class Bathe:
 
     Examples
     --------
-    >>> round(Bathe().spectral_radius(1e6), 6)
+    >>> round(Bathe().spectral_radius(1e6), 4)
     0.0
     """
 
