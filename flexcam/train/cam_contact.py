@@ -88,6 +88,7 @@ def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> A
     follower = structure.row(contact.follower, lift, f"{where}.follower")
     if not follower.any():
         raise _stands_still(structure, contact.follower, f"{where}.follower")
+    _refuse_other_arm(structure, contact, cam, where)
     twist = structure.row(cam.at, axis)
     rolls = cam.follower is not None and np.isfinite(cam.follower.roller_radius)
     tilts = not rolls and structure.is_node(contact.follower)
@@ -107,6 +108,22 @@ def _stands_still(structure: Structure, follower: str, where: str) -> InputError
         return refuse(where, f"{follower!r}, a node on no member", "a node of a member", why, "end a member there")
     given, why = f"{follower!r}, held along the lift", "a follower that cannot move feels no cam"
     return refuse(where, given, "a point that is free along the lift", why, "free it in [supports]")
+
+
+def _refuse_other_arm(structure: Structure, contact: CamContact, cam: Cam, where: str) -> None:
+    """Refuse a follower whose profile is made for another arm than that of the finger it stands for."""
+    finger = structure.model.rocker_at(contact.follower)
+    if finger is None or cam.follower is None:
+        return
+    arm: float | None = getattr(cam.follower, "arm", None)
+    if arm is not None and abs(arm - finger.arms[0]) > _SAME * finger.arms[0]:
+        why = "the cam's profile is made for the path of the finger"
+        allowed = f"{1e3 * finger.arms[0]:g} mm, that of the rocker"
+        raise refuse(f"cams.{contact.cam}.follower.arm", f"{1e3 * arm:g} mm", allowed, why, f"see {where}")
+
+
+_SAME = 1e-6
+"""Difference of lengths that is a matter of digits written."""
 
 
 def _turning(axis: FloatArray) -> FloatArray:

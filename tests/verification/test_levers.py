@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from flexcam import build_model, read_case, run
+from flexcam.checks import InputError
 
 SOURCE = "Levers and finger followers"
 CASE = """
@@ -253,3 +254,8 @@ def test_damping_of_the_arms(record, pushed):
     record(source=SOURCE, case="damped arms", quantity="residual energy over work", unit="1", reference=0.0,
            computed=np.abs(channels["energy.residual"]).max() / most, tolerance=1e-6, absolute=True,
            reason="curvature of the force within a step")  # fmt: skip
+
+
+def test_a_profile_for_another_arm_is_refused(fingered):
+    with pytest.raises(InputError, match="that of the rocker"):
+        run(fingered((0.1, -0.15), cam=SWING.replace('arm = "30 mm"', 'arm = "28 mm"')))
