@@ -4,31 +4,43 @@ Knows no beam and no cam; may import `system`, `response`, `linalg` and `checks`
 A new scheme of the family is a constructor in `scheme`; another kind of integrator is a file beside `step`.
 """
 
+from flexcam.integrate.central import CentralDifference, central_difference
+from flexcam.integrate.composite import Bathe, bathe
+from flexcam.integrate.exact import Exact, exact
 from flexcam.integrate.floquet import Floquet, floquet
+from flexcam.integrate.method import Method
+from flexcam.integrate.outside import Outside, dop853, radau
 from flexcam.integrate.periodic import periodic
 from flexcam.integrate.problem import Problem, State
-from flexcam.integrate.scheme import Bathe, Method, Scheme, bathe, generalized_alpha, hht, newmark
+from flexcam.integrate.scheme import Scheme, generalized_alpha, hht, newmark
 from flexcam.integrate.solve import outline, solve
 from flexcam.integrate.statics import carried_equilibrium, equilibrium, rest, static_displacement
 from flexcam.response import SaveAt
 
 __all__ = [
     "Bathe",
+    "CentralDifference",
+    "Exact",
     "Floquet",
     "Method",
+    "Outside",
     "Problem",
     "SaveAt",
     "Scheme",
     "State",
     "bathe",
     "carried_equilibrium",
+    "central_difference",
+    "dop853",
     "equilibrium",
+    "exact",
     "floquet",
     "generalized_alpha",
     "hht",
     "newmark",
     "outline",
     "periodic",
+    "radau",
     "rest",
     "solve",
     "static_displacement",

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexcam.integrate.local import LocalForces, Schedule
-from flexcam.integrate.step import Moment
+from flexcam.integrate.moment import Moment
 from flexcam.linalg import FloatArray, operator
 from flexcam.system import Observed, System
 

@@ -7,7 +7,6 @@ impact happens when it does. A step whose forces do not settle is halved.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,9 +14,9 @@ from numpy.typing import NDArray
 
 from flexcam.integrate.first import Starter
 from flexcam.integrate.local import LocalForces
-from flexcam.integrate.scheme import Method
+from flexcam.integrate.method import At, Method
+from flexcam.integrate.moment import Instant, Moment
 from flexcam.integrate.settle import NoConvergenceError
-from flexcam.integrate.step import Instant, Moment, stepper
 from flexcam.linalg import FloatArray
 from flexcam.system import System
 
@@ -65,11 +64,11 @@ class Walker:
 
     def __init__(
         self, system: System, scheme: Method, step: float, forces: LocalForces, starter: Starter,
-        at: Callable[[float], Instant],
+        at: At,
     ) -> None:  # fmt: skip
         self._system, self._scheme, self._step, self._forces = system, scheme, step, forces
         self._starter, self._at = starter, at
-        self._whole = stepper(system, forces, scheme, step, at)
+        self._whole = scheme.stepper(system, forces, step, at)
         self.events = 0
 
     def walk(self, now: Moment, to: Instant, halvings: int = 0) -> list[Moment]:
@@ -105,7 +104,7 @@ class Walker:
         # Differences of times carry the rounding of the time itself: a whole step is recognized generously.
         if abs(length - self._step) <= 1e-6 * self._step:
             return self._whole.advance(now, to)
-        return stepper(self._system, self._forces, self._scheme, length, self._at).advance(now, to)
+        return self._scheme.stepper(self._system, self._forces, length, self._at).advance(now, to)
 
     def _side(self, moment: Moment) -> Bools:
         return self._forces.pressed(moment.gap) if moment.pressed is None else moment.pressed

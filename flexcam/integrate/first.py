@@ -8,14 +8,12 @@ import numpy as np
 
 from flexcam.checks import refuse
 from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.massless import TOUCHED, Massless
+from flexcam.integrate.moment import Instant, Moment
 from flexcam.integrate.problem import State
 from flexcam.integrate.settle import Inner
-from flexcam.integrate.step import Instant, Moment
-from flexcam.linalg import DENSE_LIMIT, Factor, FloatArray, IntArray, Triplets, factorize, null_space, pins
+from flexcam.linalg import Factor, FloatArray
 from flexcam.system import System
-
-_TOUCHED = 1e-9
-"""Share of an impact along a motion without mass (of size 1) that is rounding."""
 
 
 class Starter:
@@ -36,8 +34,7 @@ class Starter:
 
     def __init__(self, system: System, forces: LocalForces) -> None:
         self._system, self._forces = system, forces
-        self._light = massless(system)
-        self._kept: IntArray = np.setdiff1d(np.arange(system.size), pins(self._light) if self._light.shape[1] else [])
+        self._massless = Massless(system)
         self._factor: Factor | None = None
         self._refuse_light_impacts()
 
@@ -66,12 +63,9 @@ class Starter:
         """
         d, v = start.displacement, start.velocity
         inner = self._forces.start_state if start.inner is None else start.inner
-        if self._light.shape[1]:
-            light = self._light
-            missing = self._answered(d, v, inner, to).applied - self._system.stiffness.times(d)
-            K = Triplets.from_dense(light.T @ self._system.stiffness.times_all(light))
-            d = d + light @ factorize(K).solve(light.T @ missing)
-        return self.restarted(self._answered(d, v, inner, to))
+        if self._massless.any:
+            d = self._massless.place(d, self.answered(d, v, inner, to).applied)
+        return self.restarted(self.answered(d, v, inner, to))
 
     def restarted(self, moment: Moment) -> Moment:
         """Return an instant with the acceleration that balances it."""
@@ -109,11 +103,26 @@ class Starter:
         size = np.asarray(np.linalg.solve(sense @ gained, turned), dtype=float)
         impulse = np.zeros(forces.count)
         impulse[which] = np.maximum(size, 0.0)
-        after = self._answered(moment.d, moment.v + gained @ impulse[which], moment.inner.state, to)
+        after = self.answered(moment.d, moment.v + gained @ impulse[which], moment.inner.state, to)
         return replace(self.restarted(after), impulse=impulse)
 
-    def _answered(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: Instant) -> Moment:
-        """Return an instant with the forces that its motion causes, and no acceleration yet."""
+    def answered(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: Instant) -> Moment:
+        """Return an instant with the forces that its motion causes, and no acceleration yet.
+
+        Parameters
+        ----------
+        d, v
+            Displacement and velocity, shape (n,).
+        inner
+            Internal states of the local forces.
+        to
+            What is prescribed.
+
+        Returns
+        -------
+        Moment
+            For `restarted`.
+        """
         forces = self._forces
         gap, rate, _ = (one[0] for one in forces.sensed(d[None], v[None], _only(to)))
         answer = forces.respond(gap, rate, inner, to.angle)
@@ -128,11 +137,8 @@ class Starter:
     def _accelerated_all(self, right: FloatArray) -> FloatArray:
         """Return ``M^-1 f`` for columns f, with no part along the motions without mass."""
         if self._factor is None:
-            whole = len(self._kept) == self._system.size
-            self._factor = factorize(self._system.mass if whole else self._system.mass.part(self._kept))
-        a = np.zeros(right.shape)
-        a[self._kept] = self._factor.solve(right[self._kept])
-        return a
+            self._factor = self._massless.inverse(self._system.mass)
+        return self._factor.solve(right)
 
     def _refuse_light_impacts(self) -> None:
         forces = self._forces
@@ -140,7 +146,7 @@ class Starter:
         for which in bouncing:
             own = forces.act.owner[which] > 0.0
             vectors = forces.act.vectors[own]
-            if self._light.shape[1] and float(np.abs(vectors @ self._light).max(initial=0.0)) > _TOUCHED:
+            if (self._massless.touched(vectors) > TOUCHED).any():
                 why = "an impact changes the velocity of a mass"
                 given, allowed = "a restitution where a body has no mass", "a mass on both sides, or ground"
                 raise refuse(forces.names[which], given, allowed, why, "add a mass there, or use dissipation")
@@ -148,35 +154,3 @@ class Starter:
 
 def _only(to: Instant) -> Schedule:
     return to.schedule.row(to.row)
-
-
-def massless(system: System) -> FloatArray:
-    """Return the motions without mass as columns.
-
-    Above the dense limit they are sought within the unknowns that mass couples: a massive member is one such group,
-    and regular; a body on an arm at a node is a small one.
-
-    Parameters
-    ----------
-    system
-        The system.
-
-    Returns
-    -------
-    ndarray
-        Shape (n, k).
-    """
-    if system.size <= 2 * DENSE_LIMIT:
-        return null_space(system.mass)
-    from scipy.sparse.csgraph import connected_components
-
-    light = [np.eye(system.size)[:, system.mass.diagonal() <= 0.0]]
-    labels = connected_components(system.mass.csr(), directed=False)[1]
-    sizes = np.bincount(labels)
-    for label in np.flatnonzero((sizes > 1) & (sizes <= DENSE_LIMIT)).tolist():
-        group = np.flatnonzero(labels == label)
-        within = null_space(system.mass.part(group))
-        spread = np.zeros((system.size, within.shape[1]))
-        spread[group] = within
-        light.append(spread)
-    return np.hstack(light)

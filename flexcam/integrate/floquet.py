@@ -15,8 +15,9 @@ import numpy as np
 
 from flexcam.checks import refuse
 from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.method import Method
 from flexcam.integrate.problem import Problem
-from flexcam.integrate.scheme import Method, newmark
+from flexcam.integrate.scheme import newmark
 from flexcam.integrate.solve import solve
 from flexcam.linalg import ComplexArray, FloatArray
 from flexcam.response import RunFailedError, SaveAt

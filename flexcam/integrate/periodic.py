@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexcam.integrate.method import Method
 from flexcam.integrate.problem import Problem, State
-from flexcam.integrate.scheme import Method
 from flexcam.integrate.solve import solve
 from flexcam.linalg import FloatArray
 from flexcam.response import Response, SaveAt

@@ -17,14 +17,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.checks import refuse
-from flexcam.linalg import FloatArray
+from flexcam.integrate.local import LocalForces
+from flexcam.integrate.method import At, Method, Stepper
+from flexcam.integrate.moment import Instant, Moment
+from flexcam.integrate.stage import Predicted, Stage
+from flexcam.linalg import FloatArray, operator
+from flexcam.system import System
 
 _ROUNDING = 1e-12
 """Of sums of the parameters, which are of size 1."""
 
 
 @dataclass(frozen=True)
-class Scheme:
+class Scheme(Method):
     """Parameters of a one-step scheme; made by `newmark`, `hht` or `generalized_alpha`.
 
     Parameters
@@ -53,7 +58,11 @@ class Scheme:
     def __post_init__(self) -> None:
         if not 0.0 < self.beta <= 1.0:
             raise refuse(
-                "integrator.beta", self.beta, "above 0 and up to 1", "beta = 0 is the explicit central difference"
+                "integrator.beta",
+                self.beta,
+                "above 0 and up to 1",
+                "beta = 0 is the explicit rule",
+                "central-difference",
             )
         if not 0.5 - _ROUNDING <= self.gamma + self.alpha_m - self.alpha_f <= 1.5:
             why = "below 1/2 the scheme feeds energy into every mode"
@@ -66,127 +75,74 @@ class Scheme:
         """Order of accuracy of displacement and velocity."""
         return 2 if abs(self.gamma + self.alpha_m - self.alpha_f - 0.5) < _ROUNDING else 1
 
-    def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
-        """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step.
-
-        Parameters
-        ----------
-        omega_dt
-            Angular frequency times step.
-        damping
-            Damping ratio.
-
-        Returns
-        -------
-        ndarray
-            Shape (3, 3).
-        """
-        w, x = omega_dt**2, 2.0 * damping * omega_dt
-        new, old = 1.0 - self.alpha_f, self.alpha_f
-        drift = np.array([1.0, 1.0, 0.5 - self.beta])
-        speed = np.array([0.0, 1.0, 1.0 - self.gamma])
-        inertia = np.array([0.0, 0.0, self.alpha_m])
-        past = old * np.array([w, x, 0.0])
-        pull = 1.0 - self.alpha_m + new * (x * self.gamma + w * self.beta)
-        accel = -(inertia + past + new * (x * speed + w * drift)) / pull
-        return np.array([drift + self.beta * accel, speed + self.gamma * accel, accel])
-
-    def spectral_radius(self, omega_dt: float, damping: float = 0.0) -> float:
-        """Return the largest modulus of the amplification matrix's eigenvalues; above 1 the mode grows.
-
-        Parameters
-        ----------
-        omega_dt
-            Angular frequency times step.
-        damping
-            Damping ratio.
-
-        Returns
-        -------
-        float
-            Growth of the mode in one step.
-        """
-        return _radius(self.amplification(omega_dt, damping), omega_dt)
-
     @property
     def balances(self) -> bool:
         """Whether the acceleration balances the forces of its own instant."""
         return not self.alpha_m and not self.alpha_f
 
-
-@dataclass(frozen=True)
-class Bathe:
-    """Composite step of Bathe: trapezoidal rule over half of it, three-point backward Euler over the whole.
-
-    K. J. Bathe and M. M. I. Baig, Computers and Structures 83 (2005); K. J. Bathe, Computers and Structures 85 (2007).
-    Second order, no parameter, every high frequency gone within a step; twice the work of one stage.
-
-    Examples
-    --------
-    >>> round(Bathe().spectral_radius(1e6), 4)
-    0.0
-    """
-
-    @property
-    def order(self) -> int:
-        """Order of accuracy of displacement, velocity and acceleration."""
-        return 2
-
-    @property
-    def balances(self) -> bool:
-        """Whether the acceleration balances the forces of its own instant."""
-        return True
-
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
-        """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step.
+        """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step, as `Method` says."""
+        weights = (self.beta, self.gamma, self.alpha_m, self.alpha_f)
+        return family_matrix(*weights, omega_dt=omega_dt, damping=damping)
 
-        Parameters
-        ----------
-        omega_dt
-            Angular frequency times step.
-        damping
-            Damping ratio.
-
-        Returns
-        -------
-        ndarray
-            Shape (3, 3).
-        """
-        halved = np.array([1.0, 0.5, 0.25])
-        half = Scheme(0.25, 0.5).amplification(0.5 * omega_dt, damping) * halved / halved[:, None]
-        start = np.eye(3)
-        v = (4.0 * half[1] - start[1]) / 3.0
-        d = (4.0 * half[0] - start[0] + v) / 3.0
-        w, x = omega_dt**2, 2.0 * damping * omega_dt
-        a = -(w * d + x * v) / (1.0 + x / 3.0 + w / 9.0)
-        return np.array([d + a / 9.0, v + a / 3.0, a])
-
-    def spectral_radius(self, omega_dt: float, damping: float = 0.0) -> float:
-        """Return the largest modulus of the amplification matrix's eigenvalues.
-
-        Parameters
-        ----------
-        omega_dt
-            Angular frequency times step.
-        damping
-            Damping ratio.
-
-        Returns
-        -------
-        float
-            Growth of the mode in one step.
-        """
-        return _radius(self.amplification(omega_dt, damping), omega_dt)
+    def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
+        """Return what advances a system by steps of one length, as `Method` says."""
+        return _Stepper(system, forces, self, step)
 
 
-Method = Scheme | Bathe
-"""What `solve` integrates with."""
+def family_matrix(
+    beta: float, gamma: float, alpha_m: float = 0.0, alpha_f: float = 0.0, *, omega_dt: float, damping: float
+) -> FloatArray:
+    """Return the amplification matrix of a member of the family.
+
+    Parameters
+    ----------
+    beta, gamma, alpha_m, alpha_f
+        As in `Scheme`; beta may be zero here.
+    omega_dt
+        Angular frequency times step.
+    damping
+        Damping ratio.
+
+    Returns
+    -------
+    ndarray
+        Of (d, dt v, dt^2 a), shape (3, 3).
+    """
+    w, x = omega_dt**2, 2.0 * damping * omega_dt
+    new, old = 1.0 - alpha_f, alpha_f
+    drift = np.array([1.0, 1.0, 0.5 - beta])
+    speed = np.array([0.0, 1.0, 1.0 - gamma])
+    inertia = np.array([0.0, 0.0, alpha_m])
+    past = old * np.array([w, x, 0.0])
+    pull = 1.0 - alpha_m + new * (x * gamma + w * beta)
+    accel = -(inertia + past + new * (x * speed + w * drift)) / pull
+    return np.array([drift + beta * accel, speed + gamma * accel, accel])
 
 
-def _radius(matrix: FloatArray, omega_dt: float) -> float:
-    # Scaling the acceleration by the frequency keeps the matrix's entries of one size at large omega dt.
-    scale = np.array([1.0, 1.0 / (1.0 + omega_dt), 1.0 / (1.0 + omega_dt) ** 2])
-    return float(np.abs(np.linalg.eigvals(scale[:, None] * matrix / scale)).max())
+class _Stepper:
+    """A step of the family; one stage."""
+
+    def __init__(self, system: System, forces: LocalForces, scheme: Scheme, step: float) -> None:
+        self._scheme, self._dt = scheme, step
+        self._M, self._C, self._K = operator(system.mass), operator(system.damping), operator(system.stiffness)
+        new_m, new_f = 1.0 - scheme.alpha_m, 1.0 - scheme.alpha_f
+        self._stage = Stage(system, forces, scheme.beta * step**2, scheme.gamma * step, step, new_m, new_f)
+
+    def advance(self, now: Moment, to: Instant) -> Moment:
+        """Return the next instant, as `Stepper` says."""
+        s, dt = self._scheme, self._dt
+        d = now.d + dt * now.v + (0.5 - s.beta) * dt**2 * now.a
+        v = now.v + (1.0 - s.gamma) * dt * now.a
+        return self._stage.solve(Predicted(d, v, self._old(now)), now, to)
+
+    def _old(self, now: Moment) -> FloatArray | None:
+        """Return what the scheme weighs of the old instant."""
+        s = self._scheme
+        if not s.alpha_f and not s.alpha_m:
+            return None
+        forces = now.applied - self._K @ now.d - self._C @ now.v
+        return s.alpha_f * forces - s.alpha_m * (self._M @ now.a)
 
 
 def newmark(*, beta: float = 0.25, gamma: float = 0.5) -> Scheme:
@@ -265,19 +221,3 @@ def generalized_alpha(*, rho_inf: float = 0.9) -> Scheme:
         raise refuse("integrator.rho_inf", rho_inf, "0 to 1", "it is the factor on the highest mode per step")
     alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
     return Scheme((1.0 - alpha_m + alpha_f) ** 2 / 4.0, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f)
-
-
-def bathe() -> Bathe:
-    """Return the composite step of Bathe.
-
-    Returns
-    -------
-    Bathe
-        It has no parameter.
-
-    Examples
-    --------
-    >>> bathe().order
-    2
-    """
-    return Bathe()

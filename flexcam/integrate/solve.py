@@ -13,10 +13,10 @@ from flexcam.integrate.energy import PARTS, EnergyAccount
 from flexcam.integrate.events import Walker
 from flexcam.integrate.first import Starter
 from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.method import Method
+from flexcam.integrate.moment import Instant, Moment
 from flexcam.integrate.problem import Problem, State
-from flexcam.integrate.scheme import Method
 from flexcam.integrate.settle import NoConvergenceError
-from flexcam.integrate.step import Instant, Moment
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
 from flexcam.response import (
     STATE,
@@ -150,6 +150,8 @@ class _Run:
     def __init__(self, problem: Problem, scheme: Method, save: SaveAt, stop: Callable[[], bool]) -> None:
         self._problem, self._save, self._system, self._stop = problem, save, problem.system, stop
         self._forces = LocalForces(problem.system)
+        if refusal := scheme.refusal(problem.system, self._forces, problem.step):
+            raise refusal
         self._starter = Starter(problem.system, self._forces)
         self._load_vectors = problem.system.load_vectors()
         self._walker = Walker(problem.system, scheme, problem.step, self._forces, self._starter, self._at)

@@ -68,8 +68,47 @@ class BatheRecord(PartRecord[integrate.Method]):
         return integrate.bathe()
 
 
+class CentralDifferenceRecord(PartRecord[integrate.Method]):
+    """Explicit central difference, for members with mass = "lumped"; the highest frequency bounds the step."""
+
+    method: Literal["central-difference"]
+
+    def made(self) -> integrate.Method:
+        """Return the method."""
+        return integrate.central_difference()
+
+
+class ExactRecord(PartRecord[integrate.Method]):
+    """Exact answer of every mode, for models without contacts."""
+
+    method: Literal["exact"]
+
+    def made(self) -> integrate.Method:
+        """Return the method."""
+        return integrate.exact()
+
+
+class OutsideRecord(PartRecord[integrate.Method]):
+    """Integrators of scipy, as a check of small models: slow, as exact as the tolerance."""
+
+    method: Literal["radau", "dop853"]
+    tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = Field(1e-9, description="relative local error")
+
+    def made(self) -> integrate.Method:
+        """Return the method."""
+        make = integrate.radau if self.method == "radau" else integrate.dop853
+        return make(tolerance=self.tolerance)
+
+
 IntegratorRecord = Annotated[
-    NewmarkRecord | HhtRecord | GeneralizedAlphaRecord | BatheRecord, Field(discriminator="method")
+    NewmarkRecord
+    | HhtRecord
+    | GeneralizedAlphaRecord
+    | BatheRecord
+    | CentralDifferenceRecord
+    | ExactRecord
+    | OutsideRecord,
+    Field(discriminator="method"),
 ]
 
 

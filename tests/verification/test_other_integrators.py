@@ -1,0 +1,208 @@
+"""Central difference, exact modes and scipy's integrators: closed forms, limits, and one against the other.
+
+T. J. R. Hughes, The Finite Element Method (1987), ch. 9: the central difference is stable up to w dt = 2 at any damping
+taken at the new instant, its period error at x = w dt is x / (2 asin(x/2)) - 1 without damping.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam import InputError
+from flexcam.integrate import (
+    Problem,
+    State,
+    bathe,
+    central_difference,
+    dop853,
+    exact,
+    generalized_alpha,
+    hht,
+    newmark,
+    radau,
+    solve,
+)
+from flexcam.linalg import Triplets
+from flexcam.response import Cause
+from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Probe, Reaction, System, constant
+
+SOURCE = "Hughes (1987), explicit and exact integration"
+ALL = {
+    "newmark": newmark(), "linear acceleration": newmark(beta=1 / 6), "hht": hht(alpha=-0.1), "bathe": bathe(),
+    "generalized-alpha": generalized_alpha(rho_inf=0.8), "central-difference": central_difference(), "exact": exact(),
+}  # fmt: skip
+
+
+def chain(masses, springs, dampers=(), forces=(), push=None):
+    """Masses in a row, the first spring to ground, with a load cos(theta) on the last."""
+    n = len(masses)
+    K, C = np.zeros((n, n)), np.zeros((n, n))
+    for matrix, values in ((K, springs), (C, dampers)):
+        for i, value in enumerate(values):
+            row = np.zeros(n)
+            row[i] = 1.0
+            if i:
+                row[i - 1] = -1.0
+            matrix += value * np.outer(row, row)
+    vector = np.eye(n)[-1] if push is None else np.array(push)
+    load = Load("push", vector, lambda motion: np.cos(motion.angle))
+    names = tuple(f"m{i}" for i in range(n))
+    probe = Probe("all", names, np.eye(n), (None,) * n)
+    return System(*(Triplets.from_dense(m) for m in (np.diag(masses), C, K)), names, (load,), forces, (probe,))
+
+
+def end(system, method, steps, start=None):
+    response = solve(Problem(system, ConstantSpeed(3.0), 1.0 / steps, steps, start), method)
+    assert response.status.ok, str(response.status)
+    return response["all"]
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.1, 2.0])
+def test_limit_of_the_central_difference(record, damping):
+    record(source=SOURCE, case=f"central difference, damping ratio {damping:g}", quantity="stability limit w dt",
+           unit="1", reference=2.0, computed=central_difference().stable_to(damping), tolerance=1e-6,
+           reason="growth counts from 1 + 1e-7; it begins as a square root without damping")  # fmt: skip
+
+
+@pytest.mark.parametrize("x", [0.1, 0.5, 1.0, 1.9])
+def test_period_of_the_central_difference(record, x):
+    record(source=SOURCE, case=f"central difference, w dt = {x:g}", quantity="T'/T", unit="1",
+           computed=1.0 + central_difference().period_error(x), reference=x / (2.0 * math.asin(x / 2.0)),
+           tolerance=1e-12, reason="rounding")  # fmt: skip
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.05, 0.5])
+@pytest.mark.parametrize("x", [0.01, 1.0, 30.0])
+def test_exact_modes_have_no_error(damping, x):
+    grows = math.exp(-damping * x)
+    assert exact().spectral_radius(x, damping) == pytest.approx(grows, rel=1e-11, abs=1e-14)
+    if x < math.pi and grows > 1e-6:
+        assert abs(exact().period_error(x, damping)) < 1e-12
+
+
+def test_linear_acceleration_limit_is_that_of_its_formula():
+    assert ALL["linear acceleration"].stable_to() == pytest.approx(2.0 * math.sqrt(3.0), rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["newmark", "hht", "bathe", "generalized-alpha", "exact"])
+def test_no_limit(name):
+    assert ALL[name].stable_to() == math.inf
+
+
+def test_a_run_at_the_limit(record):
+    """Bounded at 0.999 of the limit; refused, with the limit in seconds, at 1.001 of it."""
+    system = chain([2.0, 1.0], [30.0, 20.0], push=[0.0, 0.0])
+    omega = math.sqrt(np.linalg.eigvals(np.diag([0.5, 1.0]) @ system.stiffness.dense()).real.max())
+    start = State(np.array([1e-3, -2e-3]), np.zeros(2))
+    below, above = (Problem(system, ConstantSpeed(3.0), f * 2.0 / omega, 2000, start) for f in (0.999, 1.001))
+    assert np.abs(solve(below, central_difference())["all"].displacement).max() < 0.1
+    with pytest.raises(InputError, match=r"run\.step.*m1.*smaller steps"):
+        solve(above, central_difference())
+
+
+def test_exact_under_a_straight_load(record):
+    """A load that grows straight on is answered exactly at any step, damping that couples the modes included."""
+    system = chain([2.0, 1.0], [30.0, 20.0], [0.4, 0.1])
+    ramp = Load("ramp", np.array([1.0, -2.0]), lambda motion: motion.angle)
+    system = System(system.mass, system.damping, system.stiffness, system.names, (ramp,), probes=system.probes)
+    fine, coarse = end(system, exact(), 64), end(system, exact(), 2)
+    np.testing.assert_allclose(coarse.displacement, fine.displacement[::32], rtol=1e-11, atol=1e-15)
+    np.testing.assert_allclose(coarse.velocity, fine.velocity[::32], rtol=1e-11, atol=1e-15)
+    check = end(system, dop853(tolerance=1e-12), 4)
+    record(source=SOURCE, case="two masses, coupled damping, ramp", quantity="displacement after 1 s", unit="m",
+           reference=check.displacement[-1, 0], computed=coarse.displacement[-1, 0], tolerance=1e-10,
+           reason="DOP853 at a tolerance of 1e-12")  # fmt: skip
+
+
+def test_a_conditionally_stable_scheme_diverges_on_a_massless_joint():
+    """What has no mass has no period: every step is beyond the limit, and the status names the joint."""
+    system = chain([2.0, 0.0, 1.0], [30.0, 20.0, 25.0], push=[0.5, 1.0, -0.3])
+    response = solve(Problem(system, ConstantSpeed(3.0), 5e-4, 2000), ALL["linear acceleration"])
+    assert response.status.cause is Cause.NOT_FINITE
+    assert "m1" in response.status.text
+    assert np.isfinite(response["all"].displacement).all()
+
+
+@pytest.mark.parametrize("name", sorted(set(ALL) - {"linear acceleration"}))
+def test_all_reach_the_same_with_a_massless_joint(record, name):
+    """Mass - spring - joint without mass, pushed - spring - mass: every method against Radau at 1e-12."""
+    system = chain([2.0, 0.0, 1.0], [30.0, 20.0, 25.0], push=[0.5, 1.0, -0.3])
+    start = State(np.array([0.01, 0.0, 0.02]), np.array([0.1, 0.0, -0.2]))
+    reference = end(system, radau(tolerance=1e-12), 20, start)
+    found = end(system, ALL[name], 2000, start)
+    for quantity in ("displacement", "velocity"):
+        # Second order at 1/200 of the highest period over 2 pi. The joint's velocity is no unknown of the others.
+        masses = [0, 2] if quantity == "velocity" else [0, 1, 2]
+        one, other = (getattr(history, quantity)[-1, masses] for history in (found, reference))
+        np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-6)
+    record(source=SOURCE, case=f"joint without mass, {name}", quantity="displacement of the last mass", unit="m",
+           reference=reference.displacement[-1, 2], computed=found.displacement[-1, 2], tolerance=1e-4,
+           reason="error constant of second order at w dt = 0.005")  # fmt: skip
+
+
+class Gap:
+    """f = k gamma where gamma > 0, and a damper."""
+
+    start_state = np.zeros(0)
+
+    def respond(self, gap, rate, state, angle):
+        on = float(gap[0] > 0.0)
+        return Reaction(on * 400.0 * gap, np.array([[on * 400.0]]), np.zeros((1, 1)), np.zeros(0))
+
+
+def stop_at(n, where, behind):
+    """A one-sided spring to ground behind a gap; it pushes back."""
+    row = np.eye(n)[where]
+    return LocalForce(
+        "stop", (AngleVector.constant(row),), (AngleVector.constant(-row),), Gap(), (constant(-behind),), (0,)
+    )
+
+
+@pytest.mark.parametrize("check", [radau(tolerance=1e-10), dop853(tolerance=1e-10)])
+def test_scipy_agrees_through_a_stop(record, check):
+    """Two masses strike a one-sided spring several times: located events, two codes."""
+    system = chain([2.0, 1.0], [30.0, 20.0], forces=(stop_at(2, 1, 0.01),), push=[0.0, 3.0])
+    reference, found = end(system, check, 50), end(system, newmark(), 20000)
+    contact = end(system, newmark(), 50)
+    assert contact.displacement.max() > 0.012  # the stop is reached
+    record(source=SOURCE, case=f"two masses against a stop, {check.name}", quantity="largest displacement", unit="m",
+           reference=np.abs(reference.displacement).max(), computed=np.abs(found.displacement[::400]).max(),
+           tolerance=2e-6, reason="second order at w dt = 0.0015, events within both")  # fmt: skip
+
+
+@pytest.mark.parametrize("method", [central_difference(), exact(), radau()])
+def test_contacts_and_dampers_without_mass_are_refused_by_name(method):
+    springs = [30.0, 20.0, 25.0]
+    damped = chain([2.0, 0.0, 1.0], springs, [0.0, 0.3, 0.0])
+    with pytest.raises(InputError, match="m1"):
+        end(damped, method, 1000)
+    touched = chain([2.0, 0.0, 1.0], springs, forces=(stop_at(3, 1, 0.01),))
+    with pytest.raises(InputError, match="stop"):
+        end(touched, method, 1000)
+
+
+def test_exact_refuses_contacts_by_name():
+    with pytest.raises(InputError, match=r"stop.*newmark"):
+        end(chain([1.0], [30.0], forces=(stop_at(1, 0, 0.01),)), exact(), 10)
+
+
+def test_explicit_run_through_a_stop(record):
+    system = chain([2.0, 1.0], [30.0, 20.0], forces=(stop_at(2, 1, 0.01),), push=[0.0, 3.0])
+    implicit, explicit = end(system, newmark(), 20000), end(system, central_difference(), 20000)
+    record(source=SOURCE, case="two masses against a stop, central difference", quantity="displacement after 1 s",
+           unit="m", reference=implicit.displacement[-1, 1], computed=explicit.displacement[-1, 1], tolerance=1e-4,
+           reason="both of second order, with opposite period errors")  # fmt: skip
+
+
+def test_highest_frequency_of_a_large_model_is_that_of_a_small_one():
+    """The sparse path (above 300 unknowns) against the closed form of a free-fixed chain of equal masses."""
+    n = 400
+    system = chain([1.0] * n, [1.0] * n, push=np.zeros(n))
+    limit = 1.0 / math.sin(0.5 * math.pi * (2 * n - 1) / (2 * n + 1))  # 2 / (2 sin(...))
+    start = State(1e-3 * np.ones(n), np.zeros(n))
+    solve(Problem(system, ConstantSpeed(1.0), limit * (1 - 1e-4), 2, start), central_difference())
+    with pytest.raises(InputError, match="grows beyond"):
+        solve(Problem(system, ConstantSpeed(1.0), limit * (1 + 1e-4), 2, start), central_difference())
