@@ -154,7 +154,7 @@ class Gap:
 
 
 def stop_at(n, where, behind):
-    """A one-sided spring to ground behind a gap; it pushes back."""
+    """Return a one-sided spring to ground behind a gap; it pushes back."""
     row = np.eye(n)[where]
     return LocalForce(
         "stop", (AngleVector.constant(row),), (AngleVector.constant(-row),), Gap(), (constant(-behind),), (0,)
