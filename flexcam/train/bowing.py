@@ -12,9 +12,9 @@ import numpy as np
 
 from flexcam.fem.elements.shallow import SCALARS, Arch, deforming
 from flexcam.linalg import DENSE_LIMIT, FloatArray, IntArray
-from flexcam.system import AngleVector, Channel, LocalForce, Observable, Observed, Reaction, Stored, constant
+from flexcam.system import Channel, LocalForce, Observable, Observed, Reaction, Stored
 from flexcam.train.buckling import buckling_load
-from flexcam.train.coupling import Coupling
+from flexcam.train.coupling import Coupling, opposed
 from flexcam.train.penalty import Stateless
 from flexcam.train.structure import Structure
 
@@ -82,9 +82,7 @@ def bowings(structure: Structure) -> Coupling:
         where = f"members.{name}"
         if member.geometric_stiffness:
             rows, law = _sensed(structure, elements), Bowing(Arch.of(structure.beams, elements))
-            sense = tuple(AngleVector.constant(row) for row in rows)
-            act = tuple(AngleVector.constant(-row) for row in rows)
-            forces.append(LocalForce(f"{where}.bending", sense, act, law, (constant(0.0),) * len(rows)))
+            forces.append(opposed(f"{where}.bending", rows, law))
             pressed = _compression(law, slice(first, first + len(rows)))
             first += len(rows)
         else:
