@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexcam.case import Case
 from flexcam.checks import positive, refuse
@@ -199,14 +198,14 @@ def _questions(model: Model, bounce_height: float) -> dict[str, tuple[Question, 
 
 def _lost(response: Response, ready: Prepared) -> bool:
     """Tell whether a follower is off its cam somewhere on the main lift, in the last revolution."""
-    last = _last_revolution(response, ready)
+    last = response.latest(ready.revolution)
     free = [name for name, one in ready.model.driven.items() if isinstance(one, CamContact) and one.unilateral]
     return any(separation(ready.model, response, name, last) > _OPEN for name in free)
 
 
 def _bounces(response: Response, ready: Prepared, height: float) -> bool:
     """Tell whether a valve, once closed, rises again before its cam lifts it."""
-    last = _last_revolution(response, ready)
+    last = response.latest(ready.revolution)
     for name, contact in ready.model.contacts.items():
         if isinstance(contact, Seat):
             gap, velocity = (response.channels[f"contacts.{name}.{one}"][last] for one in ("gap", "velocity"))
@@ -226,12 +225,8 @@ def _buckled(response: Response, ready: Prepared) -> bool:
 
 def _largest(response: Response, ready: Prepared, end: str) -> float:
     """Return the largest value of some channels in the last revolution."""
-    last = _last_revolution(response, ready)
+    last = response.latest(ready.revolution)
     return max((float(v[last].max()) for name, v in response.channels.items() if name.endswith(end)), default=0.0)
-
-
-def _last_revolution(response: Response, ready: Prepared) -> NDArray[np.bool_]:
-    return response.time > response.time[-1] - ready.revolution * (1.0 - 1e-9)
 
 
 def _rigid(case: Case) -> float | None:

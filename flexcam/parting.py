@@ -130,8 +130,7 @@ def _forces(response: Response, ready: Prepared, contact: str) -> Forces | None:
         return None
     model = ready.model
     cam = model.driven[contact].cam
-    last = response.time > response.time[-1] - ready.revolution * (1.0 - 1e-9)
-    lifted = last & (model.cams[cam].event(response.angle) > main_lift(model, cam))
+    lifted = response.latest(ready.revolution) & (model.cams[cam].event(response.angle) > main_lift(model, cam))
     force: FloatArray = response.channels[f"contacts.{contact}.force"][lifted]
     return Forces(float(force.min()), float(force.max()))
 
