@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexcam.case import Case
 from flexcam.checks import positive, refuse
@@ -21,9 +20,9 @@ from flexcam.response import Response
 from flexcam.runner import Prepared, prepare
 from flexcam.system import ConstantSpeed
 from flexcam.train import CamContact, Model, Seat, main_lift, seating, separation
+from flexcam.units import RPM
 
-_RPM = math.pi / 30.0
-_REVOLUTIONS = 3
+_REVOLUTIONS = 3.0
 _OPEN = math.radians(0.5)
 """Cam angle over which a contact must be open to count as lost: a single step may be a numerical accident."""
 
@@ -86,7 +85,7 @@ Answers = dict[str, bool] | str
 
 
 def find_limits(
-    case: Case, *, lowest: float, highest: float, tolerance: float = _RPM, bounce_height: float = 1e-4, count: int = 7
+    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = 1e-4, count: int = 7
 ) -> Limits:
     """Find the speeds at which a train loses contact, its valve bounces, its coils clash and its pushrod buckles.
 
@@ -116,8 +115,8 @@ def find_limits(
     positive("lowest", lowest, "rad/s")
     positive("tolerance", tolerance, "rad/s")
     if not highest > lowest:
-        raise refuse("highest", f"{highest / _RPM:g} rpm", f"above {lowest / _RPM:g} rpm")
-    model = prepare(_at(case, lowest)).model
+        raise refuse("highest", f"{highest / RPM:g} rpm", f"above {lowest / RPM:g} rpm")
+    model = prepare(case.at_speed(lowest)).model
     if not any(isinstance(one, CamContact) and one.unilateral for one in model.contacts.values()):
         why = "only a follower that may leave its cam can lose it"
         raise refuse(
@@ -128,19 +127,19 @@ def find_limits(
 
     def ask(speed: float) -> Answers:
         if speed not in seen:
-            ready = prepare(_at(case, speed))
+            ready = prepare(case.at_speed(speed, _REVOLUTIONS))
             response = solve(ready.problem, ready.scheme, save=ready.save)
             if response.status.ok:
                 seen[speed] = {name: question(response, ready) for name, (question, _) in questions.items()}
             else:
-                seen[speed] = f"the run at {speed / _RPM:.6g} camshaft rpm ended: {response.status.text}"
+                seen[speed] = f"the run at {speed / RPM:.6g} camshaft rpm ended: {response.status.text}"
         return seen[speed]
 
     speeds = np.geomspace(lowest, highest, max(count, 2)).tolist()
     found = {name: _bracketed(name, words, speeds, ask, tolerance) for name, (_, words) in questions.items()}
     rigid = _rigid(case)
-    margin = None if rigid is None else (rigid * _RPM / case.speed) ** 2 - 1.0
-    return Limits(found, lowest / _RPM, highest / _RPM, rigid, margin, _at_rest(case))
+    margin = None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0
+    return Limits(found, lowest / RPM, highest / RPM, rigid, margin, _at_rest(case))
 
 
 def _at_rest(case: Case) -> dict[str, float]:
@@ -168,21 +167,21 @@ def _bracketed(name: str, words: str, speeds: list[float], ask: Callable[[float]
     for high in speeds:
         answers = ask(high)
         if isinstance(answers, str):
-            return Limit(None, tolerance / _RPM, f"{words}: not known from there on; {answers}")
+            return Limit(None, tolerance / RPM, f"{words}: not known from there on; {answers}")
         if answers[name]:
             break
         low = high
     else:
-        return Limit(None, tolerance / _RPM, f"{words}: not up to {speeds[-1] / _RPM:.6g} rpm")
+        return Limit(None, tolerance / RPM, f"{words}: not up to {speeds[-1] / RPM:.6g} rpm")
     if low == 0.0:
-        return Limit(high / _RPM, math.inf, f"{words}: already at the lowest speed looked at")
+        return Limit(high / RPM, math.inf, f"{words}: already at the lowest speed looked at")
     while high - low > tolerance:
         middle = 0.5 * (low + high)
         answers = ask(middle)
         if isinstance(answers, str):
-            return Limit(high / _RPM, (high - low) / _RPM, f"{words}; {answers}")
+            return Limit(high / RPM, (high - low) / RPM, f"{words}; {answers}")
         low, high = (low, middle) if answers[name] else (middle, high)
-    return Limit(high / _RPM, (high - low) / _RPM, words)
+    return Limit(high / RPM, (high - low) / RPM, words)
 
 
 def _questions(model: Model, bounce_height: float) -> dict[str, tuple[Question, str]]:
@@ -199,14 +198,14 @@ def _questions(model: Model, bounce_height: float) -> dict[str, tuple[Question, 
 
 def _lost(response: Response, ready: Prepared) -> bool:
     """Tell whether a follower is off its cam somewhere on the main lift, in the last revolution."""
-    last = _last_revolution(response, ready)
+    last = response.latest(ready.revolution)
     free = [name for name, one in ready.model.driven.items() if isinstance(one, CamContact) and one.unilateral]
     return any(separation(ready.model, response, name, last) > _OPEN for name in free)
 
 
 def _bounces(response: Response, ready: Prepared, height: float) -> bool:
     """Tell whether a valve, once closed, rises again before its cam lifts it."""
-    last = _last_revolution(response, ready)
+    last = response.latest(ready.revolution)
     for name, contact in ready.model.contacts.items():
         if isinstance(contact, Seat):
             gap, velocity = (response.channels[f"contacts.{name}.{one}"][last] for one in ("gap", "velocity"))
@@ -226,17 +225,13 @@ def _buckled(response: Response, ready: Prepared) -> bool:
 
 def _largest(response: Response, ready: Prepared, end: str) -> float:
     """Return the largest value of some channels in the last revolution."""
-    last = _last_revolution(response, ready)
+    last = response.latest(ready.revolution)
     return max((float(v[last].max()) for name, v in response.channels.items() if name.endswith(end)), default=0.0)
-
-
-def _last_revolution(response: Response, ready: Prepared) -> NDArray[np.bool_]:
-    return response.time > response.time[-1] - ready.revolution * (1.0 - 1e-9)
 
 
 def _rigid(case: Case) -> float | None:
     """Return the camshaft speed at which the rigid train's contact force first falls to zero, rpm."""
-    one = prepare(_at(case, 1.0), rigid=True)
+    one = prepare(case.at_speed(1.0), rigid=True)
     worst: list[float] = []
     for name, contact in one.model.driven.items():
         lifted = one.model.cams[contact.cam].event(_ANGLES) > main_lift(one.model, contact.cam)
@@ -245,16 +240,10 @@ def _rigid(case: Case) -> float | None:
         pulls = inertia < 0.0
         if pulls.any():
             worst.append(float(np.sqrt((still[pulls] / -inertia[pulls]).min())))
-    return min(worst) / _RPM if worst else None
+    return min(worst) / RPM if worst else None
 
 
 def _rigid_force(case: Case, contact: str, speed: float, angle: FloatArray) -> FloatArray:
-    ready = prepare(_at(case, speed), rigid=True)
+    ready = prepare(case.at_speed(speed), rigid=True)
     steps = replace(ready.problem, step=(angle[1] - angle[0]) / speed, steps=len(angle) - 1)
     return solve(steps, ready.scheme).channels[f"contacts.{contact}.force"]
-
-
-def _at(case: Case, speed: float) -> Case:
-    run = case.record.run
-    changed = {"speed": speed, "crank_speed": None, "revolutions": float(_REVOLUTIONS)}
-    return replace(case, record=case.record.model_copy(update={"run": run.model_copy(update=changed)}))

@@ -18,9 +18,9 @@ from flexcam.linalg import FloatArray
 from flexcam.response import Response
 from flexcam.runner import Prepared, prepare
 from flexcam.train import CamContact, Model, build_structure, build_system, hertz_line, main_lift
+from flexcam.units import RPM
 
 MODELS = ("rigid", "bilateral", "unilateral")
-_RPM = math.pi / 30.0
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,7 @@ def parts_at(found: Sequence[Speed], first: str, second: str, tolerance: float =
 
 
 def _at(case: Case, speed: float, contact: str) -> Speed:
-    run = case.record.run.model_copy(update={"speed": speed, "crank_speed": None})
-    one = replace(case, record=case.record.model_copy(update={"run": run}))
+    one = case.at_speed(speed)
     rigid, free = prepare(one, rigid=True), prepare(one)
     still = _forces(solve(rigid.problem, rigid.scheme), free, contact)
     held = _held(free, contact, still.largest if still else 0.0)
@@ -122,7 +121,7 @@ def _at(case: Case, speed: float, contact: str) -> Speed:
         name: solve(ready.problem, ready.scheme) for name, ready in (("bilateral", held), ("unilateral", free))
     }
     forces = {name: _forces(response, free, contact) for name, response in responses.items()}
-    return Speed(speed / _RPM, {"rigid": still, **forces})
+    return Speed(speed / RPM, {"rigid": still, **forces})
 
 
 def _forces(response: Response, ready: Prepared, contact: str) -> Forces | None:
@@ -130,8 +129,7 @@ def _forces(response: Response, ready: Prepared, contact: str) -> Forces | None:
         return None
     model = ready.model
     cam = model.driven[contact].cam
-    last = response.time > response.time[-1] - ready.revolution * (1.0 - 1e-9)
-    lifted = last & (model.cams[cam].event(response.angle) > main_lift(model, cam))
+    lifted = response.latest(ready.revolution) & (model.cams[cam].event(response.angle) > main_lift(model, cam))
     force: FloatArray = response.channels[f"contacts.{contact}.force"][lifted]
     return Forces(float(force.min()), float(force.max()))
 

@@ -19,6 +19,9 @@ from flexcam.linalg import FloatArray
 STATE = "state."
 """Begins the name of a channel that holds an internal state: with them a run can go on from a result."""
 
+_SAME_INSTANT = 1e-9
+"""Part of a period by which rounding may have moved the instant at its beginning."""
+
 
 class Cause(StrEnum):
     """Why a run ended."""
@@ -298,6 +301,21 @@ class Response:
     def inner(self) -> FloatArray:
         """Internal states of the local laws at the end, shape (s,)."""
         return np.array([values[-1] for name, values in self.channels.items() if name.startswith(STATE)], dtype=float)
+
+    def latest(self, period: float) -> NDArray[np.bool_]:
+        """Tell which instants lie within the last period of a run.
+
+        Parameters
+        ----------
+        period
+            Such as that of a revolution, s.
+
+        Returns
+        -------
+        ndarray
+            Shape (steps + 1,), bool: one instant per step, the period's first left out; all of a shorter run.
+        """
+        return self.time > self.time[-1:] - period * (1.0 - _SAME_INSTANT)
 
     def __getitem__(self, name: str) -> History:
         """Return the history of a probe, or of one component of it (``"cam.uy"``)."""

@@ -17,8 +17,8 @@ from flexcam.linalg import FloatArray
 from flexcam.response import RunFailedError
 from flexcam.runner import Prepared, modes, prepare
 from flexcam.train import ModelModes, build_structure, separation
+from flexcam.units import RPM
 
-_RPM = math.pi / 30.0
 _HARMONICS = 24
 _NEAR = 0.03
 """Distance of a harmonic from a mode, as a part of its frequency, that counts as resonance."""
@@ -139,7 +139,7 @@ def stability(case: Case) -> Stability:
     why_not = "the follower leaves its cam, and what impacts follow need not repeat"
     multipliers, why_not = _multipliers(ready) if opened == 0.0 else (None, why_not)
     return Stability(
-        rpm=case.speed / _RPM,
+        rpm=case.speed / RPM,
         radius=float(radii[worst]) if radii else 0.0,
         endangered=float(found.modes.frequencies[worst]) if radii else 0.0,
         floquet=multipliers,
@@ -166,7 +166,7 @@ def _multipliers(ready: Prepared) -> tuple[Floquet | None, str]:
 
 def _resonances(ready: Prepared, found: ModelModes) -> tuple[Resonance, ...]:
     met: list[Resonance] = []
-    rpm = ready.case.speed / _RPM
+    rpm = ready.case.speed / RPM
     structure = build_structure(ready.model)
     for contact in ready.model.driven.values():
         event = ready.model.cams[contact.cam].event

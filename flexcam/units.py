@@ -12,6 +12,9 @@ from dataclasses import dataclass
 
 from flexcam.checks import did_you_mean, refuse
 
+RPM = math.pi / 30.0
+"""A revolution per minute, rad/s."""
+
 Exponents = tuple[int, int, int, int]
 """Exponents of metre, kilogram, second, radian."""
 
@@ -42,7 +45,7 @@ _PLAIN: dict[str, tuple[float, Exponents]] = {
     "deg": (math.pi / 180.0, (0, 0, 0, 1)),
     "°": (math.pi / 180.0, (0, 0, 0, 1)),
     "rev": (2.0 * math.pi, (0, 0, 0, 1)),
-    "rpm": (math.pi / 30.0, (0, 0, -1, 1)),
+    "rpm": (RPM, (0, 0, -1, 1)),
     "min": (60.0, (0, 0, 1, 0)),
     "h": (3600.0, (0, 0, 1, 0)),
     "in": (0.0254, (1, 0, 0, 0)),

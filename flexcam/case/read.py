@@ -63,6 +63,27 @@ class Case:
         run = self.record.run
         return run.speed if run.speed is not None else 0.5 * (run.crank_speed or 0.0)
 
+    def at_speed(self, speed: float, revolutions: float | None = None) -> Case:
+        """Return the same case at another speed.
+
+        Parameters
+        ----------
+        speed
+            Of the camshaft, rad/s.
+        revolutions
+            Of the camshaft; those of the case where none are given.
+
+        Returns
+        -------
+        Case
+            Its text and overrides are those it was read from.
+        """
+        changed: dict[str, float | None] = {"speed": speed, "crank_speed": None}
+        if revolutions is not None:
+            changed["revolutions"] = revolutions
+        run = self.record.run.model_copy(update=changed)
+        return replace(self, record=self.record.model_copy(update={"run": run}))
+
     def place(self, path: KeyPath) -> str:
         """Return a key path with the line or override it was given by."""
         return self.places.place(path)

@@ -10,6 +10,7 @@ from flexcam.fidelity.compare import Comparison, compare
 from flexcam.io import read_mesh
 from flexcam.runner import run
 from flexcam.train import build_structure, model_modes
+from flexcam.units import RPM
 
 _CLOSE = 0.05
 """Deviation, as a fraction of the lift, up to which a response counts as "very close" to the rigid one."""
@@ -78,7 +79,7 @@ def deviation(case: Case, probe: str) -> Comparison:
     Comparison
         At that probe.
     """
-    return compare(run(case), run(case, rigid=True), probe, case.speed * 30.0 / math.pi)
+    return compare(run(case), run(case, rigid=True), probe, case.speed / RPM)
 
 
 def claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
@@ -99,9 +100,9 @@ def claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
         Five claims of the paper's discussion.
     """
     _, resonance = loaded_mode(case)
-    growth = deviation(_at(case, rpm=4000.0, revolutions=4.0), probe).peak_deviation
-    growth /= deviation(_at(case, rpm=4000.0, revolutions=2.0), probe).peak_deviation
-    slow = deviation(_at(case, rpm=2000.0), probe)
+    growth = deviation(case.at_speed(4000.0 * RPM, revolutions=4.0), probe).peak_deviation
+    growth /= deviation(case.at_speed(4000.0 * RPM, revolutions=2.0), probe).peak_deviation
+    slow = deviation(case.at_speed(2000.0 * RPM), probe)
     laws = {name: deviation(_with_law(case, name), probe) for name in _THEIR_LAWS}
     largest = max(laws, key=lambda name: laws[name].peak_deviation)
     told = ", ".join(f"{name} {one.peak_deviation:.3f}" for name, one in laws.items())
@@ -122,12 +123,6 @@ def claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
         Claim("the deviation is largest at multiples of 180 deg", abs(off) < 1.0,
               f"it is largest at {here.deviations[0].angle_deg:.1f} deg"),
     ]  # fmt: skip
-
-
-def _at(case: Case, rpm: float, revolutions: float | None = None) -> Case:
-    run = case.record.run
-    changed = {"speed": rpm * math.pi / 30.0, "crank_speed": None, "revolutions": revolutions or run.revolutions}
-    return replace(case, record=case.record.model_copy(update={"run": run.model_copy(update=changed)}))
 
 
 def _with_law(case: Case, law: str) -> Case:

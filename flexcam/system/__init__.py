@@ -13,6 +13,7 @@ from flexcam.system.local import (
     Stored,
     Storing,
     constant,
+    derivative,
 )
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "Storing",
     "System",
     "constant",
+    "derivative",
     "force_sum",
     "load_sum",
     "row_of",

@@ -41,6 +41,7 @@ class AngleVector:
         return np.stack([function(angle, order) for function in self.functions], axis=-1)
 
 
+_NO_STATE = np.zeros(0)
 _NONE = np.zeros((0, 0))
 
 
@@ -55,7 +56,7 @@ class Reaction:
     by_gap, by_rate
         Derivatives of the force by gamma and gamma', shape (c, c).
     state_rate
-        z', shape (s,).
+        z', shape (s,); empty for most laws.
     by_state
         Derivative of the force by z, shape (c, s).
     state_rate_by_gap, state_rate_by_rate
@@ -67,7 +68,7 @@ class Reaction:
     force: FloatArray
     by_gap: FloatArray
     by_rate: FloatArray
-    state_rate: FloatArray
+    state_rate: FloatArray = field(default_factory=lambda: _NO_STATE)
     by_state: FloatArray = field(default_factory=lambda: _NONE)
     state_rate_by_gap: FloatArray = field(default_factory=lambda: _NONE)
     state_rate_by_rate: FloatArray = field(default_factory=lambda: _NONE)
@@ -175,3 +176,24 @@ def constant(value: float) -> AngleFunction:
     array([0., 0.])
     """
     return lambda angle, order: np.full_like(angle, value if order == 0 else 0.0)
+
+
+def derivative(function: AngleFunction) -> AngleFunction:
+    """Return the derivative of a function of the cam angle.
+
+    Parameters
+    ----------
+    function
+        Such as the lift of a cam, m.
+
+    Returns
+    -------
+    AngleFunction
+        Its orders are those of the function from the first, such as m/rad and up.
+
+    Examples
+    --------
+    >>> derivative(constant(2.0))(np.zeros(2), 0)
+    array([0., 0.])
+    """
+    return lambda angle, order: function(angle, order + 1)

@@ -10,79 +10,50 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexcam.fem import Beams
-from flexcam.fem.elements import shallow
+from flexcam.fem.elements.shallow import SCALARS, Arch, deforming
 from flexcam.linalg import DENSE_LIMIT, FloatArray, IntArray
-from flexcam.system import AngleVector, Channel, LocalForce, Observable, Observed, Reaction, Stored, constant
+from flexcam.system import Channel, LocalForce, Observable, Observed, Reaction, Stored
 from flexcam.train.buckling import buckling_load
-from flexcam.train.coupling import Coupling
+from flexcam.train.coupling import Coupling, opposed
+from flexcam.train.penalty import Stateless
 from flexcam.train.structure import Structure
-
-_NONE = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
-class Bowing:
-    """Local law of some elements side by side.
+class Bowing(Stateless):
+    """Local law of some elements side by side; it senses the seven scalars of each, one element after the other.
 
     Parameters
     ----------
-    axial
-        EA/L, N/m, shape (e,).
-    shortening
-        g over (slope, rotations) of both planes, shape (e, 6, 6), m.
-    bow
-        y0, shape (e, 6).
+    arch
+        The elements.
     """
 
-    axial: FloatArray
-    shortening: FloatArray
-    bow: FloatArray
-
-    @property
-    def start_state(self) -> FloatArray:
-        """Nothing."""
-        return _NONE
+    arch: Arch
 
     def axial_force(self, gap: FloatArray) -> FloatArray:
         """Return the axial force of every element, tension positive, N, shape (..., e)."""
-        stretch, moved, pulled = self._shape(gap)
-        # y.g.(y + 2 y0): the difference of both squares would leave rounding where nothing is bent.
-        start = np.einsum("eij,ej->ei", self.shortening, self.bow)
-        return self.axial * (stretch + 0.5 * np.einsum("...ei,...ei->...e", moved, pulled + start))
-
-    def _shape(self, gap: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the stretch, y and g (y + y0)."""
-        values = gap.reshape(*gap.shape[:-1], len(self.axial), shallow.SCALARS)
-        bent = values[..., 1:] + self.bow
-        return values[..., 0], values[..., 1:], np.einsum("eij,...ej->...ei", self.shortening, bent)
-
-    def _force(self, gap: FloatArray) -> FloatArray:
-        """Return the forces, shape (..., e, 7)."""
-        stretch, _, pulled = self._shape(gap)
-        N = self.axial_force(gap)
-        force_of_shortening = N - self.axial * stretch
-        return np.concatenate([force_of_shortening[..., None], N[..., None] * pulled], axis=-1)
+        return self.arch.axial_force(_by_element(gap))
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return force and tangent."""
-        e = len(self.axial)
-        pulled = self._shape(gap)[2]
-        N = self.axial_force(gap)
-        by_gap = np.zeros((e, shallow.SCALARS, e, shallow.SCALARS))
-        each = np.arange(e)
-        across = self.axial[:, None] * pulled
-        by_gap[each, 0, each, 1:] = across
-        by_gap[each, 1:, each, 0] = across
-        by_gap[each, 1:, each, 1:] = N[:, None, None] * self.shortening + across[:, :, None] * pulled[:, None, :]
-        size = e * shallow.SCALARS
-        return Reaction(self._force(gap).ravel(), by_gap.reshape(size, size), np.zeros((size, size)), _NONE)
+        values = _by_element(gap)
+        e, each = len(values), np.arange(len(values))
+        by_gap = np.zeros((e, SCALARS, e, SCALARS))
+        by_gap[each, :, each, :] = self.arch.tangent(values)
+        force = self.arch.forces(values).ravel()
+        return Reaction(force, by_gap.reshape(gap.size, gap.size), np.zeros((gap.size, gap.size)))
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy beyond that of the linear bar and its derivative, per instant."""
-        N, stretch = self.axial_force(gap), self._shape(gap)[0]
-        energy = 0.5 * np.sum(N**2 / self.axial - self.axial * stretch**2, axis=-1)
-        return Stored(energy, self._force(gap).reshape(gap.shape), np.zeros_like(state))
+        values, axial = _by_element(gap), self.arch.axial
+        energy = 0.5 * np.sum(self.axial_force(gap) ** 2 / axial - axial * values[..., 0] ** 2, axis=-1)
+        return Stored(energy, self.arch.forces(values).reshape(gap.shape), np.zeros_like(state))
+
+
+def _by_element(gap: FloatArray) -> FloatArray:
+    """Return the scalars by element, shape (..., e, 7)."""
+    return gap.reshape(*gap.shape[:-1], gap.shape[-1] // SCALARS, SCALARS)
 
 
 def bowings(structure: Structure) -> Coupling:
@@ -110,10 +81,8 @@ def bowings(structure: Structure) -> Coupling:
         elements = np.arange(len(structure.beams))[model.mesh.element_ranges()[name]]
         where = f"members.{name}"
         if member.geometric_stiffness:
-            rows, law = _sensed(structure, elements), _law(structure.beams, elements)
-            sense = tuple(AngleVector.constant(row) for row in rows)
-            act = tuple(AngleVector.constant(-row) for row in rows)
-            forces.append(LocalForce(f"{where}.bending", sense, act, law, (constant(0.0),) * len(rows)))
+            rows, law = _sensed(structure, elements), Bowing(Arch.of(structure.beams, elements))
+            forces.append(opposed(f"{where}.bending", rows, law))
             pressed = _compression(law, slice(first, first + len(rows)))
             first += len(rows)
         else:
@@ -141,15 +110,10 @@ def _compression(law: Bowing, part: slice) -> Observable:
     return largest
 
 
-def _law(beams: Beams, elements: IntArray) -> Bowing:
-    axial = beams.EA[elements] / beams.length[elements]
-    return Bowing(axial, shallow.shortening(beams, elements), beams.bow[elements])
-
-
 def _sensed(structure: Structure, elements: IntArray) -> FloatArray:
     """Return the rows of all scalars, shape (7 e, n)."""
-    deforming = shallow.deforming(structure.beams, elements)
-    return np.concatenate([D @ _ends(structure, e) for D, e in zip(deforming, elements.tolist(), strict=True)])
+    each = zip(deforming(structure.beams, elements), elements.tolist(), strict=True)
+    return np.concatenate([D @ _ends(structure, e) for D, e in each])
 
 
 def _ends(structure: Structure, e: int) -> FloatArray:

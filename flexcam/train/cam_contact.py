@@ -23,6 +23,7 @@ from flexcam.system import (
     Observable,
     Observed,
     constant,
+    derivative,
     force_sum,
     total,
 )
@@ -31,8 +32,6 @@ from flexcam.train.coupling import Coupling
 from flexcam.train.model import Cam, CamContact
 from flexcam.train.penalty import Bilateral, HertzLine, HuntCrossley, Inclined, Sliding
 from flexcam.train.structure import Structure, find_node
-
-_one, _zero = constant(1.0), constant(0.0)
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 7201)
 """Where the curvature is taken; between these it is interpolated, as it is asked for at every iteration."""
@@ -70,7 +69,7 @@ def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling
     depth = _depth(structure, contact, cam, where)
     law = _cam_law(structure, name, contact, cam)
     force = conservative(where, depth, law, cam.event, contact.restitution)
-    torque: Observable = force_sum(0, factor=_slope(cam))
+    torque: Observable = force_sum(0, factor=derivative(cam.event))
     if contact.friction:
         force = _rubbing(structure, name, contact, cam, force)
         torque = total(torque, force_sum(1, factor=_slide(cam)))
@@ -94,7 +93,7 @@ def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> A
     tilts = not rolls and structure.is_node(contact.follower)
     tilt = structure.row(contact.follower, axis) if tilts else np.zeros_like(twist)
     rows = [structure.row(cam.at, lift) - follower, twist - tilt]
-    functions: list[AngleFunction] = [_one, _slope(cam)]
+    functions: list[AngleFunction] = [constant(1.0), derivative(cam.event)]
     if rolls:
         rows.append(_sideways(structure, contact, cam))
         functions.append(_tangent(cam))
@@ -136,10 +135,6 @@ def _sideways(structure: Structure, contact: CamContact, cam: Cam) -> FloatArray
     along = np.concatenate([right, np.zeros(3)])
     own = structure.row(contact.follower, along) if structure.is_node(contact.follower) else 0.0
     return structure.row(cam.at, along) - own
-
-
-def _slope(cam: Cam) -> AngleFunction:
-    return lambda angle, order: cam.event(angle, order + 1)
 
 
 def _profile(cam: Cam, angle: FloatArray) -> CamProfile:
@@ -203,7 +198,7 @@ def _rubbing(structure: Structure, name: str, contact: CamContact, cam: Cam, for
         raise refuse(where, contact.friction, "a follower with a flat face", why, "leave friction out")
     path = _slide(cam)
     rows = np.array([_sideways(structure, contact, cam), structure.row(cam.at, _turning(contact.shaft_axis))])
-    along = AngleVector(rows, (_one, path))
+    along = AngleVector(rows, (constant(1.0), path))
     acting = AngleVector(-rows, along.functions)
     law = Sliding(force.law, contact.friction, contact.friction_speed)
     offset = (*force.offset, _travelled(path))

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from flexcam.linalg import FloatArray
-from flexcam.system import AngleVector, Channel, LocalForce, Observable, Observed, constant, force_sum
-from flexcam.train.coupling import Coupling
+from flexcam.system import Channel, LocalForce, Observable, Observed, constant, force_sum
+from flexcam.train.coupling import Coupling, opposed
 from flexcam.train.model import Spring, Wire
 from flexcam.train.penalty import Stop
 from flexcam.train.structure import Structure, spring_parts
@@ -37,12 +37,9 @@ def coils(structure: Structure) -> Coupling:
         channels += _channels(f"springs.{name}", spring, rows)
         if spring.clash_travel is None:
             continue
-        sense = tuple(AngleVector.constant(row) for row in rows)
-        act = tuple(AngleVector.constant(-row) for row in rows)
         room = constant(-spring.clash_travel / spring.elements)
         each = tuple(range(len(rows)))
-        law = Stop(spring.clash_stiffness)
-        forces.append(LocalForce(f"springs.{name}.clash", sense, act, law, (room,) * len(rows), each))
+        forces.append(opposed(f"springs.{name}.clash", rows, Stop(spring.clash_stiffness), room, each))
         channels.append(Channel(f"springs.{name}.clash", "N", force_sum(*range(count, count + len(rows)))))
         count += len(rows)
     return Coupling((), tuple(forces), tuple(channels))

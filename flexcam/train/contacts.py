@@ -14,7 +14,7 @@ from flexcam.train.model import Adjuster, Lash, Seat
 from flexcam.train.penalty import HertzLine, HuntCrossley, Inclined, Stop
 from flexcam.train.structure import Structure
 
-_one, _zero = constant(1.0), constant(0.0)
+_zero = constant(0.0)
 
 
 def conservative(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flexcam.system import Channel, Load, LocalForce
+from flexcam.linalg import FloatArray
+from flexcam.system import AngleFunction, AngleVector, Channel, Load, LocalForce, LocalLaw, constant
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,3 +15,34 @@ class Coupling:
     loads: tuple[Load, ...]
     forces: tuple[LocalForce, ...]
     channels: tuple[Channel, ...]
+
+
+_zero = constant(0.0)
+
+
+def opposed(
+    name: str, rows: FloatArray, law: LocalLaw, offset: AngleFunction = _zero, switching: tuple[int, ...] = ()
+) -> LocalForce:
+    """Return a local force that acts against the rows it senses, A = -G, none of which changes with the cam angle.
+
+    Parameters
+    ----------
+    name
+        For messages and results.
+    rows
+        Derivatives of what it senses by the unknowns, shape (c, n).
+    law
+        Forces from what it senses.
+    offset
+        Prescribed part of every scalar.
+    switching
+        As in `LocalForce`.
+
+    Returns
+    -------
+    LocalForce
+        With as many forces as rows.
+    """
+    sense = tuple(AngleVector.constant(row) for row in rows)
+    act = tuple(AngleVector.constant(-row) for row in rows)
+    return LocalForce(name, sense, act, law, (offset,) * len(rows), switching)

@@ -11,17 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.linalg import FloatArray
-from flexcam.system import AngleVector, LocalForce, Reaction, Stored, constant
-from flexcam.train.coupling import Coupling
+from flexcam.system import LocalForce, Reaction, Stored
+from flexcam.train.coupling import Coupling, opposed
 from flexcam.train.model import Lever
+from flexcam.train.penalty import Stateless
 from flexcam.train.published import follower_train
 from flexcam.train.structure import Structure, lever_ends
 
-_NONE = np.zeros(0)
-
 
 @dataclass(frozen=True, eq=False)
-class LeverEnd:
+class LeverEnd(Stateless):
     """Local law of one end, beyond its linear spring: it senses the path p and what moves there, x.
 
     Parameters
@@ -34,11 +33,6 @@ class LeverEnd:
 
     lever: Lever
     end: int
-
-    @property
-    def start_state(self) -> FloatArray:
-        """Nothing."""
-        return _NONE
 
     def _at_rest(self) -> FloatArray:
         """Return the derivative of the depth by path and motion, as installed."""
@@ -54,7 +48,7 @@ class LeverEnd:
         by_gap = np.outer(arm, np.array([k * slope + c * bend * float(rate[0]), -k])) - k * np.outer(at_rest, at_rest)
         by_gap[0, 0] += N * bend
         by_rate = c * (np.outer(arm, arm) - np.outer(at_rest, at_rest))
-        return Reaction(N * arm - linear, by_gap, by_rate, _NONE)
+        return Reaction(N * arm - linear, by_gap, by_rate)
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy beyond that of the linear spring and its derivative, per instant."""
@@ -82,10 +76,8 @@ def lever_joints(structure: Structure) -> Coupling:
     forces: list[LocalForce] = []
     for name, lever in structure.model.levers.items():
         for end, rows in lever_ends(structure, lever).items():
-            sense = tuple(AngleVector.constant(row) for row in rows)
-            act = tuple(AngleVector.constant(-row) for row in rows)
             where = f"rockers.{name}.{('from', 'to')[end]}"
-            forces.append(LocalForce(where, sense, act, LeverEnd(lever, end), (constant(0.0),) * 2))
+            forces.append(opposed(where, np.array(rows), LeverEnd(lever, end)))
     return Coupling((), tuple(forces), ())
 
 

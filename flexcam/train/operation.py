@@ -113,7 +113,7 @@ def operation(model: Model, response: Response, period: float) -> list[Figure]:
     """
     if not len(response.time):
         return []
-    last = response.time >= response.time[-1] - period * (1.0 - 1e-9)
+    last = response.latest(period)
     figures: list[Figure] = []
     for name, contact in model.driven.items():
         if isinstance(contact, CamContact) and contact.unilateral:

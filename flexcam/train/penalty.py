@@ -13,23 +13,25 @@ from flexcam.linalg import FloatArray
 from flexcam.system import AngleFunction, LocalLaw, Reaction, Stored, Storing
 
 _MOST_ITERATIONS = 60
-_NO_STATE = np.zeros(0)
 
 
 @lru_cache
 def _nothing(count: int) -> Reaction:
-    return Reaction(np.zeros(count), np.zeros((count, count)), np.zeros((count, count)), np.zeros(0))
-
-
-_EMPTY = np.zeros(0)
+    return Reaction(np.zeros(count), np.zeros((count, count)), np.zeros((count, count)))
 
 
 def _one(force: float, by_gap: float, by_rate: float) -> Reaction:
-    return Reaction(np.array([force]), np.array([[by_gap]]), np.array([[by_rate]]), _EMPTY)
+    return Reaction(np.array([force]), np.array([[by_gap]]), np.array([[by_rate]]))
 
 
-class _Stateless:
-    """A law without internal state."""
+class Stateless:
+    """A law without internal state.
+
+    Examples
+    --------
+    >>> Stateless().start_state
+    array([], dtype=float64)
+    """
 
     @property
     def start_state(self) -> FloatArray:
@@ -38,7 +40,7 @@ class _Stateless:
 
 
 @dataclass(frozen=True)
-class Bilateral(_Stateless):
+class Bilateral(Stateless):
     """Force k gamma + c gamma', pushing and pulling.
 
     Parameters
@@ -66,7 +68,7 @@ class Bilateral(_Stateless):
 
 
 @dataclass(frozen=True)
-class Stop(_Stateless):
+class Stop(Stateless):
     """Force k gamma + c gamma' while pressed together (gamma > 0), never pulling; any number of places side by side.
 
     The damping takes hold over the first micrometres of depth, as in the impact functions of multibody codes: a damper
@@ -101,7 +103,7 @@ class Stop(_Stateless):
         by_gap = self.stiffness + np.where(part < 1.0, self.damping * rate / self.hold, 0.0)
         return Reaction(
             np.where(pressed, force, 0.0), np.diag(np.where(pressed, by_gap, 0.0)),
-            np.diag(np.where(pressed, self.damping * part, 0.0)), np.zeros(0),
+            np.diag(np.where(pressed, self.damping * part, 0.0)),
         )  # fmt: skip
 
     def _single(self, gap: float, rate: float) -> Reaction:
@@ -121,7 +123,7 @@ class Stop(_Stateless):
 
 
 @dataclass(frozen=True)
-class HuntCrossley(_Stateless):
+class HuntCrossley(Stateless):
     """Force k gamma (1 + chi gamma') while pressed together, never pulling.
 
     K. H. Hunt and F. R. E. Crossley, Coefficient of restitution interpreted as damping in vibroimpact, Journal of
@@ -159,7 +161,7 @@ class HuntCrossley(_Stateless):
 
 
 @dataclass(frozen=True, eq=False)
-class HertzLine(_Stateless):
+class HertzLine(Stateless):
     """Line contact of cam and follower, the cam's radius of curvature changing with its angle.
 
     A cylinder of radius R pressed by p per length approaches its middle by ``(1 - nu^2) p/(pi E) (2 ln(4 R/a) - 1)``
@@ -282,7 +284,7 @@ class HertzLine(_Stateless):
 
 
 @dataclass(frozen=True, eq=False)
-class Inclined(_Stateless):
+class Inclined(Stateless):
     """A law of the depth along the normal, asked for by the depth along the lift.
 
     The normal is inclined by the pressure angle: the depth along it is the cosine's share, and so is the force along
@@ -303,7 +305,7 @@ class Inclined(_Stateless):
         """Return force and tangent."""
         share = float(self.cosine(np.array([angle]), 0)[0])
         answer = self.normal.respond(gap * share, rate * share, state, angle)
-        return Reaction(answer.force * share, answer.by_gap * share**2, answer.by_rate * share**2, _NO_STATE)
+        return Reaction(answer.force * share, answer.by_gap * share**2, answer.by_rate * share**2)
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy stored and its derivative, per instant."""
@@ -313,7 +315,7 @@ class Inclined(_Stateless):
 
 
 @dataclass(frozen=True, eq=False)
-class Sliding(_Stateless):
+class Sliding(Stateless):
     """A contact with Coulomb's friction: depth and sliding, normal force and friction mu N tanh(v/v0).
 
     Parameters
@@ -346,7 +348,7 @@ class Sliding(_Stateless):
         by_gap[:, 0] = float(pressed.by_gap[0, 0]) * np.array([1.0, share])
         by_rate[:, 0] = float(pressed.by_rate[0, 0]) * np.array([1.0, share])
         by_rate[1, 1] = self.coefficient * N * (1.0 - turned**2) / self.speed
-        return Reaction(np.array([N, share * N]), by_gap, by_rate, _NO_STATE)
+        return Reaction(np.array([N, share * N]), by_gap, by_rate)
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy stored in the depth; friction stores none."""

@@ -31,12 +31,14 @@ from flexcam.system import (
     Observable,
     Reaction,
     constant,
+    derivative,
     force_sum,
     load_sum,
     total,
 )
 from flexcam.train.coupling import Coupling
 from flexcam.train.model import Cam, CamContact, PublishedLoad
+from flexcam.train.penalty import Stateless
 from flexcam.train.structure import Structure, find_node, spring_row
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 7201)
@@ -235,12 +237,10 @@ def couple(structure: Structure, name: str, contact: PublishedLoad, speed: float
     lift, axis = contact.direction, np.concatenate([np.zeros(3), contact.shaft_axis])
     push = structure.row(contact.follower, lift) - structure.row(cam.at, lift)
     twist = -structure.row(cam.at, axis)
+    arm = derivative(cam.event)
 
     def torque(motion: CamMotion) -> FloatArray:
         return (force + K * cam.event(motion.angle)) * cam.event(motion.angle, 1)
-
-    def arm(angle: FloatArray, order: int) -> FloatArray:
-        return cam.event(angle, order + 1)
 
     loads = [
         Load(f"contacts.{name}.lift", push, lambda motion: K * cam.event(motion.angle)),
@@ -250,9 +250,11 @@ def couple(structure: Structure, name: str, contact: PublishedLoad, speed: float
         loads.append(Load(f"contacts.{name}.torque", twist, torque))
     local: tuple[LocalForce, ...] = ()
     if contact.cam_deflection:
-        both = (push[None, :], (_one,)) if not contact.cam_torque else (np.array([push, twist]), (_one, arm))
+        felt = AngleVector.constant(push)
+        if contact.cam_torque:
+            felt = AngleVector(np.array([push, twist]), (constant(1.0), arm))
         sensed = AngleVector.constant(structure.row(cam.at, lift))
-        local = (LocalForce(f"contacts.{name}", (sensed,), (AngleVector(*both),), _Linear(K), (_zero,)),)
+        local = (LocalForce(f"contacts.{name}", (sensed,), (felt,), _Linear(K), (constant(0.0),)),)
 
     def seen(factor: AngleFunction | None = None) -> Observable:
         return total(load_sum(0, 1, factor=factor), *[force_sum(0, factor=factor)] if local else [])
@@ -278,18 +280,11 @@ def _spring_share(structure: Structure, train: FollowerTrain) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class _Linear:
+class _Linear(Stateless):
     """f = K gamma."""
 
     stiffness: float
 
-    @property
-    def start_state(self) -> FloatArray:
-        return np.zeros(0)
-
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         K = np.array([[self.stiffness]])
-        return Reaction(K[0] * gap, K, np.zeros((1, 1)), np.zeros(0))
-
-
-_one, _zero = constant(1.0), constant(0.0)
+        return Reaction(K[0] * gap, K, np.zeros((1, 1)))

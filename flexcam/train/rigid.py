@@ -9,7 +9,7 @@ import numpy as np
 
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.motion import Event
-from flexcam.system import AngleFunction, CamMotion, Channel, Load, Probe, System, load_sum
+from flexcam.system import AngleFunction, CamMotion, Channel, Load, Probe, System, derivative, load_sum
 from flexcam.train.build import probe_of
 from flexcam.train.lever import refuse_far_turns
 from flexcam.train.model import CamContact, Lash, Lever, Model, PublishedLoad, path_name, tip_name
@@ -192,16 +192,12 @@ def build_rigid(model: Model, speed: float) -> System:
         event = model.cams[model.driven[name].cam].event
         channels += [
             Channel(f"contacts.{name}.force", "N", load_sum(len(loads))),
-            Channel(f"contacts.{name}.torque", "N m", load_sum(len(loads), factor=_slope(event))),
+            Channel(f"contacts.{name}.torque", "N m", load_sum(len(loads), factor=derivative(event))),
         ]
         loads.append(Load(f"contacts.{name}", np.zeros(0), train.contact_force(event)))
     nothing = Triplets.zeros(0)
     probes = tuple(_rigid_probe(structure, probe_of(structure, point), trains) for point in model.probes)
     return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels))
-
-
-def _slope(event: AngleFunction) -> AngleFunction:
-    return lambda angle, order: event(angle, order + 1)
 
 
 def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrain]) -> Probe:

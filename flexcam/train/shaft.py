@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from flexcam.fem.elements import beam
@@ -28,12 +30,12 @@ def shafts(structure: Structure) -> Coupling:
         ``cams.NAME.twist`` (about the sense of rotation) and ``cams.NAME.deflection`` (along the lift) of every cam
         that drives something; ``supports.NAME.torque`` wherever the shaft's rotation is held: what its drive must give.
     """
-    model = structure.model
+    model, parts = structure.model, _parts(structure)
     channels: list[Channel] = []
     driven: dict[int, FloatArray] = {}
     for contact in model.driven.values():
         at = model.cams[contact.cam].at
-        axis = np.concatenate([np.zeros(3), contact.shaft_axis])
+        axis = _turning(contact.shaft_axis)
         channels += [
             Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(at, axis))),
             Channel(f"cams.{contact.cam}.deflection", "m", row_of(structure.row(at, contact.direction))),
@@ -45,40 +47,55 @@ def shafts(structure: Structure) -> Coupling:
             axis = int(np.argmax(np.abs(along)))
             if abs(float(along[axis])) > _ALONG and ("rx", "ry", "rz")[axis] in held:
                 name = point if len(model.mesh.select(point)) == 1 else model.mesh.node_name(node)
-                channels.append(Channel(f"supports.{name}.torque", "N m", _torque(structure, node, along)))
-    return Coupling(_inertias(structure), (), tuple(channels))
+                channels.append(Channel(f"supports.{name}.torque", "N m", _torque(structure, parts, node, along)))
+    return Coupling(_inertias(structure, parts), (), tuple(channels))
 
 
-def _inertias(structure: Structure) -> tuple[Load, ...]:
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Stiffness and mass of every element, shape (e, 12, 12), and node and mass (6, 6) of every body; global axes."""
+
+    stiffness: FloatArray
+    mass: FloatArray
+    bodies: tuple[tuple[int, FloatArray], ...]
+
+
+def _parts(structure: Structure) -> _Parts:
+    beams, mesh = structure.beams, structure.model.mesh
+    on_nodes = [part for part in structure.model.masses.values() if structure.is_node(part.at)]
+    return _Parts(
+        beam.to_global(beams, beam.stiffness(beams)),
+        beam.to_global(beams, beam.mass(beams)),
+        tuple((mesh.node(part.at), part.body.matrix()) for part in on_nodes),
+    )
+
+
+def _inertias(structure: Structure, parts: _Parts) -> tuple[Load, ...]:
     mesh = structure.model.mesh
     shafts: dict[int, Load] = {}
     for contact in structure.model.driven.values():
         nodes = mesh.connected(mesh.node(structure.model.cams[contact.cam].at))
         if int(nodes[0]) not in shafts:
-            shafts[int(nodes[0])] = _inertia(structure, nodes, contact.shaft_axis)
+            shafts[int(nodes[0])] = _inertia(structure, parts, nodes, contact.shaft_axis)
     return tuple(shafts.values())
 
 
-def _torque(structure: Structure, node: int, axis: FloatArray) -> Observable:
+def _torque(structure: Structure, parts: _Parts, node: int, axis: FloatArray) -> Observable:
     """Return the torque that holds a node's rotation, from the elements that end there and the bodies on it.
 
     Modal damping, which couples everything, is left out.
     """
-    stiff, heavy = _global(structure)
     beams, dofs, damping = structure.beams, structure.dofs, structure.model.damping
-    on_d, on_a, inertia = np.zeros(dofs.size), np.zeros(dofs.size), 0.0
-    turning = np.tile(np.concatenate([np.zeros(3), axis]), 2)
-    for e, end in np.argwhere(beams.nodes == node).tolist():
-        turned = np.zeros(12)
-        turned[6 * end + 3 : 6 * end + 6] = axis
-        numbers = dofs.numbers[beams.nodes[e]].ravel()
-        free = numbers >= 0
-        on_d[numbers[free]] += (turned @ stiff[e])[free]
-        on_a[numbers[free]] += (turned @ heavy[e])[free]
-        inertia += float(turned @ heavy[e] @ turning)
-    for part in structure.model.masses.values():
-        if structure.is_node(part.at) and structure.model.mesh.node(part.at) == node:
-            inertia += float(turning[:6] @ part.body.matrix() @ turning[:6])
+    turning = _turning(axis)
+    elements, ends = np.nonzero(beams.nodes == node)
+    turned = np.zeros((len(elements), 2, 6))
+    turned[np.arange(len(elements)), ends] = turning
+    picked = turned.reshape(-1, 1, 12)
+    numbers, heavy = dofs.numbers[beams.nodes[elements]], picked @ parts.mass[elements]
+    on_d = _assembled(dofs.size, numbers, picked @ parts.stiffness[elements])
+    on_a = _assembled(dofs.size, numbers, heavy)
+    inertia = float(np.sum(heavy @ np.tile(turning, 2)))
+    inertia += sum(float(turning @ matrix @ turning) for at, matrix in parts.bodies if at == node)
     on_v = damping.alpha * on_a + damping.beta * on_d
 
     def held(seen: Observed) -> FloatArray:
@@ -88,25 +105,26 @@ def _torque(structure: Structure, node: int, axis: FloatArray) -> Observable:
     return held
 
 
-def _global(structure: Structure) -> tuple[FloatArray, FloatArray]:
-    """Return stiffness and mass of every element, shape (e, 12, 12), global axes."""
-    beams = structure.beams
-    return beam.to_global(beams, beam.stiffness(beams)), beam.to_global(beams, beam.mass(beams))
-
-
-def _inertia(structure: Structure, nodes: IntArray, axis: FloatArray) -> Load:
+def _inertia(structure: Structure, parts: _Parts, nodes: IntArray, axis: FloatArray) -> Load:
     """Return the load of a shaft's rotary inertia while its speed changes: unknowns turn with the shaft."""
     beams, dofs = structure.beams, structure.dofs
-    turning = np.concatenate([np.zeros(3), axis])
-    heavy = _global(structure)[1]
-    vector = np.zeros(dofs.size)
-    for e in np.flatnonzero(np.isin(beams.nodes[:, 0], nodes)).tolist():
-        numbers = dofs.numbers[beams.nodes[e]].ravel()
-        free = numbers >= 0
-        vector[numbers[free]] -= (heavy[e] @ np.tile(turning, 2))[free]
-    for part in structure.model.masses.values():
-        if structure.is_node(part.at) and structure.model.mesh.node(part.at) in nodes:
-            node = structure.model.mesh.node(part.at)
-            numbers = dofs.numbers[node]
-            vector[numbers[numbers >= 0]] -= (part.body.matrix() @ turning)[numbers >= 0]
-    return Load(f"shaft of {structure.model.mesh.node_name(int(nodes[0]))}", vector, lambda motion: motion.rate)
+    turning = _turning(axis)
+    elements = np.isin(beams.nodes[:, 0], nodes)
+    vector = _assembled(dofs.size, dofs.numbers[beams.nodes[elements]], parts.mass[elements] @ np.tile(turning, 2))
+    for at, matrix in parts.bodies:
+        if at in nodes:
+            vector = vector + _assembled(dofs.size, dofs.numbers[at], matrix @ turning)
+    return Load(f"shaft of {structure.model.mesh.node_name(int(nodes[0]))}", -vector, lambda motion: motion.rate)
+
+
+def _turning(axis: FloatArray) -> FloatArray:
+    """Return the six components of a node that turns with a shaft."""
+    return np.concatenate([np.zeros(3), axis])
+
+
+def _assembled(size: int, numbers: IntArray, values: FloatArray) -> FloatArray:
+    """Return a vector of values at numbered unknowns, shape (size,); those that are held have no number."""
+    free = numbers.ravel() >= 0
+    vector = np.zeros(size)
+    np.add.at(vector, numbers.ravel()[free], values.ravel()[free])
+    return vector

@@ -8,6 +8,8 @@ Non-linear Finite Element Analysis of Solids and Structures 1 (1991), sec. 7.1 a
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from flexcam.fem.elements import bending
@@ -66,6 +68,66 @@ def shortening(beams: Beams, elements: IntArray) -> FloatArray:
     return g
 
 
+@dataclass(frozen=True, eq=False)
+class Arch:
+    """Shallow arches side by side, over their seven scalars.
+
+    Parameters
+    ----------
+    axial
+        EA/L, N/m, shape (e,).
+    shortening
+        g over slopes and rotations of both planes, m, shape (e, 6, 6).
+    bow
+        y0, shape (e, 6).
+
+    Examples
+    --------
+    >>> arch = Arch(np.ones(1), np.eye(6)[None], np.zeros((1, 6)))
+    >>> arch.axial_force(np.array([[0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]))
+    array([1.])
+    """
+
+    axial: FloatArray
+    shortening: FloatArray
+    bow: FloatArray
+
+    @classmethod
+    def of(cls, beams: Beams, elements: IntArray) -> Arch:
+        """Return the arches of some elements, shape (e,)."""
+        axial = beams.EA[elements] / beams.length[elements]
+        return cls(axial, shortening(beams, elements), beams.bow[elements])
+
+    def pull(self, values: FloatArray) -> FloatArray:
+        """Return g (y + y0) of the scalars, shape (..., e, 7): what a unit force does to bending, shape (..., e, 6)."""
+        return np.einsum("eij,...ej->...ei", self.shortening, values[..., 1:] + self.bow)
+
+    def beyond(self, values: FloatArray) -> FloatArray:
+        """Return the axial force of the shortening, N, shape (..., e), of the scalars, shape (..., e, 7)."""
+        # y.g.(y + 2 y0): the difference of both squares would leave rounding where nothing is bent.
+        start = np.einsum("eij,ej->ei", self.shortening, self.bow)
+        return 0.5 * self.axial * np.einsum("...ei,...ei->...e", values[..., 1:], self.pull(values) + start)
+
+    def axial_force(self, values: FloatArray) -> FloatArray:
+        """Return the axial force, tension positive, N, shape (..., e), of the scalars, shape (..., e, 7)."""
+        return self.axial * values[..., 0] + self.beyond(values)
+
+    def forces(self, values: FloatArray) -> FloatArray:
+        """Return the forces beyond those of straight bars and beams, shape (..., e, 7), of the scalars, as large."""
+        beyond = self.beyond(values)
+        N = self.axial * values[..., 0] + beyond
+        return np.concatenate([beyond[..., None], N[..., None] * self.pull(values)], axis=-1)
+
+    def tangent(self, values: FloatArray) -> FloatArray:
+        """Return the derivative of these forces, shape (e, 7, 7), by the scalars, shape (e, 7)."""
+        pulled, N = self.pull(values), self.axial_force(values)
+        across = self.axial[:, None] * pulled
+        found = np.zeros((len(values), SCALARS, SCALARS))
+        found[:, 0, 1:] = found[:, 1:, 0] = across
+        found[:, 1:, 1:] = N[:, None, None] * self.shortening + across[:, :, None] * pulled[:, None, :]
+        return found
+
+
 def beyond_linear(beams: Beams, local: FloatArray) -> FloatArray:
     """Return the end forces that shallow arches have beyond those of straight bars and beams.
 
@@ -85,15 +147,9 @@ def beyond_linear(beams: Beams, local: FloatArray) -> FloatArray:
     arched = np.flatnonzero(beams.arched)
     if not len(arched):
         return forces
-    D, g, y0 = deforming(beams, arched), shortening(beams, arched), beams.bow[arched]
+    D = deforming(beams, arched)
     values = np.einsum("eij,...ej->...ei", D, local[..., arched, :])
-    y = values[..., 1:]
-    pulled = np.einsum("eij,...ej->...ei", g, y + y0)
-    axial = beams.EA[arched] / beams.length[arched]
-    beyond = 0.5 * axial * np.einsum("...ei,...ei->...e", y, pulled + np.einsum("eij,ej->ei", g, y0))
-    N = axial * values[..., 0] + beyond
-    acting = np.concatenate([beyond[..., None], N[..., None] * pulled], axis=-1)
-    forces[..., arched, :] = np.einsum("eij,...ei->...ej", D, acting)
+    forces[..., arched, :] = np.einsum("eij,...ei->...ej", D, Arch.of(beams, arched).forces(values))
     return forces
 
 
