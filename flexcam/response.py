@@ -6,14 +6,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.checks import FlexcamError, did_you_mean, refuse
+from flexcam.checks import FlexcamError, did_you_mean, finite_array, refuse
 from flexcam.linalg import FloatArray
 
 STATE = "state."
@@ -33,6 +33,7 @@ class Cause(StrEnum):
     SINGULAR = "singular"
     NOT_SAVED = "not-saved"
     ROUNDING = "rounding"
+    STEP_TOO_SMALL = "step-too-small"
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,10 @@ class Stats:
         Newton iterations of local forces, all steps together.
     events
         Moments located inside a step, where a contact opens or closes.
+    substeps
+        Steps taken between the instants of the results, where steps are adaptive; else zero.
+    rejected
+        Steps of too large an error, taken again with half their length.
     periodicity
         By how much the start misses returning after a revolution, as a part of the motion; negative if not asked for.
     seconds
@@ -114,6 +119,8 @@ class Stats:
     unknowns: int = 0
     iterations: int = 0
     events: int = 0
+    substeps: int = 0
+    rejected: int = 0
     periodicity: float = -1.0
     seconds: float = 0.0
 
@@ -131,9 +138,30 @@ class Series:
         """Return the parts one after the other."""
         return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in cls.__annotations__))
 
+    def between(self, own: FloatArray, times: FloatArray) -> Series:
+        """Return the motion at other times than its own, s, rising, from the instants on both sides of each.
+
+        Displacements are cubics with the velocities at both ends, velocities cubics with the accelerations,
+        accelerations straight lines: of higher order than the integrators, and without overshoot where a law jumps.
+        """
+        right = np.clip(np.searchsorted(own, times, side="right"), 1, len(own) - 1)
+        left = right - 1
+        length = (own[right] - own[left])[:, None]
+        x = (times - own[left])[:, None] / length
+        d, v, a = self.displacement, self.velocity, self.acceleration
+        moved = _cubic(x, d[left], d[right], length * v[left], length * v[right])
+        moving = _cubic(x, v[left], v[right], length * a[left], length * a[right])
+        return Series(moved, moving, a[left] + x * (a[right] - a[left]))
+
     def at(self, instants: NDArray[np.bool_]) -> Series:
         """Return the chosen instants, shape (times,)."""
         return Series(self.displacement[instants], self.velocity[instants], self.acceleration[instants])
+
+
+def _cubic(x: FloatArray, old: FloatArray, new: FloatArray, slope: FloatArray, new_slope: FloatArray) -> FloatArray:
+    """Return Hermite's cubic at x from 0 to 1."""
+    y = 1.0 - x
+    return y * y * ((1.0 + 2.0 * x) * old + x * slope) + x * x * ((3.0 - 2.0 * x) * new - y * new_slope)
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,6 +344,43 @@ class Response:
             Shape (steps + 1,), bool: one instant per step, the period's first left out; all of a shorter run.
         """
         return self.time > self.time[-1:] - period * (1.0 - _SAME_INSTANT)
+
+    def at(self, times: FloatArray) -> Response:
+        """Return the response at other instants than its own: dense output.
+
+        Parameters
+        ----------
+        times
+            s, rising, within the run.
+
+        Returns
+        -------
+        Response
+            Probes by cubics, cam angle and channels by straight lines; the saved fields are those of the run.
+
+        Raises
+        ------
+        InputError
+            If a time is outside the run, or they do not rise.
+
+        Examples
+        --------
+        ``response.at(np.linspace(0.0, 0.01, 5000))["valve"].displacement``
+        """
+        given = finite_array("times", times, (None,))
+        if len(self.time) < 2 or not len(given):
+            raise refuse("times", f"{len(given)} of a run of {len(self.time)} instants", "some of a run of two or more")
+        if given[0] < self.time[0] or given[-1] > self.time[-1] or (np.diff(given) < 0.0).any():
+            allowed = f"rising times from {self.time[0]:.6g} to {self.time[-1]:.6g} s"
+            raise refuse("times", f"{given[0]:.6g} to {given[-1]:.6g} s", allowed)
+
+        def straight(values: FloatArray) -> FloatArray:
+            return np.interp(given, self.time, values)
+
+        return replace(
+            self, time=given, angle=straight(self.angle), probes=self.probes.between(self.time, given),
+            channels={name: straight(values) for name, values in self.channels.items()},
+        )  # fmt: skip
 
     def __getitem__(self, name: str) -> History:
         """Return the history of a probe, or of one component of it (``"cam.uy"``)."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -19,23 +19,20 @@ from typing import Literal
 import numpy as np
 
 from flexcam.case import Case, build_model
-from flexcam.case.tables.run import GivenStartRecord, ResultStartRecord
-from flexcam.checks import InputError, did_you_mean, refuse
+from flexcam.checks import InputError, refuse
 from flexcam.integrate import (
     Method,
     Problem,
     State,
-    carried_equilibrium,
     outline,
-    periodic,
-    rest,
     solve,
 )
-from flexcam.io import Geometry, ResultFile, made_folder, read_result
+from flexcam.io import Geometry, ResultFile, made_folder
 from flexcam.linalg import FloatArray
 from flexcam.modal import mac
 from flexcam.response import Response, SaveAt, Sink
-from flexcam.system import ConstantSpeed, Drive, FluctuatingSpeed, SpeedByAngle, System
+from flexcam.starting import drive_of, revolution_of, started
+from flexcam.system import System
 from flexcam.train import (
     Model,
     ModelModes,
@@ -43,7 +40,6 @@ from flexcam.train import (
     build_structure,
     build_system,
     element_loads,
-    free_running,
     model_modes,
 )
 
@@ -79,8 +75,7 @@ class Prepared:
     @property
     def revolution(self) -> float:
         """Time of a camshaft revolution, s."""
-        drive = self.problem.drive
-        return drive.period if isinstance(drive, SpeedByAngle) else _REVOLUTION / self.case.speed
+        return revolution_of(self.case, self.problem.drive)
 
 
 def prepare(case: Case, *, rigid: bool = False) -> Prepared:
@@ -114,124 +109,29 @@ def prepare(case: Case, *, rigid: bool = False) -> Prepared:
     try:
         system = make(model, case.speed)
     except InputError as refusal:
-        raise InputError(replace(f, where=case.place(tuple(f.where.split(".")))) for f in refusal.faults) from None
+        raise _placed(case, refusal) from None
     save = SaveAt(field_every=case.record.output.field_every)
-    return Prepared(case, model, _problem(case, model, system), case.record.run.integrator.made(), save)
+    problem, scheme = _problem(case, model, system), case.record.run.integrator.made()
+    if refusal := scheme.refusal(system, problem.step):
+        raise _placed(case, refusal)
+    return Prepared(case, model, started(case, model, problem), scheme, save)
+
+
+def _placed(case: Case, refusal: InputError) -> InputError:
+    """Return a refusal with its keys' lines in the case file."""
+    return InputError(replace(fault, where=case.place(tuple(fault.where.split(".")))) for fault in refusal.faults)
 
 
 def _problem(case: Case, model: Model, system: System) -> Problem:
-    run, drive = case.record.run, _drive(case, model)
+    run, drive = case.record.run, drive_of(case, model)
     per_revolution = run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
-    revolution = drive.period if isinstance(drive, SpeedByAngle) else _REVOLUTION / case.speed
+    revolution = revolution_of(case, drive)
     step = run.step or revolution / per_revolution
     steps = round(run.revolutions * revolution / step)
     if steps < 1:
         given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
         raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
-    if run.start == "periodic":
-        return _periodic(case, Problem(system, drive, step, steps, _guess(system, drive)), revolution)
-    state, angle = _start(case, model, system, drive)
-    if angle is not None:  # a restart goes on at the result's cam angle, also at another speed
-        drive = _from_angle(case, model, drive, angle, state.time)
-    return Problem(system, drive, step, steps, state)
-
-
-def _drive(case: Case, model: Model, start: float = 0.0) -> Drive:
-    """Return how the camshaft turns, the cam angle at time zero given."""
-    run = case.record.run
-    if run.fluctuation is not None:
-        return FluctuatingSpeed(case.speed, *run.fluctuation.made(), start)
-    if run.free_running is not None:
-        return free_running(model, case.speed, *run.free_running.made(), start)
-    return ConstantSpeed(case.speed, start)
-
-
-def _from_angle(case: Case, model: Model, drive: Drive, angle: float, time: float) -> Drive:
-    """Return the drive that passes a cam angle at a time."""
-    missing = angle - float(drive.at(np.array([time])).angle[0])
-    if abs(missing) <= _SAME_ANGLE:
-        return drive
-    free = case.record.run.free_running
-    if free is not None:
-        return free_running(model, case.speed, *free.made(), angle, time)
-    return _drive(case, model, missing)
-
-
-def _guess(system: System, drive: Drive) -> State:
-    return carried_equilibrium(system, drive) if system.size else State.rest(0)
-
-
-def _periodic(case: Case, problem: Problem, revolution: float) -> Problem:
-    """Return the problem from its periodic state."""
-    if not problem.system.size:
-        return replace(problem, start=replace(State.rest(0), periodicity=0.0))
-    per_revolution = round(revolution / problem.step)
-    if abs(per_revolution * problem.step - revolution) > _SAME_ANGLE * revolution:
-        given, why = f"a step of {problem.step:g} s", "the periodic state is that after a whole revolution"
-        raise refuse("run.step", given, "a whole number of steps per revolution", why, "use steps_per_revolution")
-    one = replace(problem, steps=per_revolution)
-    return replace(problem, start=periodic(one, case.record.run.integrator.made()))
-
-
-_SAME_ANGLE = 1e-9
-"""Difference of cam angle, rad, that is the rounding of speed times time."""
-
-
-def _start(case: Case, model: Model, system: System, drive: Drive) -> tuple[State, float | None]:
-    """Return the start and, for a restart, the cam angle it belongs to."""
-    match case.record.run.start:
-        case "rest":
-            return rest(system, drive), None
-        case "equilibrium" | "periodic":
-            return _guess(system, drive), None
-        case ResultStartRecord(result=name):
-            return _last_state(case, model, system, name)
-        case GivenStartRecord(displacement=displacement, velocity=velocity):
-            moved, moving = (
-                _given(case, system, *one) for one in ((displacement, "displacement"), (velocity, "velocity"))
-            )
-            return State(moved, moving), None
-
-
-def _given(case: Case, system: System, values: Mapping[str, float], kind: str) -> FloatArray:
-    row = np.zeros(system.size)
-    for name, value in values.items() if system.size else ():  # the rigid mechanism has no component to place
-        if name not in system.names:
-            where = case.place(("run", "start", kind))
-            raise refuse(where, repr(name), "a free component such as 'cam.uy'", "", did_you_mean(name, system.names))
-        row[system.names.index(name)] = value
-    return row
-
-
-def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[State, float]:
-    """Return the last saved state of a result and its cam angle."""
-    where = case.place(("run", "start"))
-    result = read_result(case.path.parent / name)
-    response = result.response
-    if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(response.field_time):
-        raise refuse(where, name, "a result of the same mesh with at least one saved field")
-    time, angle = float(response.field_time[-1]), float(response.field_angle[-1])
-    if not system.size:  # the rigid mechanism has no state but its angle
-        return State(np.zeros(0), np.zeros(0), time), angle
-    numbers = build_structure(model).dofs.numbers
-    free = numbers >= 0
-    nodal = [series[-1].reshape(-1, 6) for series in (response.fields.displacement, response.fields.velocity)]
-    if any(values[~free].any() for values in nodal):
-        raise refuse(where, name, "a result of the same supports", "it moves where this model is held")
-    inner = system.names[int(free.sum()) :]
-    try:
-        histories = [response[one] for one in inner]
-    except InputError as refusal:
-        why = f"it does not hold {refusal.faults[0].given}"
-        raise refuse(where, name, "a result of the same model", why) from None
-    at = int(np.searchsorted(response.time, time - 1e-12 * max(abs(time), 1.0)))
-    rest_of = [[float(getattr(one, name)[at]) for one in histories] for name in ("displacement", "velocity")]
-    moved, moving = (np.concatenate([one[free], more]) for one, more in zip(nodal, rest_of, strict=True))
-    inner = response.inner
-    states = sum(len(force.law.start_state) for force in system.local_forces)
-    if len(inner) != states:
-        raise refuse(where, name, "a result of the same contacts", f"it holds {len(inner)} of {states} internal states")
-    return State(moved, moving, time, inner if states else None), angle
+    return Problem(system, drive, step, steps, adaptive=run.adaptive.made() if run.adaptive else None)
 
 
 def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Response:

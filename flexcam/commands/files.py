@@ -7,12 +7,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from cyclopts import Parameter
 
 from flexcam import console
 from flexcam.case import CaseRecord, build_model, read_case
+from flexcam.checks import refuse
 from flexcam.commands.app import Json, Overwrite, ResultPath, app
 from flexcam.io import made_folder, read_result, write_csv, write_mesh, write_pvd
+from flexcam.response import Response
 from flexcam.terminal import out, print_json
 
 
@@ -20,6 +23,7 @@ from flexcam.terminal import out, print_json
     help_prologue="""\
 flexcam export results/case.vtkhdf --format pvd --every 5 --field displacement
 flexcam export results/case.vtkhdf --format csv --probe valve
+flexcam export results/case.vtkhdf --format csv --instants 720
 flexcam export case.toml --format msh -o meshes
 """
 )
@@ -30,6 +34,9 @@ def export(
     every: Annotated[int, Parameter("--every", help="Take every so many of the saved instants or steps.")] = 1,
     fields: Annotated[list[str] | None, Parameter("--field", negative=(), help="pvd: only these point data.")] = None,
     probes: Annotated[list[str] | None, Parameter("--probe", negative=(), help="csv: only these probes.")] = None,
+    instants: Annotated[
+        int | None, Parameter("--instants", help="csv: so many, evenly spaced, between those of the run too.")
+    ] = None,
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Write a result as a ParaView collection or CSV table, or a case's mesh as a Gmsh file."""
@@ -38,13 +45,23 @@ def export(
         write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
         files = [target]
     elif form == "csv":
-        files = [write_csv(read_result(source).response, target, probes=probes, every=every, overwrite=overwrite)]
+        response = _at_instants(read_result(source).response, instants)
+        files = [write_csv(response, target, probes=probes, every=every, overwrite=overwrite)]
     else:
         files = write_pvd(read_result(source), target, every=every, fields=fields, overwrite=overwrite)
     if as_json:
         print_json({"status": "ok", "files": [str(path) for path in files]})
     else:
         out().print(f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0]))
+
+
+def _at_instants(response: Response, count: int | None) -> Response:
+    """Return a response at so many evenly spaced instants; None for its own."""
+    if count is None:
+        return response
+    if count < 2 or len(response.time) < 2:
+        raise refuse("--instants", f"{count} of a run of {len(response.time)} instants", "2 or more of a run of 2")
+    return response.at(np.linspace(response.time[0], response.time[-1], count))
 
 
 @app.command(help_prologue="flexcam info results/case.vtkhdf\n")

@@ -11,13 +11,14 @@ from flexcam.integrate.floquet import Floquet, floquet
 from flexcam.integrate.method import Method
 from flexcam.integrate.outside import Outside, dop853, radau
 from flexcam.integrate.periodic import periodic
-from flexcam.integrate.problem import Problem, State
+from flexcam.integrate.problem import Adaptive, Problem, State
 from flexcam.integrate.scheme import Scheme, generalized_alpha, hht, newmark
 from flexcam.integrate.solve import outline, solve
 from flexcam.integrate.statics import carried_equilibrium, equilibrium, rest, static_displacement
 from flexcam.response import SaveAt
 
 __all__ = [
+    "Adaptive",
     "Bathe",
     "CentralDifference",
     "Exact",

@@ -52,10 +52,10 @@ class CentralDifference(Method):
         """Return what advances a system by steps of one length, as `Method` says."""
         return _Stepper(system, forces, step)
 
-    def refusal(self, system: System, forces: LocalForces, step: float) -> InputError | None:
+    def refusal(self, system: System, step: float) -> InputError | None:
         """Return the refusal of contacts and dampers without mass, and of steps beyond the limit."""
         light = Massless(system)
-        if pushed := light.pushed(forces, _NAME):
+        if pushed := light.pushed(_NAME):
             return pushed
         omega, names = highest_frequency(system, light)
         if step * omega <= _LIMIT:

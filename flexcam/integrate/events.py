@@ -7,6 +7,7 @@ impact happens when it does. A step whose forces do not settle is halved.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from flexcam.integrate.first import Starter
 from flexcam.integrate.local import LocalForces
-from flexcam.integrate.method import At, Method
+from flexcam.integrate.method import At, Method, Stepper
 from flexcam.integrate.moment import Instant, Moment
 from flexcam.integrate.settle import NoConvergenceError
 from flexcam.linalg import FloatArray
@@ -27,6 +28,9 @@ _MOST_HALVINGS = 6
 _CORRECTIONS = 60
 _CLOSE = 1e-9
 """Share of a step within which an event counts as at one of its ends."""
+
+_WHOLE = 1e-6
+"""Share of a step by which it may seem longer or shorter than it is."""
 
 _SHARP = 1e-12
 """Share of a step by which an event may be missed."""
@@ -68,7 +72,7 @@ class Walker:
     ) -> None:  # fmt: skip
         self._system, self._scheme, self._step, self._forces = system, scheme, step, forces
         self._starter, self._at = starter, at
-        self._whole = scheme.stepper(system, forces, step, at)
+        self._halved: dict[int, Stepper] = {0: self._stepper(step)}
         self.events = 0
 
     def walk(self, now: Moment, to: Instant, halvings: int = 0) -> list[Moment]:
@@ -101,10 +105,17 @@ class Walker:
 
     def _advance(self, now: Moment, to: Instant) -> Moment:
         length = to.time - now.time
-        # Differences of times carry the rounding of the time itself: a whole step is recognized generously.
-        if abs(length - self._step) <= 1e-6 * self._step:
-            return self._whole.advance(now, to)
-        return self._scheme.stepper(self._system, self._forces, length, self._at).advance(now, to)
+        halvings = round(math.log2(self._step / length)) if length > 0.0 else -1
+        # Differences of times carry the rounding of the time itself: whole, halved... steps are recognized generously.
+        vague = _WHOLE + 4.0 * np.finfo(float).eps * abs(to.time) / length if length > 0.0 else 0.0
+        if halvings < 0 or abs(length * 2.0**halvings / self._step - 1.0) > vague:
+            return self._stepper(length).advance(now, to)
+        if halvings not in self._halved:
+            self._halved[halvings] = self._stepper(self._step / 2.0**halvings)
+        return self._halved[halvings].advance(now, to)
+
+    def _stepper(self, length: float) -> Stepper:
+        return self._scheme.stepper(self._system, self._forces, length, self._at)
 
     def _side(self, moment: Moment) -> Bools:
         return self._forces.pressed(moment.gap) if moment.pressed is None else moment.pressed

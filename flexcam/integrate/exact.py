@@ -55,16 +55,16 @@ class Exact(Method):
         """Return what advances a system by steps of one length, as `Method` says."""
         return _Stepper(system, step)
 
-    def refusal(self, system: System, forces: LocalForces, step: float) -> InputError | None:
+    def refusal(self, system: System, step: float) -> InputError | None:
         """Return the refusal of local forces, of dampers without mass, and of large systems."""
-        if forces.count:
-            names = ", ".join(list(dict.fromkeys(forces.names))[:6])
+        if system.local_forces:
+            names = ", ".join([force.name for force in system.local_forces][:6])
             why = "modes answer exactly to loads that do not depend on the motion"
             return refuse("run.integrator", _NAME, f"a method that takes {names}", why, "use newmark or bathe")
         if system.size > _MOST:
             given = f"{_NAME} with {system.size} unknowns"
             return refuse("run.integrator", given, f"at most {_MOST} unknowns", "all modes are carried", "use newmark")
-        return Massless(system).pushed(forces, _NAME)
+        return Massless(system).pushed(_NAME)
 
 
 class _Stepper:

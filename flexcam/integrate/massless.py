@@ -74,11 +74,12 @@ class Massless:
         size = np.abs(vectors).max(axis=1)
         return np.abs(vectors @ self.motions).max(axis=1) / np.where(size > 0.0, size, 1.0)
 
-    def pushed(self, forces: LocalForces, method: str) -> InputError | None:
+    def pushed(self, method: str) -> InputError | None:
         """Return the refusal of contacts and dampers on motions without mass, by name; None where there are none."""
         if not self.any:
             return None
         why, remedy = "what has no mass is placed by springs alone", "give it a mass, or use newmark"
+        forces = LocalForces(self._system)
         on = np.zeros(forces.count, dtype=bool)
         for stack in (forces.sense, forces.act):
             on |= (stack.owner[:, self.touched(stack.vectors) > TOUCHED] > 0.0).any(axis=1)

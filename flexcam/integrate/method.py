@@ -111,13 +111,13 @@ class Method(ABC):
             If the method cannot integrate such a system.
         """
 
-    def refusal(self, system: System, forces: LocalForces, step: float) -> InputError | None:
+    def refusal(self, system: System, step: float) -> InputError | None:
         """Return why the method cannot integrate a system at this step, and what can be done; None where it can.
 
         Parameters
         ----------
-        system, forces
-            The system and its local forces, stacked.
+        system
+            The system.
         step
             s.
 

@@ -71,12 +71,12 @@ class Outside(Method):
         """Return what advances a system by steps of one length, as `Method` says."""
         return _Stepper(system, forces, self, at)
 
-    def refusal(self, system: System, forces: LocalForces, step: float) -> InputError | None:
+    def refusal(self, system: System, step: float) -> InputError | None:
         """Return the refusal of contacts and dampers without mass, and of large systems."""
         if system.size > _MOST:
             why, remedy = "it is a check, and slow", "use bathe, or newmark with smaller steps"
             return refuse("run.integrator", f"{self.name} with {system.size} unknowns", f"at most {_MOST}", why, remedy)
-        return Massless(system).pushed(forces, self.name)
+        return Massless(system).pushed(self.name)
 
 
 class _Stepper:

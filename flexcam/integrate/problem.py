@@ -43,9 +43,40 @@ class State:
         return cls(np.zeros(size), np.zeros(size))
 
 
+@dataclass(frozen=True)
+class Adaptive:
+    """Steps as long as their error allows, up to the one given.
+
+    Parameters
+    ----------
+    tolerance
+        Largest error of a step, as a part of the motion, in the energy norm.
+    smallest
+        s; None for 2^-16 of the step given.
+
+    Raises
+    ------
+    InputError
+        If one of them is not positive.
+
+    Examples
+    --------
+    >>> Adaptive(1e-5).smallest is None
+    True
+    """
+
+    tolerance: float = 1e-6
+    smallest: float | None = None
+
+    def __post_init__(self) -> None:
+        positive("adaptive.tolerance", self.tolerance, "")
+        if self.smallest is not None:
+            positive("adaptive.smallest", self.smallest, "s")
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A transient to be solved with a fixed step.
+    """A transient to be solved.
 
     Parameters
     ----------
@@ -54,11 +85,13 @@ class Problem:
     drive
         How the cam turns.
     step
-        s.
+        Between the instants of the results, s.
     steps
         Number of steps.
     start
         None for rest.
+    adaptive
+        How the steps are divided further; None to take them as they are.
 
     Raises
     ------
@@ -79,6 +112,7 @@ class Problem:
     step: float
     steps: int
     start: State | None = None
+    adaptive: Adaptive | None = None
 
     def __post_init__(self) -> None:
         positive("step", self.step, "s")

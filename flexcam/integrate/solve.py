@@ -15,6 +15,7 @@ from flexcam.integrate.first import Starter
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.method import Method
 from flexcam.integrate.moment import Instant, Moment
+from flexcam.integrate.pace import Norm, Pace, StepFloorError
 from flexcam.integrate.problem import Problem, State
 from flexcam.integrate.settle import NoConvergenceError
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
@@ -64,7 +65,7 @@ def solve(
     sinks: Sequence[Sink] = (),
     stop: Callable[[], bool] | None = None,
 ) -> Response:
-    """Integrate a problem in time with a fixed step.
+    """Integrate a problem in time.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def solve(
             for sink in takers:
                 sink.write(block)
             steps = stats.steps + len(block.time)
-            stats = replace(stats, steps=steps, iterations=run.iterations, events=run.events)
+            stats = run.counted(replace(stats, steps=steps))
         status = run.status
     except KeyboardInterrupt:
         status = _STOPPED
@@ -150,19 +151,26 @@ class _Run:
     def __init__(self, problem: Problem, scheme: Method, save: SaveAt, stop: Callable[[], bool]) -> None:
         self._problem, self._save, self._system, self._stop = problem, save, problem.system, stop
         self._forces = LocalForces(problem.system)
-        if refusal := scheme.refusal(problem.system, self._forces, problem.step):
+        if refusal := scheme.refusal(problem.system, problem.step):
             raise refusal
         self._starter = Starter(problem.system, self._forces)
         self._load_vectors = problem.system.load_vectors()
         self._walker = Walker(problem.system, scheme, problem.step, self._forces, self._starter, self._at)
+        self._pace = self._paced(problem, scheme)
         self._start = problem.start or State.rest(problem.system.size)
         self._account = EnergyAccount(problem.system, self._forces)
-        self.status, self.iterations = Status(), 0
+        self.status, self._iterations, self._substeps = Status(), 0, 0
 
-    @property
-    def events(self) -> int:
-        """Events located so far."""
-        return self._walker.events
+    def _paced(self, problem: Problem, scheme: Method) -> Pace | None:
+        if problem.adaptive is None or not problem.system.size:
+            return None
+        norm = Norm(problem.system, _pilot(problem, scheme))
+        return Pace(self._walker, self._at, problem.step, problem.adaptive, norm)
+
+    def counted(self, stats: Stats) -> Stats:
+        """Return figures of the run so far."""
+        stats = replace(stats, iterations=self._iterations, events=self._walker.events)
+        return replace(stats, substeps=self._substeps, rejected=self._pace.rejected) if self._pace else stats
 
     def blocks(self) -> Iterator[Block]:
         """Yield the results block by block, the start in the first.
@@ -179,7 +187,8 @@ class _Run:
             with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
                 walked, self.status = self._advance(at, last)
             if walked:
-                self.iterations += sum(m.iterations for part in walked for m in part)
+                self._iterations += sum(m.iterations for part in walked for m in part)
+                self._substeps += sum(len(part) for part in walked)
                 yield self._block(steps[: len(walked)], walked)
                 last = walked[-1][-1]
             if not self.status.ok:
@@ -196,15 +205,17 @@ class _Run:
         schedule = self._forces.schedule(motion)
         loads = self._system.load_histories(motion) @ self._load_vectors
         walked: list[list[Moment]] = []
-        moment = last
+        moment, walker = last, self._pace or self._walker
         for i, load in enumerate(loads):
             if self._stop():
                 return walked, _STOPPED
             to = Instant(float(at[i]), load, schedule, i)
             try:
-                part = self._walker.walk(moment, to) if moment else [self._starter.first(self._start, to)]
+                part = walker.walk(moment, to) if moment else [self._starter.first(self._start, to)]
             except NoConvergenceError as fault:
                 return walked, _unsettled(fault.forces, at[i], motion.angle[i])
+            except StepFloorError as fault:
+                return walked, _too_small(fault, self._system, at[i], motion.angle[i])
             walked.append(part)
             moment = part[-1]
         return _in_range(walked, last, self._system, motion.angle)
@@ -284,6 +295,28 @@ def _everything(moment: Moment) -> FloatArray:
 def _unsettled(forces: list[str], at: float, angle: float) -> Status:
     text = f"{', '.join(dict.fromkeys(forces))} did not settle within the step {_instant(at, angle)}"
     return Status(Cause.NO_CONVERGENCE, text, "take a smaller step or a softer contact")
+
+
+def _too_small(fault: StepFloorError, system: System, at: float, angle: float) -> Status:
+    text = (
+        f"the error of {system.names[fault.unknown]} stays at {fault.times:.3g} times the tolerance with steps of "
+        f"{fault.step:.3g} s {_instant(at, angle)}"
+    )
+    return Status(Cause.STEP_TOO_SMALL, text, "allow a larger run.adaptive.tolerance or a smaller smallest step")
+
+
+def _pilot(problem: Problem, method: Method) -> Series:
+    """Return the motion of the first revolution by the steps as given: errors are measured against its size."""
+    begin = problem.start.time if problem.start else 0.0
+    times: FloatArray = begin + problem.step * np.arange(problem.steps + 1, dtype=float)
+    angle = problem.drive.at(times).angle
+    steps = max(int(np.count_nonzero(angle < angle[0] + 2.0 * np.pi)), 1)
+    first = replace(problem, steps=min(steps, problem.steps), adaptive=None)
+    return solve(first, method, save=SaveAt(field_every=max(first.steps // _LOOKS, 1))).fields
+
+
+_LOOKS = 200
+"""Fields of the pilot run that are looked at."""
 
 
 def _instant(at: float, angle: float) -> str:

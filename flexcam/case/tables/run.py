@@ -170,6 +170,17 @@ class FreeRunningRecord(Record):
         return self.cam, self.cam_mass, self.follower_mass
 
 
+class AdaptiveRecord(PartRecord[integrate.Adaptive]):
+    """Steps divided until their error is below a tolerance; results stay at the steps given."""
+
+    tolerance: q.PositiveNumber = Field(1e-6, description="largest error of a step, as a part of the motion (energy)")
+    smallest: q.Time | None = Field(None, description="smallest step; 2^-16 of the one given by default")
+
+    def made(self) -> integrate.Adaptive:
+        """Return tolerance and floor."""
+        return integrate.Adaptive(self.tolerance, self.smallest)
+
+
 class RunRecord(Record):
     """How the mechanism is run."""
 
@@ -180,6 +191,7 @@ class RunRecord(Record):
         None, ge=1, le=100_000_000, strict=True, description="3600 where no step is given"
     )
     step: q.Time | None = Field(None, description="instead of steps_per_revolution")
+    adaptive: AdaptiveRecord | None = Field(None, description="dividing the steps by their error; fixed by default")
     fluctuation: FluctuationRecord | None = Field(None, description="swing of the speed about its mean")
     free_running: FreeRunningRecord | None = Field(None, description="speed as the cam's own inertia has it")
     start: Literal["rest", "equilibrium", "periodic"] | ResultStartRecord | GivenStartRecord = Field(

@@ -1,0 +1,181 @@
+"""How a case begins: how the camshaft turns, and the state the run starts from.
+
+May import `case` and everything below it; `runner` prepares runs with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flexcam.case import Case
+from flexcam.case.tables.run import GivenStartRecord, ResultStartRecord
+from flexcam.checks import InputError, did_you_mean, refuse
+from flexcam.integrate import Problem, State, carried_equilibrium, periodic, rest
+from flexcam.io import read_result
+from flexcam.linalg import FloatArray
+from flexcam.response import Response
+from flexcam.system import ConstantSpeed, Drive, FluctuatingSpeed, SpeedByAngle, System
+from flexcam.train import Model, build_structure, free_running
+
+_REVOLUTION = 2.0 * math.pi
+_SAME_ANGLE = 1e-9
+"""Difference of cam angle, rad, that is the rounding of speed times time."""
+
+
+def drive_of(case: Case, model: Model, start: float = 0.0) -> Drive:
+    """Return how the camshaft turns.
+
+    Parameters
+    ----------
+    case, model
+        A case and its model.
+    start
+        Cam angle at time zero, rad.
+
+    Returns
+    -------
+    Drive
+        At constant or at a changing speed.
+    """
+    run = case.record.run
+    if run.fluctuation is not None:
+        return FluctuatingSpeed(case.speed, *run.fluctuation.made(), start)
+    if run.free_running is not None:
+        return free_running(model, case.speed, *run.free_running.made(), start)
+    return ConstantSpeed(case.speed, start)
+
+
+def _from_angle(case: Case, model: Model, drive: Drive, angle: float, time: float) -> Drive:
+    """Return the drive that passes a cam angle at a time."""
+    missing = angle - float(drive.at(np.array([time])).angle[0])
+    if abs(missing) <= _SAME_ANGLE:
+        return drive
+    free = case.record.run.free_running
+    if free is not None:
+        return free_running(model, case.speed, *free.made(), angle, time)
+    return drive_of(case, model, missing)
+
+
+def revolution_of(case: Case, drive: Drive) -> float:
+    """Return the time of a camshaft revolution, s.
+
+    Parameters
+    ----------
+    case
+        A case.
+    drive
+        How its camshaft turns.
+
+    Returns
+    -------
+    float
+        Of the first revolution, where they differ.
+    """
+    return drive.period if isinstance(drive, SpeedByAngle) else _REVOLUTION / case.speed
+
+
+def started(case: Case, model: Model, problem: Problem) -> Problem:
+    """Return a problem from the start its case asks for.
+
+    Parameters
+    ----------
+    case, model
+        A case and its model.
+    problem
+        System, drive and steps; a restart goes on at the result's cam angle, also at another speed.
+
+    Returns
+    -------
+    Problem
+        With a start.
+
+    Raises
+    ------
+    InputError
+        If the start does not fit the model.
+    RunFailedError
+        If there is no equilibrium to start from.
+    """
+    system = problem.system
+    match case.record.run.start:
+        case "rest":
+            return replace(problem, start=rest(system, problem.drive))
+        case "equilibrium":
+            return replace(problem, start=_carried(problem))
+        case "periodic":
+            return _periodic(case, replace(problem, start=_carried(problem)))
+        case ResultStartRecord(result=name):
+            state, angle = _last_state(case, model, system, name)
+            drive = _from_angle(case, model, problem.drive, angle, state.time)
+            return replace(problem, drive=drive, start=state)
+        case GivenStartRecord(displacement=displacement, velocity=velocity):
+            moved = _given(case, system, displacement, "displacement")
+            return replace(problem, start=State(moved, _given(case, system, velocity, "velocity")))
+
+
+def _carried(problem: Problem) -> State:
+    return carried_equilibrium(problem.system, problem.drive) if problem.system.size else State.rest(0)
+
+
+def _periodic(case: Case, problem: Problem) -> Problem:
+    """Return the problem from its periodic state."""
+    if not problem.system.size:
+        return replace(problem, start=replace(State.rest(0), periodicity=0.0))
+    revolution = revolution_of(case, problem.drive)
+    per_revolution = round(revolution / problem.step)
+    if abs(per_revolution * problem.step - revolution) > _SAME_ANGLE * revolution:
+        given, why = f"a step of {problem.step:g} s", "the periodic state is that after a whole revolution"
+        raise refuse("run.step", given, "a whole number of steps per revolution", why, "use steps_per_revolution")
+    one = replace(problem, steps=per_revolution)
+    return replace(problem, start=periodic(one, case.record.run.integrator.made()))
+
+
+def _given(case: Case, system: System, values: Mapping[str, float], kind: str) -> FloatArray:
+    row = np.zeros(system.size)
+    for name, value in values.items() if system.size else ():  # the rigid mechanism has no component to place
+        if name not in system.names:
+            where = case.place(("run", "start", kind))
+            raise refuse(where, repr(name), "a free component such as 'cam.uy'", "", did_you_mean(name, system.names))
+        row[system.names.index(name)] = value
+    return row
+
+
+def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[State, float]:
+    """Return the last saved state of a result and its cam angle."""
+    where = case.place(("run", "start"))
+    result = read_result(case.path.parent / name)
+    response = result.response
+    if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(response.field_time):
+        raise refuse(where, name, "a result of the same mesh with at least one saved field")
+    time, angle = float(response.field_time[-1]), float(response.field_angle[-1])
+    if not system.size:  # the rigid mechanism has no state but its angle
+        return State(np.zeros(0), np.zeros(0), time), angle
+    free = build_structure(model).dofs.numbers >= 0
+    nodal = [series[-1].reshape(-1, 6) for series in (response.fields.displacement, response.fields.velocity)]
+    if any(values[~free].any() for values in nodal):
+        raise refuse(where, name, "a result of the same supports", "it moves where this model is held")
+    beside = _beside_nodes(response, system.names[int(free.sum()) :], where, name)
+    moved, moving = (np.concatenate([one[free], more]) for one, more in zip(nodal, beside, strict=True))
+    inner, states = response.inner, sum(len(force.law.start_state) for force in system.local_forces)
+    if len(inner) != states:
+        raise refuse(where, name, "a result of the same contacts", f"it holds {len(inner)} of {states} internal states")
+    return State(moved, moving, time, inner if states else None), angle
+
+
+def _beside_nodes(response: Response, names: Sequence[str], where: str, result: str) -> tuple[FloatArray, FloatArray]:
+    """Return displacement and velocity of unknowns that belong to no node, at the last saved field."""
+    try:
+        histories = [response[name] for name in names]
+    except InputError as refusal:
+        why = f"it does not hold {refusal.faults[0].given}"
+        raise refuse(where, result, "a result of the same model", why) from None
+    time = float(response.field_time[-1])
+    at = int(np.searchsorted(response.time, time - 1e-12 * max(abs(time), 1.0)))
+    moved, moving = (
+        np.array([float(getattr(one, kind)[at]) for one in histories]) for kind in ("displacement", "velocity")
+    )
+    return moved, moving

@@ -1,0 +1,149 @@
+"""Steps divided by their error, and motion between the instants.
+
+O. C. Zienkiewicz and Y. M. Xie, Earthq. Eng. Struct. Dyn. 20 (1991): the local error of Newmark's method is
+h^2 (beta - 1/6) (a1 - a0), of third order, so the error of a run goes with tolerance^(2/3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexcam import InputError
+from flexcam.integrate import Adaptive, Problem, State, bathe, generalized_alpha, hht, newmark, solve
+from flexcam.response import Cause
+from flexcam.system import ConstantSpeed
+
+START, SPEED0, END = np.array([0.2, -0.1]), np.array([-0.5, 0.8]), 2.0
+
+
+def run(system, method, steps, adaptive=None):
+    problem = Problem(system, ConstantSpeed(3.0), END / steps, steps, State(START, SPEED0), adaptive)
+    return solve(problem, method)
+
+
+@pytest.mark.parametrize("method", [newmark(), hht(alpha=-0.1), generalized_alpha(rho_inf=0.8), bathe()])
+def test_error_follows_the_tolerance(pair, exact_end, fitted_order, method):
+    d, _ = exact_end()
+    tolerances = np.array([1e-4, 1e-5, 1e-6, 1e-7])
+    errors = []
+    for tolerance in tolerances:
+        response = run(pair(), method, 20, Adaptive(tolerance))
+        assert response.status.ok
+        assert len(response.time) == 21
+        errors.append(np.linalg.norm(response["all"].displacement[-1] - d))
+    # Lengths are powers of two: each can be off by up to a factor 2, the fit over three decades by 0.15.
+    assert fitted_order(tolerances, errors) == pytest.approx(2 / 3, abs=0.15)
+    assert errors[-1] < 1e-4
+
+
+def test_a_loose_tolerance_takes_the_steps_as_given(pair):
+    fixed, loose = run(pair(), newmark(), 50), run(pair(), newmark(), 50, Adaptive(0.5))
+    np.testing.assert_array_equal(loose["all"].displacement, fixed["all"].displacement)
+    assert (loose.stats.substeps, loose.stats.rejected) == (51, 0)
+    assert (fixed.stats.substeps, fixed.stats.rejected) == (0, 0)
+
+
+def test_halved_steps_are_those_of_a_finer_run(pair):
+    """Between the one tolerance and the next every step is halved alike: the run is that of fixed smaller steps."""
+    finer = run(pair(), newmark(), 800)["all"].displacement
+    found = run(pair(), newmark(), 50, Adaptive(1e-9, smallest=END / 800))
+    assert found.status.cause is Cause.STEP_TOO_SMALL
+    found = run(pair(), newmark(), 50, Adaptive(4e-6))
+    gap = np.abs(found["all"].displacement - finer[::16]).max()
+    assert gap < 0.1 * np.abs(run(pair(), newmark(), 50)["all"].displacement - finer[::16]).max()
+
+
+def test_the_floor_says_where_and_what_to_do(pair):
+    response = run(pair(), newmark(), 20, Adaptive(1e-12, smallest=END / 20 / 4))
+    status = response.status
+    assert status.cause is Cause.STEP_TOO_SMALL
+    for part in ("the error of", "times the tolerance", "t = ", "cam angle", "0.025 s"):
+        assert part in status.text
+    assert "tolerance" in status.remedy
+    assert len(response.time) == 1  # the start is kept
+
+
+class Jump:
+    """A load that sets in at once."""
+
+    def __init__(self, at):
+        self.at = at
+
+    def __call__(self, motion):
+        return np.where(motion.angle >= self.at, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("at", [2.0, 2.0001, 2.1])
+def test_steps_are_short_where_the_load_jumps(system_of, at):
+    """On, just behind and off a step: only there is the step divided far, and the error is that of the tolerance."""
+    system = system_of([[1.0]], [[0.0]], [[4.0]], [(np.ones(1), Jump(at))])
+    problem = Problem(system, ConstantSpeed(1.0), 0.1, 40)
+    exact = 0.25 * (1.0 - np.cos(2.0 * (4.0 - at)))
+    fixed, found = (
+        solve(replace(problem, adaptive=adaptive), newmark())["all"].displacement[-1]
+        for adaptive in (None, Adaptive(1e-6))
+    )
+    assert abs(found - exact) < 5e-4
+    assert abs(found - exact) < 0.2 * abs(fixed - exact)
+
+
+def test_a_free_mass_is_paced_too(system_of):
+    """Nothing holds it: the mass at the motion's own frequency is the measure."""
+    system = system_of([[2.0]], [[0.0]], [[0.0]], [(np.ones(1), lambda motion: np.cos(motion.angle))])
+    problem = Problem(system, ConstantSpeed(3.0), 0.1, 20, adaptive=Adaptive(1e-6))
+    response = solve(problem, newmark())
+    assert response.status.ok
+    exact = (1.0 - np.cos(3.0 * response.time)) / 18.0
+    assert np.abs(response["all"].displacement - exact).max() < 2e-5
+
+
+def test_units_do_not_matter(system_of):
+    """Lengths times 1e-3, masses times 1e6: the same steps."""
+    counts = []
+    for mass, length in ((1.0, 1.0), (1e6, 1e-3)):
+        system = system_of([[mass]], [[0.0]], [[4.0 * mass]])
+        start = State(np.array([length]), np.zeros(1))
+        problem = Problem(system, ConstantSpeed(1.0), 0.1, 40, start, Adaptive(1e-6))
+        counts.append(solve(problem, newmark()).stats.substeps)
+    assert counts[0] == counts[1] > 41
+
+
+@pytest.mark.parametrize("given", [{"tolerance": 0.0}, {"tolerance": -1.0}, {"smallest": 0.0}, {"tolerance": np.nan}])
+def test_wrong_tolerances_are_refused(given):
+    with pytest.raises(InputError, match="adaptive"):
+        Adaptive(**given)
+
+
+def test_between_the_instants_order_is_four_three_and_two(pair, fitted_order):
+    """Against a run of 6400 steps: what the cubics add is of higher order than what the integrator misses."""
+    fine = run(pair(), bathe(), 6400)
+    errors = {"displacement": [], "velocity": [], "acceleration": []}
+    steps = np.array([25, 50, 100])
+    for n in steps:
+        kept = fine.at(np.linspace(0.0, END, n + 1))
+        between = kept.at(fine.time)
+        for name, values in errors.items():
+            values.append(np.abs(getattr(between["all"], name) - getattr(fine["all"], name)).max())
+    orders = {name: fitted_order(1 / steps, values) for name, values in errors.items()}
+    # Velocities are cubics through accelerations: fourth order too; straight accelerations second.
+    assert orders["displacement"] == pytest.approx(4, abs=0.2)
+    assert orders["velocity"] == pytest.approx(4, abs=0.2)
+    assert orders["acceleration"] == pytest.approx(2, abs=0.2)
+
+
+def test_at_its_own_instants_a_response_is_itself(pair):
+    response = run(pair(), newmark(), 40)
+    again = response.at(response.time)
+    np.testing.assert_allclose(again["all"].displacement, response["all"].displacement, rtol=1e-15)
+    np.testing.assert_allclose(again.angle, response.angle, rtol=1e-15)
+    for name, values in response.channels.items():
+        np.testing.assert_allclose(again.channels[name], values, rtol=1e-15)
+
+
+@pytest.mark.parametrize("times", [[-0.1, 0.5], [0.5, 2.1], [0.5, 0.4], [], [np.nan]])
+def test_times_outside_the_run_are_refused(pair, times):
+    with pytest.raises(InputError, match="times"):
+        run(pair(), newmark(), 40).at(np.array(times))
