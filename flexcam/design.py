@@ -24,6 +24,7 @@ from flexcam.synthesis import (
     polydyne,
 )
 from flexcam.train import Model, lift_transfer, valve_ratio
+from flexcam.units import RPM
 
 OFF_DESIGN = (0.25, 0.5, 0.75, 0.9, 1.0, 1.1)
 """Parts of the design speed at which a polydyne cam is looked at."""
@@ -111,7 +112,7 @@ def harmonic_cam(
     frequency = float(found.modes.omegas[found.modes.rigid])
     limit = harmonics_below(frequency, case.speed)
     if count is None and limit < 1:
-        given = f"{frequency / (2.0 * math.pi):.4g} Hz at {case.speed * 30.0 / math.pi:.6g} rpm"
+        given = f"{frequency / (2.0 * math.pi):.4g} Hz at {case.speed / RPM:.6g} rpm"
         why = "not one harmonic lies below the first mode"
         raise refuse("count", given, "a lower speed, a stiffer train, or a number of harmonics", why, "give --count")
     number = limit if count is None else count

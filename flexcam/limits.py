@@ -16,6 +16,7 @@ from flexcam.case import Case
 from flexcam.checks import positive, refuse
 from flexcam.integrate import Problem, equilibrium, solve
 from flexcam.linalg import FloatArray
+from flexcam.motion import event_extremes
 from flexcam.response import Response
 from flexcam.runner import Prepared, prepare
 from flexcam.system import ConstantSpeed
@@ -25,6 +26,9 @@ from flexcam.units import RPM
 _REVOLUTIONS = 3.0
 _OPEN = math.radians(0.5)
 """Cam angle over which a contact must be open to count as lost: a single step may be a numerical accident."""
+
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
+"""Where the rigid train's contact force is looked at."""
 
 
 @dataclass(frozen=True)
@@ -148,17 +152,13 @@ def _at_rest(case: Case) -> dict[str, float]:
     system = ready.problem.system
     least: dict[str, float] = {}
     for cam in ready.model.cams.values():
-        top = float(_ANGLES[np.argmax(cam.event(_ANGLES))])
-        drive = ConstantSpeed(case.speed, top)
+        drive = ConstantSpeed(case.speed, event_extremes(cam.event)[1].at)
         still = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))
         for name, use in solve(still, ready.scheme).channels.items():
             if name.endswith(".buckling_use") and float(use[0]) > 0.0:
                 member = name.split(".")[1]
                 least[member] = min(1.0 / float(use[0]), least.get(member, math.inf))
     return least
-
-
-_ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
 
 
 def _bracketed(name: str, words: str, speeds: list[float], ask: Callable[[float], Answers], tolerance: float) -> Limit:

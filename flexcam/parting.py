@@ -5,7 +5,6 @@ May import `runner` and everything below it; `flexcam parting` prints and draws 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -15,6 +14,7 @@ from flexcam.case import Case
 from flexcam.checks import refuse
 from flexcam.integrate import equilibrium, solve
 from flexcam.linalg import FloatArray
+from flexcam.motion import event_extremes
 from flexcam.response import Response
 from flexcam.runner import Prepared, prepare
 from flexcam.train import CamContact, Model, build_structure, build_system, hertz_line, main_lift
@@ -152,8 +152,7 @@ def _secant(model: Model, name: str, part: CamContact, force: float) -> float:
     structure = build_structure(model)
     cam = model.cams[part.cam]
     law = hertz_line(structure, name, part, cam)
-    angles = np.linspace(0.0, 2.0 * math.pi, 721)
-    top = angles[int(np.argmax(cam.event(angles)))]
+    top = event_extremes(cam.event)[1].at
     depth = np.geomspace(1e-8, 1e-4, 400)
     there = law.stored(depth[:, None], np.zeros((400, 0)), np.full(400, top)).by_gap[:, 0]
     return force / float(np.interp(force, there, depth))

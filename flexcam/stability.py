@@ -13,7 +13,7 @@ import numpy as np
 from flexcam.case import Case
 from flexcam.checks import InputError
 from flexcam.integrate import Floquet, floquet, periodic, solve
-from flexcam.linalg import FloatArray
+from flexcam.motion import harmonics
 from flexcam.response import RunFailedError
 from flexcam.runner import Prepared, modes, prepare
 from flexcam.train import ModelModes, build_structure, separation
@@ -174,21 +174,13 @@ def _resonances(ready: Prepared, found: ModelModes) -> tuple[Resonance, ...]:
             ready.model.cams[contact.cam].at, contact.direction
         )
         reached = np.abs(push @ found.modes.shapes)
-        for n, amplitude in enumerate(_harmonics(event(_ANGLES, 0)), start=1):
+        for n, amplitude in enumerate(np.abs(harmonics(event, _HARMONICS))[1:].tolist(), start=1):
             if amplitude < _SMALL * event.height:
                 continue
             for i in np.flatnonzero(reached > _REACHED * reached.max(initial=0.0)).tolist():
                 frequency = float(found.modes.frequencies[i])
-                met.append(Resonance(60.0 * frequency / n, n, float(amplitude), i, frequency, found.words(i)))
+                met.append(Resonance(60.0 * frequency / n, n, amplitude, i, frequency, found.words(i)))
     return tuple(sorted(met, key=lambda one: abs(math.log(one.rpm / rpm)) if one.rpm > 0.0 else math.inf))
-
-
-_ANGLES = np.linspace(0.0, 2.0 * math.pi, 4096, endpoint=False)
-
-
-def _harmonics(lift: FloatArray) -> FloatArray:
-    """Return amplitudes of the harmonics from the first."""
-    return 2.0 * np.abs(np.fft.rfft(lift))[1 : _HARMONICS + 1] / len(lift)
 
 
 def _open(ready: Prepared) -> float:

@@ -17,7 +17,7 @@ from flexcam.io import made_folder, write_law, write_lift
 from flexcam.motion import event_extremes
 from flexcam.synthesis import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesized, minimax, pareto
 from flexcam.terminal import out, print_json
-from flexcam.units import parse
+from flexcam.units import RPM, parse
 
 _ABOUT = "Find a better law or lift, and say how good it can be at all."
 _EXAMPLES = """\
@@ -214,14 +214,14 @@ def synthesize_polydyne(
         else SingleMass(2.0 * math.pi * quantity("--frequency", frequency, "rate", "Hz"), damping)
     )
     found = polydyne_cam(load(case, overrides), name, speed=at, transfer=mass, count=count)
-    about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed * 30.0 / math.pi}
+    about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed / RPM}
     files = [] if output is None else [write_lift(found.design.event, output, about=about, overwrite=overwrite)]
     if as_json:
         print_json({
-            "status": "ok", "design_speed_rpm": found.speed * 30.0 / math.pi, "left_out": found.design.left_out,
+            "status": "ok", "design_speed_rpm": found.speed / RPM, "left_out": found.design.left_out,
             "lift": [end.value for end in event_extremes(found.design.event)],
             "acceleration": [end.value for end in event_extremes(found.design.event, 2)], "ratio": found.ratio,
-            "speeds_rpm": (found.speeds * 30.0 / math.pi).tolist(), "plain": console.or_null(found.plain),
+            "speeds_rpm": (found.speeds / RPM).tolist(), "plain": console.or_null(found.plain),
             "polydyne": console.or_null(found.compensated), "files": [str(path) for path in files],
         })  # fmt: skip
         return

@@ -15,6 +15,7 @@ from flexcam.console.words import NOISE, degrees, mm
 from flexcam.linalg import FloatArray
 from flexcam.motion import THRESHOLDS, Extreme, Joint, LiftReport, ValveEvent
 from flexcam.terminal import facts, table
+from flexcam.units import RPM
 
 _NEGATIVE = 1e-4
 """Part of the largest lift by which a profile may lie within its base circle: less than a cam is ground to."""
@@ -117,9 +118,7 @@ def _jerk(jerk: float | None) -> str:
 
 def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float | None) -> str:
     text = f"{1e3 * value:.5g} {unit}"
-    return (
-        text if speed is None else f"{text}, {value * speed**order:.5g} {at_speed} at {speed * 30.0 / math.pi:.6g} rpm"
-    )
+    return text if speed is None else f"{text}, {value * speed**order:.5g} {at_speed} at {speed / RPM:.6g} rpm"
 
 
 def _event(event: ValveEvent | None, always: bool) -> str:

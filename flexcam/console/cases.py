@@ -15,6 +15,7 @@ from flexcam.linalg import FloatArray
 from flexcam.runner import Prepared
 from flexcam.terminal import bare, facts, table
 from flexcam.train import Adjuster, Contact, Lash, ModelModes, Seat, member_masses
+from flexcam.units import RPM
 
 COUPLINGS = {
     "published-load": (
@@ -150,7 +151,7 @@ def rpm(case: Case) -> float:
     float
         rpm, free of rounding in the last digits.
     """
-    return round(case.speed * 30.0 / math.pi, 9)
+    return round(case.speed / RPM, 9)
 
 
 def mac_table(likeness: FloatArray) -> Table:

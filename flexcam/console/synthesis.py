@@ -13,6 +13,7 @@ from flexcam.linalg import FloatArray
 from flexcam.motion import event_extremes
 from flexcam.synthesis import Synthesized
 from flexcam.terminal import facts, table
+from flexcam.units import RPM
 
 
 def synthesis_json(found: Synthesized) -> dict[str, object]:
@@ -129,14 +130,14 @@ def polydyne_table(found: PolydyneCam) -> Table:
         For rich.
     """
     rows = [
-        (f"{speed * 30.0 / math.pi:.6g}", _micrometres(plain), _micrometres(compensated))
+        (f"{speed / RPM:.6g}", _micrometres(plain), _micrometres(compensated))
         for speed, plain, compensated in zip(
             found.speeds.tolist(), found.plain.tolist(), found.compensated.tolist(), strict=True
         )
     ]
     head = ("camshaft rpm", "plain cam, um", "polydyne cam, um")
     title = "Distance of the train's end from the wanted motion"
-    return table(f"{title}; design speed {found.speed * 30.0 / math.pi:.6g} rpm", head, rows)
+    return table(f"{title}; design speed {found.speed / RPM:.6g} rpm", head, rows)
 
 
 def _micrometres(value: float) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from flexcam.checks import positive, refuse
 from flexcam.linalg import ComplexArray, FloatArray, IntArray
 from flexcam.motion import Event, HarmonicLift, harmonics
+from flexcam.units import RPM
 
 Transfer = Callable[[FloatArray], ComplexArray]
 """Motion of the follower's end per lift of the cam, by circular frequency (rad/s, zero included)."""
@@ -210,7 +211,7 @@ def off_design(design: Polydyne, transfer: Transfer, speeds: Sequence[float]) ->
 
 
 def _rpm(speed: float) -> float:
-    return speed * 30.0 / math.pi
+    return speed / RPM
 
 
 def _lift(amplitude: ComplexArray) -> HarmonicLift:

@@ -20,6 +20,7 @@ import numpy as np
 from flexcam.checks import refuse
 from flexcam.integrate import static_displacement
 from flexcam.linalg import FloatArray
+from flexcam.motion import event_extremes
 from flexcam.response import Cause, RunFailedError
 from flexcam.system import (
     AngleFunction,
@@ -40,9 +41,6 @@ from flexcam.train.coupling import Coupling
 from flexcam.train.model import Cam, CamContact, PublishedLoad
 from flexcam.train.penalty import Stateless
 from flexcam.train.structure import Structure, find_node, spring_row
-
-_ANGLES = np.linspace(0.0, 2.0 * np.pi, 7201)
-"""Where the largest deceleration is sought: 0.05 deg resolves it to 1e-6 for the smooth laws."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +152,7 @@ def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, 
             given, why = f"springs that pull the follower with {-force:g} N", "contact needs a push against the lift"
             raise refuse("springs", given, "installed forces that close the contact", why, "turn a spring's direction")
         return force
-    deceleration = float(np.max(-cam.event(_ANGLES, 2))) * speed**2
+    deceleration = -event_extremes(cam.event, 2)[0].value * speed**2
     return contact.preload_factor * train.mass * deceleration
 
 
