@@ -16,6 +16,7 @@ from flexcam.case.records import CamsRecord, CaseRecord
 from flexcam.case.references import References
 from flexcam.case.report import faults
 from flexcam.case.tables.base import Record
+from flexcam.case.tables.run import NewmarkRecord
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
 from flexcam.io import read_mesh
@@ -78,10 +79,17 @@ class Case:
         Case
             Its text and overrides are those it was read from.
         """
-        changed: dict[str, float | None] = {"speed": speed, "crank_speed": None}
+        changed: dict[str, object] = {"speed": speed, "crank_speed": None}
         if revolutions is not None:
             changed["revolutions"] = revolutions
-        run = self.record.run.model_copy(update=changed)
+        return self._running(changed)
+
+    def with_average_acceleration(self) -> Case:
+        """Return the same case, integrated by Newmark's average acceleration: stable at any step."""
+        return self._running({"integrator": NewmarkRecord()})
+
+    def _running(self, changed: Mapping[str, object]) -> Case:
+        run = self.record.run.model_copy(update=dict(changed))
         return replace(self, record=self.record.model_copy(update={"run": run}))
 
     def place(self, path: KeyPath) -> str:

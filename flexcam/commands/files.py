@@ -61,7 +61,7 @@ def _at_instants(response: Response, count: int | None) -> Response:
         return response
     if count < 2 or len(response.time) < 2:
         raise refuse("--instants", f"{count} of a run of {len(response.time)} instants", "2 or more of a run of 2")
-    return response.at(np.linspace(response.time[0], response.time[-1], count))
+    return response.at(np.linspace(float(response.time[0]), float(response.time[-1]), count))
 
 
 @app.command(help_prologue="flexcam info results/case.vtkhdf\n")

@@ -6,7 +6,7 @@ import math
 
 from rich.table import Table
 
-from flexcam.stability import Resonance, Stability
+from flexcam.stability import Discrete, Resonance, Stability
 from flexcam.terminal import facts
 
 _SHOWN = 5
@@ -35,7 +35,7 @@ def stability_table(found: Stability, scale: float) -> Table:
         For rich.
     """
     rows = [
-        ("integrator", f"spectral radius {found.radius:.9g}, largest for the mode at {found.endangered:.5g} Hz"),
+        ("integrator", _integrated(found.discrete)),
         ("periodic motion", _grows(found)),
         ("off the cam", f"{math.degrees(found.open_on_the_lift):.3g} deg of the lift"),
         *((f"harmonic {one.harmonic}", _met(one, scale)) for one in found.resonances[:_SHOWN]),
@@ -44,9 +44,16 @@ def stability_table(found: Stability, scale: float) -> Table:
     return facts(f"Stability at {scale * found.rpm:.6g} rpm", rows)
 
 
+def _integrated(found: Discrete) -> str:
+    if not found.moving:
+        return "not looked at: too many unknowns"
+    words = f"spectral radius {found.radius:.9g}, largest at {found.frequency:.5g} Hz ({', '.join(found.moving)})"
+    return words + (f"; steps up to {found.critical_step:.4g} s" if math.isfinite(found.critical_step) else "")
+
+
 def _met(one: Resonance, scale: float) -> str:
     there = f"{scale * one.rpm:.5g} rpm meets {one.frequency:.5g} Hz ({one.words})"
-    return f"{there}, {1e3 * one.amplitude:.3g} mm in the lift"
+    return f"{there}, {1e3 * one.amplitude:.3g} mm in the lift, {one.load:.3g} N in the force"
 
 
 def _grows(found: Stability) -> str:
@@ -74,12 +81,14 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
     """
     multipliers = [] if found.floquet is None else [[one.real, one.imag] for one in found.floquet.multipliers.tolist()]
     return {
-        "rpm": scale * found.rpm, "spectral_radius": found.radius, "endangered_mode_hz": found.endangered,
+        "rpm": scale * found.rpm, "spectral_radius": found.discrete.radius,
+        "endangered_mode_hz": found.discrete.frequency, "endangered_moves": list(found.discrete.moving),
+        "critical_step_s": found.discrete.critical_step if math.isfinite(found.discrete.critical_step) else None,
         "multipliers": multipliers, "growth": None if found.floquet is None else found.floquet.growth,
         "note": found.why_not, "open_on_the_lift_deg": math.degrees(found.open_on_the_lift),
         "resonances": [
             {"rpm": scale * one.rpm, "harmonic": one.harmonic, "amplitude_m": one.amplitude,
-             "frequency_hz": one.frequency, "moves": one.words}
+             "load_n": one.load, "frequency_hz": one.frequency, "moves": one.words}
             for one in found.resonances[: 4 * _SHOWN]
         ],
         "verdict": list(found.verdict),

@@ -15,6 +15,7 @@ from flexcam.integrate.problem import Adaptive, Problem, State
 from flexcam.integrate.scheme import Scheme, generalized_alpha, hht, newmark
 from flexcam.integrate.solve import outline, solve
 from flexcam.integrate.statics import carried_equilibrium, equilibrium, rest, static_displacement
+from flexcam.integrate.tangent import Tangents
 from flexcam.response import SaveAt
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "SaveAt",
     "Scheme",
     "State",
+    "Tangents",
     "bathe",
     "carried_equilibrium",
     "central_difference",

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.checks import refuse
-from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.method import Method
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.scheme import newmark
 from flexcam.integrate.solve import solve
+from flexcam.integrate.tangent import Tangents
 from flexcam.linalg import ComplexArray, FloatArray
 from flexcam.response import RunFailedError, SaveAt
 
@@ -52,8 +52,11 @@ class Floquet:
         """Rate at which the largest disturbance grows, 1/s; negative where it dies out."""
         return math.log(max(abs(complex(self.multipliers[0])), np.finfo(float).tiny)) / self.period
 
-    def stable(self, tolerance: float = 1e-6) -> bool:
-        """Tell whether no multiplier is beyond 1 by more than a tolerance."""
+    def stable(self, tolerance: float = 1e-5) -> bool:
+        """Tell whether no multiplier is beyond 1 by more than a tolerance.
+
+        A free motion has a double multiplier of 1, of which rounding leaves half the digits and fewer.
+        """
         return bool(abs(self.multipliers[0]) <= 1.0 + tolerance)
 
     def moving(self, count: int = 3) -> list[str]:
@@ -99,53 +102,29 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
     system, n = problem.system, problem.system.size
     if not 0 < n <= _MOST:
         raise refuse("system", f"{n} unknowns", f"1 to {_MOST}", "a basis of disturbances is carried along")
-    forces = LocalForces(system)
-    if len(forces.start_state):
+    if any(len(force.law.start_state) for force in system.local_forces):
         raise refuse("system", "local forces with internal states", "none", "their disturbances are not followed")
     response = solve(problem, method or newmark(), save=SaveAt(field_every=1))
     if not response.status.ok:
         raise RunFailedError(response.status)
     motion = problem.drive.at(response.field_time)
-    tangents = _Tangents(problem, forces, forces.schedule(motion))
-    d, v = response.fields.displacement, response.fields.velocity
-    carried = _carried(tangents, d, v, problem.step)
+    fields = response.fields
+    carried = _carried(Tangents(system, motion, fields.displacement, fields.velocity), len(motion.angle), problem.step)
     values, vectors = np.linalg.eig(carried)
     order = np.argsort(-np.abs(values))
     period = float(response.field_time[-1] - response.field_time[0])
     return Floquet(values[order], vectors[:n, order], period, system.names)
 
 
-class _Tangents:
-    """Damping and stiffness about the motion, instant by instant."""
-
-    def __init__(self, problem: Problem, forces: LocalForces, schedule: Schedule) -> None:
-        system = problem.system
-        self.M, self._C, self._K = (np.asarray(m.dense()) for m in (system.mass, system.damping, system.stiffness))
-        self._forces, self._schedule = forces, schedule
-
-    def at(self, i: int, d: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return C and K of small disturbances at an instant, (n, n) each."""
-        forces, schedule = self._forces, self._schedule
-        if not forces.count:
-            return self._C, self._K
-        gap, rate, _ = (one[0] for one in forces.sensed(d[None], v[None], schedule.row(i)))
-        answer = forces.respond(gap, rate, forces.start_state, float(schedule.angle[i]))
-        act = schedule.act[i] @ forces.act.vectors
-        sense = schedule.sense[i] @ forces.sense.vectors
-        turning = schedule.sense_rate[i] @ forces.sense.vectors
-        by_rate = act.T @ answer.by_rate
-        return self._C - by_rate @ sense, self._K - act.T @ answer.by_gap @ sense - by_rate @ turning
-
-
-def _carried(tangents: _Tangents, d: FloatArray, v: FloatArray, step: float) -> FloatArray:
+def _carried(tangents: Tangents, instants: int, step: float) -> FloatArray:
     """Return what becomes of a unit disturbance of every displacement and velocity, shape (2n, 2n)."""
-    n = d.shape[1]
-    M = tangents.M
+    M = tangents.mass
+    n = len(M)
     x, dx = np.hstack([np.eye(n), np.zeros((n, n))]), np.hstack([np.zeros((n, n)), np.eye(n)])
-    C, K = tangents.at(0, d[0], v[0])
+    C, K = tangents.at(0)
     a = np.linalg.lstsq(M, -C @ dx - K @ x, rcond=None)[0]
-    for i in range(1, len(d)):
-        C, K = tangents.at(i, d[i], v[i])
+    for i in range(1, instants):
+        C, K = tangents.at(i)
         there, speed = x + step * dx + 0.25 * step**2 * a, dx + 0.5 * step * a
         a = np.linalg.solve(M + 0.5 * step * C + 0.25 * step**2 * K, -C @ speed - K @ there)
         x, dx = there + 0.25 * step**2 * a, speed + 0.5 * step * a

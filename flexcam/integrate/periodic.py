@@ -18,6 +18,9 @@ from flexcam.integrate.solve import solve
 from flexcam.linalg import FloatArray
 from flexcam.response import Response, SaveAt
 
+_NOTHING = 1e-6
+"""Part of the first guess's motion below which the periodic state is rest."""
+
 _MEMORY = 40
 _MOST_REVOLUTIONS = 100
 _PATIENCE = 12
@@ -51,13 +54,14 @@ def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9) -> St
     x, best = _packed(problem, start), start
     points: list[FloatArray] = []
     misses: list[FloatArray] = []
-    least, level, since = np.inf, np.inf, 0
+    least, level, since, first = np.inf, np.inf, 0, 0.0
     for _ in range(_MOST_REVOLUTIONS):
         response, end = _revolved(problem, scheme, _unpacked(problem, x))
         if not response.status.ok or end is None:
             break
         miss = end - x
-        size = _largest(response, weights, x)
+        first = first or _largest(response, weights, x)
+        size = max(_largest(response, weights, x), _NOTHING * first)
         error = float(np.linalg.norm(weights * miss[: len(weights)])) / size if size > 0.0 else 0.0
         if error < least:
             least, best = error, _unpacked(problem, x)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from flexcam.linalg import FloatArray
-from flexcam.system import Channel, LocalForce, Observable, Observed, constant, force_sum
+from flexcam.system import Channel, LocalForce, Observable, Observed, Reaction, Stored, constant, force_sum
 from flexcam.train.coupling import Coupling, opposed
-from flexcam.train.model import Spring, Wire
-from flexcam.train.penalty import Stop
+from flexcam.train.model import Pulsation, Spring, Wire
+from flexcam.train.penalty import Stateless, Stop
 from flexcam.train.structure import Structure, spring_parts
 
 
@@ -35,6 +36,10 @@ def coils(structure: Structure) -> Coupling:
     for name, spring in structure.model.springs.items():
         rows = np.array([high - low for low, high in spring_parts(structure, name, spring)])
         channels += _channels(f"springs.{name}", spring, rows)
+        if spring.pulsation is not None:
+            law = Pulsating(spring.stiffness * spring.elements, spring.pulsation)
+            forces.append(opposed(f"springs.{name}.pulsation", rows, law))
+            count += len(rows)
         if spring.clash_travel is None:
             continue
         room = constant(-spring.clash_travel / spring.elements)
@@ -43,6 +48,39 @@ def coils(structure: Structure) -> Coupling:
         channels.append(Channel(f"springs.{name}.clash", "N", force_sum(*range(count, count + len(rows)))))
         count += len(rows)
     return Coupling((), tuple(forces), tuple(channels))
+
+
+@dataclass(frozen=True)
+class Pulsating(Stateless):
+    """What a pulsating stiffness adds to its mean, against any number of stretches side by side.
+
+    Parameters
+    ----------
+    stiffness
+        Mean of each, N/m.
+    pulsation
+        Its swing.
+
+    Examples
+    --------
+    >>> from flexcam.train.model import Pulsation
+    >>> Pulsating(2.0, Pulsation(1.0, 0.5)).respond(np.array([1.0]), np.zeros(1), np.zeros(0), 0.0).force
+    array([1.])
+    """
+
+    stiffness: float
+    pulsation: Pulsation
+
+    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
+        """Return force and tangent at a cam angle."""
+        stiffness = self.stiffness * float(self.pulsation.part(np.array(angle)))
+        still = np.zeros((len(gap), len(gap)))
+        return Reaction(stiffness * gap, stiffness * np.eye(len(gap)), still, np.zeros(0))
+
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
+        """Return the energy beside that of the mean stiffness, and its derivatives."""
+        stiffness = (self.stiffness * self.pulsation.part(angle))[:, None]
+        return Stored(0.5 * (stiffness * gap**2).sum(axis=1), stiffness * gap, np.zeros_like(state))
 
 
 def _channels(where: str, spring: Spring, rows: FloatArray) -> list[Channel]:
@@ -62,7 +100,12 @@ def _channels(where: str, spring: Spring, rows: FloatArray) -> list[Channel]:
 def _pushed(spring: Spring, rows: FloatArray) -> Observable:
     """Return the force in every part, N, shape (m, parts): compression positive where the spring pushes."""
     installed, stiffness = spring.installed_force or 0.0, spring.stiffness * spring.elements
-    return lambda seen: installed + stiffness * (seen.displacement @ rows.T)
+
+    def pushed(seen: Observed) -> FloatArray:
+        swing = np.zeros(1) if spring.pulsation is None else spring.pulsation.part(seen.motion.angle)
+        return installed + stiffness * (1.0 + swing)[:, None] * (seen.displacement @ rows.T)
+
+    return pushed
 
 
 def _surge(rows: FloatArray) -> Observable:

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from flexcam.fem import Damping, Member, Mesh
 from flexcam.train.links import Adjuster, Cam, CamContact, Contact, Lash, Play, PublishedLoad, Seat
-from flexcam.train.parts import GivenLoad, MassAt, Spring, Wire
+from flexcam.train.parts import GivenLoad, MassAt, Pulsation, Spring, Wire
 from flexcam.train.rockers import Lever, Rocker, path_name, tip_name
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "MassAt",
     "Model",
     "PublishedLoad",
+    "Pulsation",
     "Rocker",
     "Seat",
     "Spring",

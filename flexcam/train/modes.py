@@ -44,7 +44,9 @@ class ModelModes:
         return free + ", ".join(named)
 
 
-def model_modes(structure: Structure, count: int | None = None, *, loaded: FloatArray | None = None) -> ModelModes:
+def model_modes(
+    structure: Structure, count: int | None = None, *, loaded: FloatArray | None = None, held: Triplets | None = None
+) -> ModelModes:
     """Return the lowest modes of a model.
 
     Parameters
@@ -56,6 +58,8 @@ def model_modes(structure: Structure, count: int | None = None, *, loaded: Float
     loaded
         Displacement of a static state, shape (n,), whose axial forces stiffen (tension) or soften (compression) the
         members; None for the unloaded structure.
+    held
+        Stiffness of what is not of the structure itself, such as closed contacts, n unknowns.
 
     Returns
     -------
@@ -68,6 +72,8 @@ def model_modes(structure: Structure, count: int | None = None, *, loaded: Float
         If a free motion has no mass, or the state is beyond buckling.
     """
     stiffness, free = structure.stiffness, structure.free
+    if held is not None:
+        stiffness, free = stiffness + held, _unstressed(free, held, stiffness)
     if loaded is not None:
         force = section_forces(structure.beams, structure.dofs.nodal(loaded))[:, 0, 0]
         geometric = fem.geometric(structure.beams, force, structure.dofs)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from flexcam.fem import PointMass
 from flexcam.linalg import FloatArray
 
@@ -45,6 +47,29 @@ class Wire:
         return shear_modulus * self.diameter**4 / (8.0 * self.coil_diameter**3 * active_coils)
 
 
+@dataclass(frozen=True)
+class Pulsation:
+    """Swing of a stiffness with the cam angle, k (1 + amplitude cos(order theta + phase)).
+
+    Parameters
+    ----------
+    order
+        Swings per camshaft revolution.
+    amplitude
+        Part of the mean stiffness.
+    phase
+        rad.
+    """
+
+    order: float
+    amplitude: float
+    phase: float = 0.0
+
+    def part(self, angle: FloatArray) -> FloatArray:
+        """Return the swing at cam angles, rad, as a part of the mean stiffness."""
+        return self.amplitude * np.cos(self.order * angle + self.phase)
+
+
 @dataclass(frozen=True, eq=False)
 class Spring:
     """A spring and damper along one direction, to ground or between two points.
@@ -71,6 +96,8 @@ class Spring:
         Of one contact between neighbouring parts, N/m.
     wire
         For its stress; None where it is not known.
+    pulsation
+        Swing of its stiffness, on the stretch from where it is installed; None for a constant one.
     """
 
     at: str
@@ -84,6 +111,7 @@ class Spring:
     clash_travel: float | None = None
     clash_stiffness: float = 0.0
     wire: Wire | None = None
+    pulsation: Pulsation | None = None
 
 
 @dataclass(frozen=True, eq=False)

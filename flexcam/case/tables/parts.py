@@ -59,6 +59,24 @@ class WireRecord(PartRecord[train.Wire]):
         return self.made().rate(self.shear_modulus, self.active_coils)
 
 
+class PulsationRecord(PartRecord[train.Pulsation]):
+    """Swing of a stiffness with the cam angle."""
+
+    order: q.PositiveNumber = Field(description="swings per camshaft revolution")
+    amplitude: q.Ratio = Field(description='part of the mean stiffness, such as "10 %"; below 1')
+    phase: q.SignedAngle = 0.0
+
+    @model_validator(mode="after")
+    def _stays_a_spring(self) -> Self:
+        if self.amplitude >= 1.0:
+            raise q.refused("an amplitude below 1", "the stiffness must not change its sign")
+        return self
+
+    def made(self) -> train.Pulsation:
+        """Return the swing."""
+        return train.Pulsation(self.order, self.amplitude, self.phase)
+
+
 class SpringRecord(PartRecord[train.Spring]):
     """Spring and damper along one direction, to ground or to another point."""
 
@@ -74,6 +92,7 @@ class SpringRecord(PartRecord[train.Spring]):
     clash_stiffness: Annotated[float, q.Unit("stiffness", above=True)] | None = Field(
         None, description="of a contact between neighbouring parts; 50 times a part's own by default"
     )
+    pulsation: PulsationRecord | None = Field(None, description="swing of its stiffness; the mean alone by default")
     wire: WireRecord | None = Field(None, description="for the shear stress, and the stiffness where none is given")
 
     @model_validator(mode="after")
@@ -104,7 +123,7 @@ class SpringRecord(PartRecord[train.Spring]):
         wire = self.wire.made() if self.wire else None
         return train.Spring(
             self.at, along, stiffness, self.damping, self.to, self.installed_force, self.mass, self.elements,
-            self.clash_travel, clash, wire,
+            self.clash_travel, clash, wire, self.pulsation.made() if self.pulsation else None,
         )  # fmt: skip
 
 

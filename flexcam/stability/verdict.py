@@ -1,6 +1,7 @@
 """Why a speed goes unstable: the step, parametric growth, lost contact, or resonance, each by a test of its own.
 
-May import `runner` and everything below it; `flexcam stability` prints what stands here.
+The motion itself is computed by the case's own integrator where that is stable at any step, else by the average
+acceleration: whether the integrator grows is asked of its spectral radius, not of a run that it spoils.
 """
 
 from __future__ import annotations
@@ -8,56 +9,23 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from flexcam.case import Case
 from flexcam.checks import InputError
 from flexcam.integrate import Floquet, floquet, periodic, solve
-from flexcam.motion import harmonics
-from flexcam.response import RunFailedError
-from flexcam.runner import Prepared, modes, prepare
-from flexcam.train import ModelModes, build_structure, separation
+from flexcam.response import Response, RunFailedError
+from flexcam.runner import Prepared, prepare
+from flexcam.stability.discrete import Discrete, discrete
+from flexcam.stability.resonance import Resonance, resonances
+from flexcam.train import separation
 from flexcam.units import RPM
 
-_HARMONICS = 24
 _NEAR = 0.03
 """Distance of a harmonic from a mode, as a part of its frequency, that counts as resonance."""
 
-_SMALL = 1e-4
-"""Part of the lift below which a harmonic is not looked at."""
-
-_REACHED = 1e-6
-"""Part of the largest modal force below which a contact does not reach a mode."""
+_RETURNS = 1e-3
+"""Part of the motion by which one that repeats may miss its beginning."""
 
 _GROWS = 1.0 + 1e-6
-
-
-@dataclass(frozen=True)
-class Resonance:
-    """A harmonic of a cam that meets a mode.
-
-    Parameters
-    ----------
-    rpm
-        Camshaft speed at which it does.
-    harmonic
-        Which, counted per camshaft revolution.
-    amplitude
-        Of that harmonic in the lift, m.
-    mode
-        Position of the mode, from 0.
-    frequency
-        Of the mode, Hz.
-    words
-        What moves in it.
-    """
-
-    rpm: float
-    harmonic: int
-    amplitude: float
-    mode: int
-    frequency: float
-    words: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +36,8 @@ class Stability:
     ----------
     rpm
         Camshaft speed.
-    radius
-        Largest spectral radius of the integrator over the modes, at the case's step.
-    endangered
-        Frequency of the mode it belongs to, Hz.
+    discrete
+        Growth by the time integration at the case's step.
     floquet
         Multipliers of the periodic motion; None where there is none to be disturbed.
     why_not
@@ -83,8 +49,7 @@ class Stability:
     """
 
     rpm: float
-    radius: float
-    endangered: float
+    discrete: Discrete
     floquet: Floquet | None
     why_not: str
     resonances: tuple[Resonance, ...]
@@ -99,7 +64,7 @@ class Stability:
     def verdict(self) -> tuple[str, ...]:
         """What endangers the speed: ``numerical``, ``parametric``, ``resonance``, ``contact loss``, in this order."""
         found: list[str] = []
-        if self.radius > _GROWS:
+        if self.discrete.radius > _GROWS:
             found.append("numerical")
         if self.floquet is not None and not self.floquet.stable():
             found.append("parametric")
@@ -131,27 +96,25 @@ def stability(case: Case) -> Stability:
     RunFailedError
         If the run cannot even start.
     """
-    ready, found = prepare(case), modes(case)
-    omega = 2.0 * math.pi * found.modes.frequencies
-    radii = [ready.scheme.spectral_radius(float(w) * ready.problem.step) for w in omega]
-    worst = int(np.argmax(radii)) if radii else 0
-    opened = _open(ready)
+    method = case.record.run.integrator.made()
+    limited = method.stable_to() < math.inf
+    ready = prepare(case.with_average_acceleration() if limited else case)
+    response = solve(ready.problem, ready.scheme, save=ready.save)
+    opened = _open(ready, response)
     why_not = "the follower leaves its cam, and what impacts follow need not repeat"
     multipliers, why_not = _multipliers(ready) if opened == 0.0 else (None, why_not)
     return Stability(
         rpm=case.speed / RPM,
-        radius=float(radii[worst]) if radii else 0.0,
-        endangered=float(found.modes.frequencies[worst]) if radii else 0.0,
+        discrete=discrete(ready, method, response),
         floquet=multipliers,
         why_not=why_not,
-        resonances=_resonances(ready, found),
+        resonances=resonances(ready, response),
         open_on_the_lift=opened,
     )
 
 
 def _multipliers(ready: Prepared) -> tuple[Floquet | None, str]:
-    steps = round(ready.revolution / ready.problem.step)
-    one = replace(ready.problem, steps=steps)
+    one = replace(ready.problem, steps=round(ready.revolution / ready.problem.step))
     try:
         state = periodic(one, ready.scheme, tolerance=1e-7)
         found = floquet(replace(one, start=state), ready.scheme)
@@ -159,33 +122,12 @@ def _multipliers(ready: Prepared) -> tuple[Floquet | None, str]:
         return None, refusal.faults[0].why
     except RunFailedError as failure:
         return None, failure.status.text
-    if (state.periodicity or 0.0) > 1e-3:
-        return found, f"the motion returns only within {state.periodicity:.2g}: multipliers are those of a near miss"
-    return found, ""
+    missed = state.periodicity or 0.0
+    return (found, "") if missed <= _RETURNS else (None, f"no motion that repeats was found: it misses by {missed:.2g}")
 
 
-def _resonances(ready: Prepared, found: ModelModes) -> tuple[Resonance, ...]:
-    met: list[Resonance] = []
-    rpm = ready.case.speed / RPM
-    structure = build_structure(ready.model)
-    for contact in ready.model.driven.values():
-        event = ready.model.cams[contact.cam].event
-        push = structure.row(contact.follower, contact.direction) - structure.row(
-            ready.model.cams[contact.cam].at, contact.direction
-        )
-        reached = np.abs(push @ found.modes.shapes)
-        for n, amplitude in enumerate(np.abs(harmonics(event, _HARMONICS))[1:].tolist(), start=1):
-            if amplitude < _SMALL * event.height:
-                continue
-            for i in np.flatnonzero(reached > _REACHED * reached.max(initial=0.0)).tolist():
-                frequency = float(found.modes.frequencies[i])
-                met.append(Resonance(60.0 * frequency / n, n, amplitude, i, frequency, found.words(i)))
-    return tuple(sorted(met, key=lambda one: abs(math.log(one.rpm / rpm)) if one.rpm > 0.0 else math.inf))
-
-
-def _open(ready: Prepared) -> float:
-    response = solve(ready.problem, ready.scheme, save=ready.save)
+def _open(ready: Prepared, response: Response) -> float:
     if not len(response.time):
         return 0.0
-    last = response.time > response.time[-1] - ready.revolution * (1.0 - 1e-9)
+    last = response.latest(ready.revolution)
     return max((separation(ready.model, response, name, last) for name in ready.model.driven), default=0.0)

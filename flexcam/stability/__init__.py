@@ -1,0 +1,10 @@
+"""Why a speed goes unstable, and at which speeds it does.
+
+May import `runner` and everything below it; each cause is a file of its own, `verdict` puts them together.
+"""
+
+from flexcam.stability.discrete import Discrete
+from flexcam.stability.resonance import Resonance
+from flexcam.stability.verdict import Stability, stability
+
+__all__ = ["Discrete", "Resonance", "Stability", "stability"]
