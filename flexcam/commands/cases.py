@@ -49,11 +49,14 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
             "member_masses": member_masses(ready.model),
             "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
             "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
+            "warnings": console.doubts(found),
             "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
             "case": ready.case.record.model_dump(mode="json", by_alias=True),
         })  # fmt: skip
     else:
         out().print(console.model_table(ready, found))
+        for sentence in console.doubts(found):
+            out().print("\n" + sentence)
         out().print("\n# the case as it is run, SI\n" + console.resolved(ready.case), markup=False)
 
 
@@ -140,11 +143,14 @@ def modes(
         print_json({
             "status": "ok", "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
             "effective_masses": found.effective.tolist(), "lost": found.modes.lost,
+            "rounding": found.modes.rounding.tolist(), "warnings": console.doubts(found),
             "moves": [found.words(i) for i in range(len(found.shares))],
             "mac": None if likeness is None else likeness.tolist(), "files": [str(path) for path in files],
         })  # fmt: skip
         return
     out().print(console.mode_table(found))
+    for sentence in console.doubts(found):
+        out().print("\n" + sentence)
     if likeness is not None:
         out().print()
         out().print(console.mac_table(likeness))

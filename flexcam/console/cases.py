@@ -191,6 +191,22 @@ def mode_table(modes: ModelModes) -> Table:
     return made
 
 
+def doubts(modes: ModelModes) -> list[str]:
+    """Return what is doubtful about modes, in words.
+
+    Parameters
+    ----------
+    modes
+        The modes.
+
+    Returns
+    -------
+    list
+        Sentences; none where nothing is doubtful.
+    """
+    return [sentence for sentence in (modes.modes.doubt(),) if sentence]
+
+
 def comparison_table(comparison: Comparison) -> Table:
     """Return flexible against rigid.
 
