@@ -72,7 +72,7 @@ verification: $(VENV)/.dev
 
 # The page of extremes, from the rows that the tests record; `make test` and this script keep the rows of slow ones.
 extremes: $(VENV)/.dev
-	$(BIN)/python -m pytest -n $(JOBS) -m "slow or not slow" tests/extremes
+	$(BIN)/python -m pytest -n $(JOBS) -m "slow or not slow" --ignore-glob="*_random_*" tests/extremes
 	$(BIN)/python docs/make_extremes.py
 
 # Pages made from the code.

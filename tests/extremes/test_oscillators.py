@@ -67,8 +67,9 @@ def test_damping_that_the_steps_resolve(expect, released, name, ratio):
 @pytest.mark.parametrize("name", ["Newmark", "Bathe"])
 def test_damping_far_beyond_what_the_steps_resolve(expect, released, name, ratio):
     """The fast part, 1/(2 z) of the motion after the blow, is over within a step; what it leaves is no larger."""
-    expect.right(DAMPED, f"{name}, damping ratio {ratio:g}, struck", what="off the closed form by", reference=0.0,
-                 computed=released(SCHEMES[name], ratio, 1.0), tolerance=1.0 / (2.0 * ratio), absolute=True)  # fmt: skip
+    expect.right(DAMPED, f"{name}, damping ratio {ratio:g}, struck", what="off the closed form by",
+                 reference=0.0, computed=released(SCHEMES[name], ratio, 1.0), tolerance=1.0 / (2.0 * ratio),
+                 absolute=True)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SCHEMES)

@@ -46,8 +46,8 @@ def test_two_masses(expect, ratio, which):
     for i, name in enumerate(("lower", "higher")):
         # The lower mode to rounding; the higher one is taken from the side that keeps it, at worst eps * ratio apart
         # until the two sides meet at the square root of 1/eps: 1e-8.
-        expect.right(MASSES, f"two masses, m1/m2 = {m[0] / m[1]:g}, {name} frequency", what="omega", reference=theory[i],
-                     computed=found[i], tolerance=2e-8 if i else 1e-14, unit=" rad/s")  # fmt: skip
+        expect.right(MASSES, f"two masses, m1/m2 = {m[0] / m[1]:g}, {name} frequency", what="omega",
+                     reference=theory[i], computed=found[i], tolerance=2e-8 if i else 1e-14, unit=" rad/s")  # fmt: skip
 
 
 LENGTH, PARTS = 1.0, 10
@@ -72,17 +72,21 @@ class Cantilever:
 def test_a_heavy_tip(expect, steel, heavy):
     shaft = Cantilever(steel, heavy)
     found = modes(shaft.M, shaft.K, 2, free=np.zeros((shaft.dofs.size, 0))).omegas
-    # Rounding of K, eps n^4 = 2e-12; the mass-shape's remainder, 1/heavy^2 of some 1e-3 at most.
+    # Rounding of K, eps n^4 = 2e-12, bounded with all terms of a row by ten times that and more; the shape's remainder,
+    # 1/heavy^2 of some 1e-3 at most; the elements' own error, 1e-6, of the shaft's part of the mass.
     expect.right(MASSES, f"shaft with {heavy:g} times its mass at the tip", what="lowest omega", unit=" rad/s",
-                 reference=shaft.lowest, computed=found[0], tolerance=1e-3 / heavy**2 + 1e-10 + 1e-6 / heavy)  # fmt: skip
+                 reference=shaft.lowest, computed=found[0],
+                 tolerance=1e-3 / heavy**2 + 1e-6 / heavy + 1e-10)  # fmt: skip
 
 
 def test_why_omega_squared_is_not_solved_for(steel):
-    """A general solver of K x = omega^2 M x loses all digits of the lowest mode at 1e12: it finds it up to 76 % away,
-    or negative, as the largest eigenvalue's rounding, eps omega_max^2, is larger than omega_min^2."""
+    """A general solver of K x = omega^2 M x loses the lowest mode at 1e12: 76 % of omega^2 here, elsewhere its sign.
+
+    The rounding of its largest eigenvalue, eps omega_max^2, is larger than omega_min^2.
+    """
     shaft = Cantilever(steel, 1e12)
     squares = eigh(shaft.K.dense(), shaft.M.dense(), eigvals_only=True)
-    assert EPS * squares[-1] > 1e-3 * shaft.lowest**2
+    assert EPS * squares[-1] > shaft.lowest**2
     assert abs(squares[0] / shaft.lowest**2 - 1.0) > 0.05
 
 
@@ -94,7 +98,7 @@ def test_a_soft_spring_under_a_stiff_link(expect, ratio):
     k = (1.1, 1.1 * ratio)
     M, K = row_of_two(k, (1.0, 1.0))
     given = f"soft spring to ground, link {ratio:g} times as stiff"
-    # The entry's rounding, eps/2 (k1 + k2) of k1 and the same of both others, half of it in omega; solved again likewise.
+    # The entry's rounding, eps/2 (k1 + k2) of k1, the same of both others, and the solution's; half of it in omega.
     allowed = 4.0 * EPS * ratio
     expect.right(STIFFNESSES, given, what="lowest omega", reference=closed_form(k, (1.0, 1.0))[0], unit=" rad/s",
                  computed=modes(M, K, free=HELD).omegas[0], tolerance=allowed)  # fmt: skip
@@ -112,8 +116,6 @@ def test_a_stiff_spring_under_a_soft_link_costs_nothing(expect, ratio):
                  tolerance=1e-14)  # fmt: skip
 
 
-SILENT = "the lowest frequency is answered, 4e-5 off, without a word of the digits lost"
-NUMBERLESS = "refused, but without a number"
 FREE = "the soft motion is taken for a free one of 0 Hz"
 
 

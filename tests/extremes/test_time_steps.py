@@ -1,7 +1,7 @@
 """Omega dt from 1e-4 to 1e6, a million steps, ten thousand revolutions: the oscillator of one unknown, omega = 1.
 
-Average acceleration turns by exactly 2 atan(w dt/2) per step and keeps the amplitude (T. J. R. Hughes, The Finite Element
-Method (1987), ch. 9), so that its displacement is cos(2 n atan(w dt/2)) after n steps.
+Average acceleration turns by exactly 2 atan(w dt/2) per step and keeps the amplitude (T. J. R. Hughes, The Finite
+Element Method (1987), ch. 9), so that its displacement is cos(2 n atan(w dt/2)) after n steps.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def test_small_steps_are_right(expect, swing, name):
 
 
 def phase(history):
-    """Turned angle of the last instant, modulo 2 pi."""
+    """Return the angle of the last instant, modulo 2 pi."""
     return math.atan2(-history.velocity[-1], history.displacement[-1])
 
 
