@@ -120,7 +120,7 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
 
 
 def _too_fine(share: float) -> Status:
-    text = f"{TOO_FINE.text} (up to {100.0 * share:.2g} % of a mode's energy)"
+    text = f"{TOO_FINE.text} (up to {100.0 * share:.3g} % of a mode's energy)"
     return replace(TOO_FINE, text=text)
 
 

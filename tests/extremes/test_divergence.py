@@ -38,7 +38,7 @@ def test_just_below_the_edge(expect, system_of):
     response = swing(system_of, 0.999 * EDGE)
     assert response.status.ok
     # The eigenvalues are a pair of modulus 1: the amplitude is bounded by 1/sqrt(1 - (x/edge)^2) = 22.
-    expect.right(DIVERGING, "linear acceleration, omega dt 0.999 of 2 sqrt 3, 5000 steps", what="amplitude above 22",
+    expect.right(DIVERGING, "linear acceleration, omega dt 0.999 of 2 sqrt 3, 5000 steps", what="amplitude above 22 by",
                  reference=0.0, computed=max(0.0, np.abs(response["all"].displacement).max() - 22.4), tolerance=0.0,
                  absolute=True)  # fmt: skip
 
@@ -78,5 +78,5 @@ def test_its_file_holds_numbers_only(expect, tmp_path, tayeb):
     with h5py.File(sink.partial) as file:
         file.visititems(look)
     assert not wrong
-    expect.right(DIVERGING, "its partial result file", what="data sets with NaN or infinity", reference=0.0,
+    expect.right(DIVERGING, "its partial result file", what="data sets with NaN or infinity:", reference=0.0,
                  computed=len(wrong), tolerance=0.0, absolute=True)  # fmt: skip

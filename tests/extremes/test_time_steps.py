@@ -41,7 +41,7 @@ def swing(system_of):
 def test_no_mode_grows(expect, name):
     worst = max(SCHEMES[name].spectral_radius(x) for x in SWEEP)
     # Double eigenvalues at -1 keep half the digits, sqrt(eps) = 1.5e-8.
-    expect.right(STEPS, f"{name}, omega dt 1e-4 to 1e6", what="spectral radius above 1", reference=0.0,
+    expect.right(STEPS, f"{name}, omega dt 1e-4 to 1e6", what="spectral radius above 1 by", reference=0.0,
                  computed=max(worst - 1.0, 0.0), tolerance=1e-7, absolute=True)  # fmt: skip
 
 
@@ -49,7 +49,7 @@ def test_no_mode_grows(expect, name):
 def test_the_amplitude_stays_bounded(expect, swing, name):
     peaks = [np.abs(swing(SCHEMES[name], x, 300)["all"].displacement).max() for x in SWEEP]
     # The first acceleration, (w dt)^2 in dt^2 a, is rounded: eps (w dt)^2 = 2e-4 of the displacement at the largest.
-    expect.right(STEPS, f"{name}, omega dt 1e-4 to 1e6, 300 steps", what="amplitude above 1", reference=0.0,
+    expect.right(STEPS, f"{name}, omega dt 1e-4 to 1e6, 300 steps", what="amplitude above 1 by", reference=0.0,
                  computed=max(0.0, max(peaks) - 1.0), tolerance=EPS * SWEEP[-1] ** 2, absolute=True)  # fmt: skip
 
 
