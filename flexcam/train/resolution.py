@@ -10,7 +10,7 @@ import numpy as np
 from flexcam.train.model import Model
 
 SEEN = 1e-3
-"""Part of the lift that may lie between two steps: a choice; the published model is then right to some 1 % at 3000 rpm."""
+"""Part of the lift that may lie between two steps: a choice; the published model then is right to 1 % at 3000 rpm."""
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
 
