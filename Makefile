@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke verification docs-pages clean
+.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke verification extremes docs-pages clean
 .DEFAULT_GOAL := demo
 
 # The matrices are small: threads of the linear algebra would only hinder each other.
@@ -69,6 +69,11 @@ test-slow-rotation: $(VENV)/.dev
 verification: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(JOBS) -m "slow or not slow" tests/verification
 	$(BIN)/python docs/make_verification.py
+
+# The page of extremes, from the rows that the tests record; `make test` and this script keep the rows of slow ones.
+extremes: $(VENV)/.dev
+	$(BIN)/python -m pytest -n $(JOBS) -m "slow or not slow" --ignore-glob="*_random_*" tests/extremes
+	$(BIN)/python docs/make_extremes.py
 
 # Pages made from the code.
 docs-pages: $(VENV)/.dev

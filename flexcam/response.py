@@ -72,7 +72,7 @@ TOO_FINE = Status(
     Cause.ROUNDING,
     "rounding in the stiffness takes too much of the answer: a member is cut into too many elements, or stiffnesses "
     "lie too far apart for double precision",
-    "use fewer elements (up to some 2000 per span keep four digits)",
+    "use fewer elements (up to some 1000 per span keep four digits)",
 )
 """How a computation ends whose result would be rounding."""
 

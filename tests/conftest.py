@@ -2,7 +2,8 @@
 
 `record` asserts a computed number against its reference and keeps the row; all rows of a session, from every xdist
 worker, go to ``build/verification.json`` (or the path in FLEXCAM_VERIFICATION_JSON), from which the page of
-verification is made. A page can thus name no test that does not exist.
+verification is made. A page can thus name no test that does not exist. The rows of `tests/extremes` go the same way to
+``build/extremes.json`` (FLEXCAM_EXTREMES_JSON).
 """
 
 from __future__ import annotations
@@ -22,31 +23,39 @@ from flexcam.motion import LAWS, LiftEvent
 from flexcam.system import Load, LocalForce, Probe, System
 from flexcam.train.model import Cam, MassAt, Model, PublishedLoad, Rocker, Spring
 
-ROWS = pytest.StashKey[list[dict[str, object]]]()
+ROWS = pytest.StashKey[dict[str, list[dict[str, object]]]]()
+"""Rows by the page they stand on."""
+
+ORDER = {"verification": ("source", "case", "quantity", "test"), "extremes": ("extreme", "test", "place")}
+"""Pages, and what their rows are ordered by."""
+
 ROOT = Path(__file__).parents[1]
 
 
 def pytest_configure(config):
-    config.stash[ROWS] = []
+    config.stash[ROWS] = {page: [] for page in ORDER}
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node, error):
-    node.config.stash[ROWS].extend(json.loads(getattr(node, "workeroutput", {}).get("verification", "[]")))
+    for page, rows in json.loads(getattr(node, "workeroutput", {}).get("rows", "{}")).items():
+        node.config.stash[ROWS][page].extend(rows)
 
 
 def pytest_sessionfinish(session):
     rows = session.config.stash[ROWS]
     if hasattr(session.config, "workeroutput"):
-        session.config.workeroutput["verification"] = json.dumps(rows)
-    elif rows:
-        _write(rows)
+        session.config.workeroutput["rows"] = json.dumps(rows)
+        return
+    for page, its in rows.items():
+        if its:
+            _write(page, its)
 
 
-def _write(rows):
-    path = Path(os.environ.get("FLEXCAM_VERIFICATION_JSON", ROOT / "build" / "verification.json"))
+def _write(page, rows):
+    path = Path(os.environ.get(f"FLEXCAM_{page.upper()}_JSON", ROOT / "build" / f"{page}.json"))
     path.parent.mkdir(parents=True, exist_ok=True)
-    ordered = sorted(rows, key=lambda row: tuple(str(row[k]) for k in ("source", "case", "quantity", "test")))
+    ordered = sorted(rows, key=lambda row: tuple(str(row[k]) for k in ORDER[page]))
     path.write_text(json.dumps(ordered, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
@@ -68,12 +77,18 @@ def record(request):
             "computed": _digits(computed), "tolerance": _digits(tolerance), "absolute": absolute, "reason": reason,
             "passed": passed, "test": request.node.nodeid,
         }  # fmt: skip
-        request.config.stash[ROWS].append(row)
+        request.config.stash[ROWS]["verification"].append(row)
         assert passed, (
             f"{case}, {quantity}: {computed:.10g} {unit}, reference {reference:.10g}, allowed +-{allowed:.3g}"
         )
 
     return keep
+
+
+@pytest.fixture
+def page_rows(request):
+    """Return the list that the rows of a page are kept in, by the page's name."""
+    return lambda page: request.config.stash[ROWS][page]
 
 
 @pytest.fixture(scope="session")

@@ -49,11 +49,14 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
             "member_masses": member_masses(ready.model),
             "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
             "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
+            "warnings": console.doubts(found) + console.coarse_steps(ready),
             "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
             "case": ready.case.record.model_dump(mode="json", by_alias=True),
         })  # fmt: skip
     else:
         out().print(console.model_table(ready, found))
+        for sentence in console.doubts(found) + console.coarse_steps(ready):
+            out().print("\n" + sentence)
         out().print("\n# the case as it is run, SI\n" + console.resolved(ready.case), markup=False)
 
 
@@ -83,6 +86,7 @@ def run(
             "result": str(result), "steps": response.stats.steps, "dof": response.stats.unknowns,
             "seconds": response.stats.seconds,
             "events": response.stats.events, "periodicity": console.periodicity(response),
+            "warnings": console.coarse_steps(ready),
             "train": {figure.name: figure.value for figure in figures},
             "strength": {name: asdict(member) for name, member in strength.members().items()},
         })  # fmt: skip
@@ -93,7 +97,7 @@ def run(
         if figures:
             out().print()
             out().print(console.operation_table(figures))
-        for sentence in console.couplings(ready.case):
+        for sentence in console.couplings(ready.case) + console.coarse_steps(ready):
             out().print("\n" + sentence)
         if response.stats.periodicity >= 0.0:
             out().print(f"\nThe start returns after a revolution within {response.stats.periodicity:.3g} of the motion")
@@ -140,11 +144,14 @@ def modes(
         print_json({
             "status": "ok", "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
             "effective_masses": found.effective.tolist(), "lost": found.modes.lost,
+            "rounding": found.modes.rounding.tolist(), "warnings": console.doubts(found),
             "moves": [found.words(i) for i in range(len(found.shares))],
             "mac": None if likeness is None else likeness.tolist(), "files": [str(path) for path in files],
         })  # fmt: skip
         return
     out().print(console.mode_table(found))
+    for sentence in console.doubts(found):
+        out().print("\n" + sentence)
     if likeness is not None:
         out().print()
         out().print(console.mac_table(likeness))

@@ -7,9 +7,11 @@ from flexcam.cams import CamFacts
 from flexcam.console.cams import cam_json, cam_table, overlap_table, read_table, smoothing_table
 from flexcam.console.cases import (
     claim_table,
+    coarse_steps,
     comparison_table,
     comparison_words,
     couplings,
+    doubts,
     mac_table,
     mode_table,
     model_table,
@@ -35,9 +37,11 @@ __all__ = [
     "cam_json",
     "cam_table",
     "claim_table",
+    "coarse_steps",
     "comparison_table",
     "comparison_words",
     "couplings",
+    "doubts",
     "force_bands",
     "harmonic_table",
     "info_table",

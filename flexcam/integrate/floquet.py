@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.checks import refuse
+from flexcam.integrate.massless import massless
 from flexcam.integrate.method import Method
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.scheme import newmark
@@ -107,25 +108,29 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
     response = solve(problem, method or newmark(), save=SaveAt(field_every=1))
     if not response.status.ok:
         raise RunFailedError(response.status)
-    motion = problem.drive.at(response.field_time)
-    fields = response.fields
-    carried = _carried(Tangents(system, motion, fields.displacement, fields.velocity), len(motion.angle), problem.step)
+    times, fields = response.field_time, response.fields
+    d, v = (0.5 * (one[1:] + one[:-1]) for one in (fields.displacement, fields.velocity))
+    tangents = Tangents(system, problem.drive.at(0.5 * (times[1:] + times[:-1])), d, v)
+    carried = _carried(tangents, massless(system), len(times) - 1, problem.step)
     values, vectors = np.linalg.eig(carried)
     order = np.argsort(-np.abs(values))
     period = float(response.field_time[-1] - response.field_time[0])
     return Floquet(values[order], vectors[:n, order], period, system.names)
 
 
-def _carried(tangents: Tangents, instants: int, step: float) -> FloatArray:
-    """Return what becomes of a unit disturbance of every displacement and velocity, shape (2n, 2n)."""
-    M = tangents.mass
-    n = len(M)
-    x, dx = np.hstack([np.eye(n), np.zeros((n, n))]), np.hstack([np.zeros((n, n)), np.eye(n)])
-    C, K = tangents.at(0)
-    a = np.linalg.lstsq(M, -C @ dx - K @ x, rcond=None)[0]
-    for i in range(1, instants):
+def _carried(tangents: Tangents, light: FloatArray, instants: int, step: float) -> FloatArray:
+    """Return what becomes of a unit disturbance of every displacement and velocity, shape (2n, 2n).
+
+    By the implicit midpoint rule, each step with the one tangent of its middle: where a contact's stiffness comes and
+    goes from step to step, no acceleration of the old law is carried into the new one. Motions without mass have no
+    motion of their own: they are left where the middle of the step has them.
+    """
+    M, n = tangents.mass, len(tangents.mass)
+    x, v = np.hstack([np.eye(n), np.zeros((n, n))]), np.hstack([np.zeros((n, n)), np.eye(n)])
+    for i in range(instants):
         C, K = tangents.at(i)
-        there, speed = x + step * dx + 0.25 * step**2 * a, dx + 0.5 * step * a
-        a = np.linalg.solve(M + 0.5 * step * C + 0.25 * step**2 * K, -C @ speed - K @ there)
-        x, dx = there + 0.25 * step**2 * a, speed + 0.5 * step * a
-    return np.vstack([x, dx])
+        middle = np.linalg.solve(2.0 * M + step * C + 0.5 * step**2 * K, 2.0 * (M @ v) - step * (K @ x))
+        new, speed = x + step * middle, 2.0 * middle - v
+        x = new - 0.5 * step * (light @ (light.T @ middle))
+        v = speed - light @ (light.T @ (speed - middle))
+    return np.vstack([x, v])

@@ -8,7 +8,7 @@ factor of M. Motions without stiffness are found apart and are exactly zero.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -39,6 +39,9 @@ class Modes:
         How many of them (the first ones) have no stiffness.
     lost
         How many higher modes were left out because rounding would have spoilt them.
+    rounding
+        Share of each frequency that rounding in the stiffness may have taken, shape (k,): a bound, some ten times above
+        the error.
 
     Examples
     --------
@@ -49,11 +52,24 @@ class Modes:
     shapes: FloatArray
     rigid: int
     lost: int = 0
+    rounding: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def frequencies(self) -> FloatArray:
         """Frequencies, Hz, shape (k,)."""
         return self.omegas / (2.0 * np.pi)
+
+    def doubt(self) -> str:
+        """Return in words what rounding in the stiffness may have taken; empty where that is not worth telling."""
+        share = float(self.rounding.max(initial=0.0))
+        if share <= _WORTH_TELLING:
+            return ""
+        at = f"{self.frequencies[int(np.argmax(self.rounding))]:.4g} Hz"
+        return f"Warning: rounding in the stiffness may have taken up to {100.0 * share:.1g} % of the frequency {at}"
+
+
+_WORTH_TELLING = 1e-4
+"""Share of a frequency: four digits are what tables show."""
 
 
 def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free: FloatArray | None = None) -> Modes:
@@ -93,12 +109,19 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
     solver = _dense if mass.size <= 2 * DENSE_LIMIT else lanczos
     squares, shapes, lost = solver(mass, stiffness, rigid, count)
     shapes = _orthonormalized(shapes, rigid, mass)
-    if (energy_rounding(stiffness, shapes) > TOO_MUCH * squares).any():
-        raise RunFailedError(TOO_FINE)
+    shares = energy_rounding(stiffness, shapes) / squares
+    if (shares > TOO_MUCH).any():
+        raise RunFailedError(_too_fine(float(shares.max())))
     omegas = np.concatenate([np.zeros(rigid.shape[1]), np.sqrt(squares)])
     shapes = np.concatenate([rigid, shapes], axis=1)
     wanted = len(omegas) if count is None else min(count, len(omegas))
-    return Modes(omegas[:wanted], _signed(shapes[:, :wanted]), min(rigid.shape[1], wanted), lost)
+    taken = np.concatenate([np.zeros(rigid.shape[1]), 0.5 * shares])  # omega is the root of what is rounded
+    return Modes(omegas[:wanted], _signed(shapes[:, :wanted]), min(rigid.shape[1], wanted), lost, taken[:wanted])
+
+
+def _too_fine(share: float) -> Status:
+    text = f"{TOO_FINE.text} (up to {100.0 * share:.3g} % of a mode's energy)"
+    return replace(TOO_FINE, text=text)
 
 
 def _mass_orthonormal(motions: FloatArray, mass: Triplets) -> FloatArray:

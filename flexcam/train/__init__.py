@@ -28,6 +28,7 @@ from flexcam.train.model import (
 )
 from flexcam.train.modes import ModelModes, model_modes
 from flexcam.train.operation import Figure, Seating, main_lift, operation, seating, separation
+from flexcam.train.resolution import CoarseCam, coarse_cams
 from flexcam.train.rigid import build_rigid
 from flexcam.train.strength import MemberStrength, StrengthSink
 from flexcam.train.structure import Structure, build_structure, member_masses, valve_ratio
@@ -37,6 +38,7 @@ __all__ = [
     "Adjuster",
     "Cam",
     "CamContact",
+    "CoarseCam",
     "Contact",
     "Figure",
     "GivenLoad",
@@ -59,6 +61,7 @@ __all__ = [
     "build_rigid",
     "build_structure",
     "build_system",
+    "coarse_cams",
     "element_loads",
     "free_running",
     "hertz_line",
