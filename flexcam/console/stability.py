@@ -52,18 +52,18 @@ def _integrated(found: Discrete) -> str:
 
 
 def _met(one: Resonance, scale: float) -> str:
-    there = f"{scale * one.rpm:.5g} rpm meets {one.frequency:.5g} Hz ({one.words})"
-    return f"{there}, {1e3 * one.amplitude:.3g} mm in the lift, {one.load:.3g} N in the force"
+    sizes = f"{1e3 * one.amplitude:.3g} mm, {one.load:.3g} N"
+    return f"{scale * one.rpm:.5g} rpm, {one.frequency:.5g} Hz, {sizes}: {one.words}"
 
 
 def _grows(found: Stability) -> str:
     if found.floquet is None:
         return f"not looked at: {found.why_not}"
-    largest = abs(complex(found.floquet.multipliers[0]))
-    words = (
-        f"largest multiplier {largest:.6g}, growth {found.floquet.growth:.4g} 1/s ({', '.join(found.floquet.moving())})"
-    )
-    return f"{words}; {found.why_not}" if found.why_not else words
+    largest, moving = abs(complex(found.floquet.multipliers[0])), ", ".join(found.floquet.moving())
+    if found.chatters:
+        events = found.floquet.events
+        return f"chatters: with {events} openings and closings small differences grow by {largest:.3g} ({moving})"
+    return f"largest multiplier {largest:.6g}, growth {found.floquet.growth:.4g} 1/s ({moving})"
 
 
 def stability_json(found: Stability, scale: float) -> dict[str, object]:
@@ -85,7 +85,7 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
         "endangered_mode_hz": found.discrete.frequency, "endangered_moves": list(found.discrete.moving),
         "critical_step_s": found.discrete.critical_step if math.isfinite(found.discrete.critical_step) else None,
         "multipliers": multipliers, "growth": None if found.floquet is None else found.floquet.growth,
-        "note": found.why_not, "open_on_the_lift_deg": math.degrees(found.open_on_the_lift),
+        "chatters": found.chatters, "note": found.why_not, "open_on_the_lift_deg": math.degrees(found.open_on_the_lift),
         "resonances": [
             {"rpm": scale * one.rpm, "harmonic": one.harmonic, "amplitude_m": one.amplitude,
              "load_n": one.load, "frequency_hz": one.frequency, "moves": one.words}

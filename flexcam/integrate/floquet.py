@@ -2,7 +2,7 @@
 
 The system is linearized about a motion: local forces give their tangents, which change with the cam angle, with what
 is pressed and what is not, and with the axial force of a pushrod. A basis of disturbances is carried over one period by
-the average acceleration; the eigenvalues of what becomes of it are the multipliers. Above 1 in modulus the motion is
+the implicit midpoint rule; the eigenvalues of what becomes of it are the multipliers. Above 1 in modulus the motion is
 unstable. A. H. Nayfeh and D. T. Mook, Nonlinear Oscillations (1979), ch. 5.
 """
 
@@ -41,12 +41,16 @@ class Floquet:
         s.
     names
         Of the unknowns.
+    events
+        How often contacts open or close within the period. With some, large multipliers tell of chatter: small
+        differences of the times of bounces grow, as those of a bouncing ball do.
     """
 
     multipliers: ComplexArray
     shapes: ComplexArray
     period: float
     names: tuple[str, ...]
+    events: int = 0
 
     @property
     def growth(self) -> float:
@@ -115,7 +119,7 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
     values, vectors = np.linalg.eig(carried)
     order = np.argsort(-np.abs(values))
     period = float(response.field_time[-1] - response.field_time[0])
-    return Floquet(values[order], vectors[:n, order], period, system.names)
+    return Floquet(values[order], vectors[:n, order], period, system.names, response.stats.events)
 
 
 def _carried(tangents: Tangents, light: FloatArray, instants: int, step: float) -> FloatArray:

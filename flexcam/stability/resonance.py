@@ -23,7 +23,7 @@ _HARMONICS = 24
 _SMALL = 1e-3
 """Part of the largest harmonic in the lift below which one is not looked at."""
 
-_REACHED = 1e-6
+_REACHED = 1e-2
 """Part of the largest modal force below which a contact does not reach a mode."""
 
 

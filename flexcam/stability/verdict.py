@@ -61,12 +61,17 @@ class Stability:
         return tuple(one for one in self.resonances if abs(one.rpm / self.rpm - 1.0) <= _NEAR)
 
     @property
+    def chatters(self) -> bool:
+        """Whether contacts open and close so that small differences grow: single bounces cannot be predicted."""
+        return self.floquet is not None and not self.floquet.stable() and self.floquet.events > 0
+
+    @property
     def verdict(self) -> tuple[str, ...]:
         """What endangers the speed: ``numerical``, ``parametric``, ``resonance``, ``contact loss``, in this order."""
         found: list[str] = []
         if self.discrete.radius > _GROWS:
             found.append("numerical")
-        if self.floquet is not None and not self.floquet.stable():
+        if self.floquet is not None and not self.floquet.stable() and not self.floquet.events:
             found.append("parametric")
         if self.resonant:
             found.append("resonance")
