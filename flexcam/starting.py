@@ -110,6 +110,8 @@ def started(case: Case, model: Model, problem: Problem) -> Problem:
             return _periodic(case, replace(problem, start=_carried(problem)))
         case ResultStartRecord(result=name):
             state, angle = _last_state(case, model, system, name)
+            taken = round(state.time / problem.step)
+            state = replace(state, taken=taken if taken * problem.step == state.time else 0)
             drive = _from_angle(case, model, problem.drive, angle, state.time)
             return replace(problem, drive=drive, start=state)
         case GivenStartRecord(displacement=displacement, velocity=velocity):
@@ -155,19 +157,20 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
     if not system.size:  # the rigid mechanism has no state but its angle
         return State(np.zeros(0), np.zeros(0), time), angle
     free = build_structure(model).dofs.numbers >= 0
-    nodal = [series[-1].reshape(-1, 6) for series in (response.fields.displacement, response.fields.velocity)]
+    fields = response.fields
+    nodal = [one[-1].reshape(-1, 6) for one in (fields.displacement, fields.velocity, fields.acceleration)]
     if any(values[~free].any() for values in nodal):
         raise refuse(where, name, "a result of the same supports", "it moves where this model is held")
     beside = _beside_nodes(response, system.names[int(free.sum()) :], where, name)
-    moved, moving = (np.concatenate([one[free], more]) for one, more in zip(nodal, beside, strict=True))
+    moved, moving, pushed = (np.concatenate([one[free], more]) for one, more in zip(nodal, beside, strict=True))
     inner, states = response.inner, sum(len(force.law.start_state) for force in system.local_forces)
     if len(inner) != states:
         raise refuse(where, name, "a result of the same contacts", f"it holds {len(inner)} of {states} internal states")
-    return State(moved, moving, time, inner if states else None), angle
+    return State(moved, moving, time, inner if states else None, acceleration=pushed), angle
 
 
-def _beside_nodes(response: Response, names: Sequence[str], where: str, result: str) -> tuple[FloatArray, FloatArray]:
-    """Return displacement and velocity of unknowns that belong to no node, at the last saved field."""
+def _beside_nodes(response: Response, names: Sequence[str], where: str, result: str) -> list[FloatArray]:
+    """Return the motion of unknowns that belong to no node, at the last saved field: three series."""
     try:
         histories = [response[name] for name in names]
     except InputError as refusal:
@@ -175,7 +178,5 @@ def _beside_nodes(response: Response, names: Sequence[str], where: str, result: 
         raise refuse(where, result, "a result of the same model", why) from None
     time = float(response.field_time[-1])
     at = int(np.searchsorted(response.time, time - 1e-12 * max(abs(time), 1.0)))
-    moved, moving = (
-        np.array([float(getattr(one, kind)[at]) for one in histories]) for kind in ("displacement", "velocity")
-    )
-    return moved, moving
+    series = ("displacement", "velocity", "acceleration")
+    return [np.array([float(getattr(one, kind)[at]) for one in histories]) for kind in series]

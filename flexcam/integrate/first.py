@@ -47,7 +47,7 @@ class Starter:
         Parameters
         ----------
         start
-            Displacement, velocity and internal states.
+            Displacement, velocity, internal states, and the acceleration where a run goes on.
         to
             What is prescribed at the start.
 
@@ -63,9 +63,29 @@ class Starter:
         """
         d, v = start.displacement, start.velocity
         inner = self._forces.start_state if start.inner is None else start.inner
+        if start.acceleration is not None:
+            return replace(self.answered(d, v, inner, to), a=start.acceleration)
         if self._massless.any:
             d = self._massless.place(d, self.answered(d, v, inner, to).applied)
         return self.restarted(self.answered(d, v, inner, to))
+
+    def resumed(self, moment: Moment, to: Instant) -> Moment:
+        """Return an instant as a run that begins there has it: forces anew from the motion, bit by bit.
+
+        Parameters
+        ----------
+        moment
+            At the end of a step.
+        to
+            The instant.
+
+        Returns
+        -------
+        Moment
+            The same motion.
+        """
+        same = self.answered(moment.d, moment.v, moment.inner.state, to)
+        return replace(same, a=moment.a, impulse=moment.impulse, iterations=moment.iterations)
 
     def restarted(self, moment: Moment) -> Moment:
         """Return an instant with the acceleration that balances it."""

@@ -23,6 +23,10 @@ class State:
         s.
     inner
         Internal states of the local forces, one after the other, shape (s,); None for those at rest.
+    acceleration
+        Shape (n,), where a run goes on: of some schemes it is no function of the rest. None to balance the forces.
+    taken
+        Steps of the problem's length that led here: instants are counted from before them.
     periodicity
         Of a state that should return after a revolution: by how much it misses, as a part of the motion; else None.
     """
@@ -32,10 +36,15 @@ class State:
     time: float = 0.0
     inner: FloatArray | None = None
     periodicity: float | None = None
+    acceleration: FloatArray | None = None
+    taken: int = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "displacement", finite_array("start displacement", self.displacement, (None,)))
         object.__setattr__(self, "velocity", finite_array("start velocity", self.velocity, (None,)))
+        if self.acceleration is not None:
+            given = finite_array("start acceleration", self.acceleration, self.displacement.shape)
+            object.__setattr__(self, "acceleration", given)
 
     @classmethod
     def rest(cls, size: int) -> State:

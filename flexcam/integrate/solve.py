@@ -183,9 +183,8 @@ class _Run:
         last: Moment | None = None
         for first in range(0, end, size):
             steps = np.arange(first, min(first + size, end))
-            at = np.asarray(self._start.time + steps * self._problem.step, dtype=float)
             with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
-                walked, self.status = self._advance(at, last)
+                walked, self.status = self._advance(steps, last)
             if walked:
                 self._iterations += sum(m.iterations for part in walked for m in part)
                 self._substeps += sum(len(part) for part in walked)
@@ -199,8 +198,17 @@ class _Run:
         load = self._system.load_histories(motion)[0] @ self._load_vectors
         return Instant(time, load, self._forces.schedule(motion))
 
-    def _advance(self, at: FloatArray, last: Moment | None) -> tuple[list[list[Moment]], Status]:
-        """Return, per step, the instants that end it: stops at events, and the step's own end as the last."""
+    def _times(self, steps: IntArray) -> FloatArray:
+        """Return the times after so many steps; a run that goes on counts from where the first one began."""
+        start, step = self._start, self._problem.step
+        return np.asarray((start.time - start.taken * step) + (start.taken + steps) * step, dtype=float)
+
+    def _advance(self, steps: IntArray, last: Moment | None) -> tuple[list[list[Moment]], Status]:
+        """Return, per step, the instants that end it: stops at events, and the step's own end as the last.
+
+        At saved fields the forces are taken anew from the motion, so that a run from there is this one bit by bit.
+        """
+        at = self._times(steps)
         motion = self._problem.drive.at(at)
         schedule = self._forces.schedule(motion)
         loads = self._system.load_histories(motion) @ self._load_vectors
@@ -216,6 +224,8 @@ class _Run:
                 return walked, _unsettled(fault.forces, at[i], motion.angle[i])
             except StepFloorError as fault:
                 return walked, _too_small(fault, self._system, at[i], motion.angle[i])
+            if steps[i] % self._save.field_every == 0:
+                part[-1] = self._starter.resumed(part[-1], to)
             walked.append(part)
             moment = part[-1]
         return _in_range(walked, last, self._system, motion.angle)
