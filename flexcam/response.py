@@ -77,6 +77,12 @@ TOO_FINE = Status(
 """How a computation ends whose result would be rounding."""
 
 
+BUCKLED = Status(
+    Cause.SINGULAR, "the stiffness is not positive: an axial load is beyond buckling", "lower the compressive force"
+)
+"""How a computation ends whose stiffness is not positive."""
+
+
 class RunFailedError(FlexcamError, RuntimeError):
     """A computation that could not be finished.
 

@@ -86,7 +86,7 @@ def run(
             "result": str(result), "steps": response.stats.steps, "dof": response.stats.unknowns,
             "seconds": response.stats.seconds,
             "events": response.stats.events, "periodicity": console.periodicity(response),
-            "warnings": console.coarse_steps(ready),
+            "warnings": console.run_doubts(ready, response, figures),
             "train": {figure.name: figure.value for figure in figures},
             "strength": {name: asdict(member) for name, member in strength.members().items()},
         })  # fmt: skip
@@ -97,7 +97,7 @@ def run(
         if figures:
             out().print()
             out().print(console.operation_table(figures))
-        for sentence in console.couplings(ready.case) + console.coarse_steps(ready):
+        for sentence in console.couplings(ready.case) + console.run_doubts(ready, response, figures):
             out().print("\n" + sentence)
         if response.stats.periodicity >= 0.0:
             out().print(f"\nThe start returns after a revolution within {response.stats.periodicity:.3g} of the motion")

@@ -13,6 +13,7 @@ from flexcam.checks import refuse
 from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load, quantity
 from flexcam.limits import find_limits
 from flexcam.parting import parting as compare_models
+from flexcam.stability import over_speeds
 from flexcam.stability import stability as find_causes
 from flexcam.terminal import out, print_json
 from flexcam.units import parse
@@ -69,14 +70,9 @@ def parting(
 
     Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
     """
-    if count < 2:
-        raise refuse("--count", count, "a whole number from 2")
     read = load(case, overrides)
     scale = 2.0 if read.record.run.speed is None else 1.0
-    low = 0.5 * read.speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
-    high = 1.5 * read.speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
-    if not high > low:
-        raise refuse("--highest", highest, "above the lowest speed")
+    low, high = _range(lowest, highest, count, read.speed, scale)
     part = parse(tolerance, "number")
     found = compare_models(read, np.linspace(low, high, count).tolist(), contact=contact)
     shaft = "crank" if scale == 2.0 else "camshaft"
@@ -95,15 +91,53 @@ def parting(
 @app.command(
     help_prologue="""\
 flexcam stability cases/tayeb/model-3-shm.toml --set run.speed=4000rpm
-flexcam stability case.toml --json
+flexcam stability case.toml --lowest 1000rpm --highest 6000rpm --count 11 --plot growth.svg
 """
 )
-def stability(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False) -> None:
-    """Tell what endangers a case at its speed: the step, parametric growth, resonance, or lost contact."""
+def stability(
+    case: CaseFile, *,
+    lowest: Annotated[str | None, Parameter(help="Lowest speed of a map; that of the case alone by default.")] = None,
+    highest: Annotated[str | None, Parameter(help="Highest speed of a map.")] = None,
+    count: Annotated[int, Parameter(help="Speeds of the map, evenly between both.")] = 11,
+    plot: Annotated[Path | None, Parameter(help="Also draw the map: .svg, .png or .pdf.")] = None,
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Tell what endangers a case at its speed, or over a range: the step, parametric growth, resonance, lost contact.
+
+    Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
+    """
     read = load(case, overrides)
     scale = 2.0 if read.record.run.speed is None else 1.0
-    found = find_causes(read)
+    if lowest is None and highest is None and plot is None:
+        found = find_causes(read)
+        if as_json:
+            print_json({"status": "ok", **console.stability_json(found, scale)})
+        else:
+            out().print(console.stability_table(found, scale))
+        return
+    low, high = _range(lowest, highest, count, read.speed, scale)
+    every = over_speeds(read, np.linspace(low, high, count).tolist())
+    if plot is not None:
+        from flexcam.view import growth_figure, save_figure
+
+        rpm = np.array([scale * one.rpm for one in every])
+        shaft = "crank" if scale == 2.0 else "camshaft"
+        save_figure(
+            growth_figure(rpm, console.growths(every), console.dangers(every), shaft), plot, overwrite=overwrite
+        )
     if as_json:
-        print_json({"status": "ok", **console.stability_json(found, scale)})
+        files = [] if plot is None else [str(plot)]
+        print_json({"status": "ok", "speeds": [console.stability_json(one, scale) for one in every], "files": files})
     else:
-        out().print(console.stability_table(found, scale))
+        out().print(console.growth_table(every, scale))
+
+
+def _range(lowest: str | None, highest: str | None, count: int, speed: float, scale: float) -> tuple[float, float]:
+    """Return the speeds of the camshaft between which a command looks; half and one and a half of the case's."""
+    if count < 2:
+        raise refuse("--count", count, "a whole number from 2")
+    low = 0.5 * speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
+    high = 1.5 * speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
+    if not high > low:
+        raise refuse("--highest", highest, "above the lowest speed")
+    return low, high

@@ -7,21 +7,20 @@ from flexcam.cams import CamFacts
 from flexcam.console.cams import cam_json, cam_table, overlap_table, read_table, smoothing_table
 from flexcam.console.cases import (
     claim_table,
-    coarse_steps,
     comparison_table,
     comparison_words,
     couplings,
-    doubts,
     mac_table,
     mode_table,
     model_table,
     resolved,
 )
+from flexcam.console.doubts import coarse_steps, doubts, run_doubts
 from flexcam.console.laws import law_facts, law_json, laws_table, spectrum_table
 from flexcam.console.limits import limits_json, limits_table
 from flexcam.console.parting import force_bands, parting_json, parting_table
 from flexcam.console.results import info_table, operation_table, periodicity, run_table, strength_table
-from flexcam.console.stability import stability_json, stability_table
+from flexcam.console.stability import dangers, growth_table, growths, stability_json, stability_table
 from flexcam.console.synthesis import (
     harmonic_table,
     or_null,
@@ -41,8 +40,11 @@ __all__ = [
     "comparison_table",
     "comparison_words",
     "couplings",
+    "dangers",
     "doubts",
     "force_bands",
+    "growth_table",
+    "growths",
     "harmonic_table",
     "info_table",
     "law_facts",
@@ -64,6 +66,7 @@ __all__ = [
     "polydyne_table",
     "read_table",
     "resolved",
+    "run_doubts",
     "run_table",
     "smoothing_table",
     "spectrum_table",

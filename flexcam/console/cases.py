@@ -14,7 +14,7 @@ from flexcam.fidelity import Claim, Comparison
 from flexcam.linalg import FloatArray
 from flexcam.runner import Prepared
 from flexcam.terminal import bare, facts, table
-from flexcam.train import Adjuster, Contact, Lash, ModelModes, Seat, coarse_cams, member_masses
+from flexcam.train import Adjuster, Contact, Lash, ModelModes, Seat, member_masses
 from flexcam.units import RPM
 
 COUPLINGS = {
@@ -190,43 +190,6 @@ def mode_table(modes: ModelModes) -> Table:
         masses = [f"{m:.4f}" for m in modes.effective[i, :3]]
         made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * frequency:.0f}", *masses, modes.words(i))
     return made
-
-
-def doubts(modes: ModelModes) -> list[str]:
-    """Return what is doubtful about modes, in words.
-
-    Parameters
-    ----------
-    modes
-        The modes.
-
-    Returns
-    -------
-    list
-        Sentences; none where nothing is doubtful.
-    """
-    return [sentence for sentence in (modes.modes.doubt(),) if sentence]
-
-
-def coarse_steps(ready: Prepared) -> list[str]:
-    """Return which cams the steps of a run do not see, in words.
-
-    Parameters
-    ----------
-    ready
-        A prepared case.
-
-    Returns
-    -------
-    list
-        A sentence per cam; none where the steps are short enough.
-    """
-    turn = ready.case.speed * ready.problem.step
-    return [
-        f"Warning: too few steps per revolution, {2.0 * math.pi / turn:.4g}: between two of them the lift of cam "
-        f"{one.cam} departs from a straight line by up to {100.0 * one.missed:.3g} % of it; take {one.enough} or more"
-        for one in coarse_cams(ready.model, turn)
-    ]
 
 
 def comparison_table(comparison: Comparison) -> Table:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
+from flexcam.linalg import FloatArray
 from flexcam.stability import Discrete, Resonance, Stability
-from flexcam.terminal import facts
+from flexcam.terminal import facts, table
 
 _SHOWN = 5
 
@@ -93,3 +97,41 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
         ],
         "verdict": list(found.verdict),
     }  # fmt: skip
+
+
+def growth_table(found: Sequence[Stability], scale: float) -> Table:
+    """Return what endangers each of several speeds.
+
+    Parameters
+    ----------
+    found
+        From `flexcam.stability.over_speeds`.
+    scale
+        As for `stability_table`.
+
+    Returns
+    -------
+    Table
+        A row per speed.
+    """
+    heads = ("rpm", "spectral radius", "multiplier", "growth, 1/s", "off the cam, deg", "verdict")
+    return table("Stability over speed", heads, (_row(one, scale) for one in found))
+
+
+def _row(one: Stability, scale: float) -> list[str]:
+    largest = "" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
+    growth = "" if one.floquet is None else f"{one.floquet.growth:.4g}"
+    opened = f"{math.degrees(one.open_on_the_lift):.3g}"
+    words = ", ".join([*one.verdict, *(["chatter"] if one.chatters else [])]) or "-"
+    return [f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words]
+
+
+def growths(found: Sequence[Stability]) -> FloatArray:
+    """Return the growth rates of several speeds, 1/s, shape (m,); NaN where no periodic motion was found."""
+    return np.array([math.nan if one.floquet is None else one.floquet.growth for one in found])
+
+
+def dangers(found: Sequence[Stability]) -> dict[str, NDArray[np.bool_]]:
+    """Return which of several speeds each cause endangers, shape (m,) each."""
+    named = {cause: np.array([cause in one.verdict for one in found]) for cause in _WORDS}
+    return {**named, "chatter": np.array([one.chatters for one in found])}

@@ -7,18 +7,21 @@ close on the way.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexcam.integrate.local import LocalForces, Schedule
-from flexcam.linalg import FloatArray, Triplets, factorize, null_space
-from flexcam.response import Cause, RunFailedError, Status
+from flexcam.linalg import DENSE_LIMIT, FloatArray, Triplets, diagonal_scale, factorize, null_space
+from flexcam.response import BUCKLED, Cause, RunFailedError, Status
 from flexcam.system import CamMotion, System
 
 _MOST_ITERATIONS = 300
 _TOLERANCE = 1e-9
 """Of the largest force, by which forces may miss their balance."""
+
+_NEGATIVE = 1e-9
+"""Eigenvalue of the scaled stiffness, of size 1, that is negative beyond rounding."""
 
 _DECREASE, _HALVINGS = 1e-4, 40
 _FALL = 0.01
@@ -57,10 +60,34 @@ def balanced(system: System, forces: LocalForces, load: FloatArray, motion: CamM
     for _ in range(_MOST_ITERATIONS):
         missing, size, tangent = potential.at(u)
         if float(np.abs(missing).max(initial=0.0)) <= _TOLERANCE * size:
+            _refuse_buckled(tangent, system)
             return u
         step = factorize(tangent + held).solve(missing)
         u = u + potential.shortened(u, step, missing) * step
-    raise _unbalanced(system, potential.at(u)[0], free)
+    missing, _, tangent = potential.at(u)
+    _refuse_buckled(tangent, system)
+    raise _unbalanced(system, missing, free)
+
+
+def _refuse_buckled(tangent: Triplets, system: System) -> None:
+    """Refuse a balance from which the smallest push leads away: the least of the energy lies elsewhere.
+
+    Raises
+    ------
+    RunFailedError
+        That names what buckles.
+    """
+    if system.size > 2 * DENSE_LIMIT or not system.local_forces:
+        return
+    scale = diagonal_scale(tangent)
+    scaled = scale[:, None] * tangent.dense() * scale
+    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+    if values[0] >= -_NEGATIVE:
+        return
+    motion = np.abs(scale * vectors[:, 0])
+    order: list[int] = np.argsort(-motion).tolist()
+    moving = ", ".join(system.names[i] for i in order[:3])
+    raise RunFailedError(replace(BUCKLED, text=f"{BUCKLED.text}; it gives way along {moving}"))
 
 
 def _hold(free: FloatArray, stiffness: float) -> Triplets:

@@ -6,7 +6,7 @@ Another matrix form or solver goes here, behind `factorize`.
 
 from flexcam.linalg.factor import DENSE_LIMIT, Factor, SingularMatrixError, diagonal_scale, factorize, operator
 from flexcam.linalg.nullspace import null_space, pins
-from flexcam.linalg.rounding import TOO_MUCH, energy_rounding
+from flexcam.linalg.rounding import TOO_MUCH, energy_rounding, share_lost
 from flexcam.linalg.triplets import ComplexArray, FloatArray, IntArray, Triplets
 
 __all__ = [
@@ -24,4 +24,5 @@ __all__ = [
     "null_space",
     "operator",
     "pins",
+    "share_lost",
 ]

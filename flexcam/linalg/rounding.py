@@ -38,3 +38,27 @@ def energy_rounding(matrix: Triplets, shapes: FloatArray) -> FloatArray:
     size = Triplets(matrix.size, matrix.rows, matrix.cols, np.abs(matrix.values))
     absolute = np.abs(shapes)
     return np.finfo(float).eps * np.sum(absolute * size.times_all(absolute), axis=0)
+
+
+def share_lost(matrix: Triplets, shape: FloatArray) -> float:
+    """Return the part of a displacement that rounding the stiffness may have taken.
+
+    Parameters
+    ----------
+    matrix
+        K, n x n.
+    shape
+        The displacement, shape (n,).
+
+    Returns
+    -------
+    float
+        A bound, some ten times above the error; zero where nothing is strained.
+
+    Examples
+    --------
+    >>> share_lost(Triplets.from_dense([[2.0]]), np.array([1.0])) < 1e-15
+    True
+    """
+    energy = abs(float(shape @ matrix.times(shape)))
+    return float(energy_rounding(matrix, shape[:, None])[0]) / energy if energy > 0.0 else 0.0

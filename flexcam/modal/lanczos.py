@@ -21,11 +21,8 @@ from flexcam.linalg import (
     factorize,
     pins,
 )
-from flexcam.response import Cause, RunFailedError, Status
+from flexcam.response import BUCKLED, Cause, RunFailedError, Status
 
-BUCKLED = Status(
-    Cause.SINGULAR, "the stiffness is not positive: an axial load is beyond buckling", "lower the compressive force"
-)
 LOST = 1e-6
 """Relative error of an eigenvalue above which a mode is left out rather than shown wrong."""
 

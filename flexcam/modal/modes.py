@@ -21,8 +21,8 @@ from flexcam.linalg import (
     energy_rounding,
     null_space,
 )
-from flexcam.modal.lanczos import BUCKLED, LOST, lanczos
-from flexcam.response import TOO_FINE, Cause, RunFailedError, Status
+from flexcam.modal.lanczos import LOST, lanczos
+from flexcam.response import BUCKLED, TOO_FINE, Cause, RunFailedError, Status
 
 
 @dataclass(frozen=True, eq=False)

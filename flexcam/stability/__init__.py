@@ -5,6 +5,7 @@ May import `runner` and everything below it; each cause is a file of its own, `v
 
 from flexcam.stability.discrete import Discrete
 from flexcam.stability.resonance import Resonance
+from flexcam.stability.speeds import over_speeds
 from flexcam.stability.verdict import Stability, stability
 
-__all__ = ["Discrete", "Resonance", "Stability", "stability"]
+__all__ = ["Discrete", "Resonance", "Stability", "over_speeds", "stability"]

@@ -12,10 +12,11 @@ from flexcam.view.curves import (
     profile_figure,
     spectrum_figure,
 )
-from flexcam.view.speeds import force_figure
+from flexcam.view.speeds import force_figure, growth_figure
 
 __all__ = [
     "force_figure",
+    "growth_figure",
     "law_figure",
     "lift_figure",
     "pressure_figure",

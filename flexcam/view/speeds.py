@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from flexcam.linalg import FloatArray
 from flexcam.view.axes import legend, looks, stacked
@@ -36,4 +38,36 @@ def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatAr
         lower.plot(rpm, least, color=colour, linestyle=dashes, marker="o", markersize=3)
     lower.axhline(0.0, color="black", linewidth=0.8)
     legend(figure, upper, len(forces))
+    return figure
+
+
+def growth_figure(rpm: FloatArray, growth: FloatArray, dangers: Mapping[str, NDArray[np.bool_]], shaft: str) -> Figure:
+    """Return the growth rate of disturbances over speed, and which cause endangers which speed.
+
+    Parameters
+    ----------
+    rpm
+        Speeds, shape (m,).
+    growth
+        Of the largest disturbance of the periodic motion, 1/s, shape (m,); NaN where there is none.
+    dangers
+        By cause, whether a speed is endangered, shape (m,).
+    shaft
+        Whose speed it is.
+
+    Returns
+    -------
+    Figure
+        Two axes above each other.
+    """
+    figure, (upper, lower) = stacked(("growth, 1/s", "endangered by"), f"{shaft} speed, rpm")
+    upper.plot(rpm, growth, color="black", marker="o", markersize=3)
+    upper.set_yscale("symlog", linthresh=1.0)
+    upper.axhline(0.0, color="black", linewidth=0.8)
+    for row, ((_, at), (colour, _)) in enumerate(zip(dangers.items(), looks(), strict=False)):
+        chosen = rpm[at]
+        lower.plot(chosen, np.full(len(chosen), row), color=colour, marker="s", linestyle="none")
+    lower.set_yticks(range(len(dangers)), labels=list(dangers))
+    lower.set_ylim(len(dangers) - 0.5, -0.5)
+    lower.set_xlim(*upper.get_xlim())
     return figure

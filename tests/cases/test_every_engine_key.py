@@ -16,6 +16,7 @@ from flexcam.case import read_cams, tables
 from flexcam.case.tables import base, contacts, members, parts
 from flexcam.case.tables import run as of_run
 
+CHECKS = Path(__file__).parents[2] / "cases" / "checks"
 DATA = Path(__file__).parents[1] / "data"
 ENGINE = DATA / "every-engine.toml"
 
@@ -216,7 +217,11 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.integrator={ method = "hht", alpha = -0.1 }']),
         (DATA / "every-key.toml", ['run.integrator={ method = "generalized-alpha", rho_inf = 0.8 }']),
         (DATA / "every-key.toml", ['run.start={ displacement = { "cam.uy" = "1 um" }, velocity = { "cam.rx" = 1 } }']),
-        (DATA / "every-key.toml", ['run.integrator={ method = "bathe" }']),
+        *((DATA / "every-key.toml", [f'run.integrator={{ method = "{one}" }}']) for one in ("bathe", "exact")),
+        (DATA / "every-key.toml", ['run.integrator={ method = "central-difference" }']),
+        (DATA / "every-key.toml", ['run.integrator={ method = "radau", tolerance = 1e-6 }']),
+        (DATA / "every-key.toml", ['run.adaptive={ tolerance = 1e-5, smallest = "1 ns" }']),
+        (CHECKS / "mathieu.toml", []),
         (DATA / "every-key.toml", ['run.start={ result = "any.vtkhdf" }']),
         (DATA / "every-key.toml", ["members.pushrod.section=flat", "members.camshaft.section=own"]),
     ]  # fmt: skip

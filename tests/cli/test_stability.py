@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
+MATHIEU = ROOT / "cases/checks/mathieu.toml"
 QUICK = ("--set", "run.steps_per_revolution=360")
 
 
@@ -35,3 +39,64 @@ def test_contact_lost(flexcam):
     )
     assert "contact loss" in found.json["verdict"]
     assert "off the cam" in flexcam("stability", PUBLISHED, *QUICK).out
+
+
+def exponent(a, q):
+    """Return the characteristic exponent of x'' + (a - 2 q cos 2t) x = 0 by an independent integration over pi."""
+    ends = [
+        solve_ivp(
+            lambda t, y: [y[1], -(a - 2 * q * math.cos(2 * t)) * y[0]], (0, math.pi), start, rtol=1e-11, atol=1e-13
+        ).y[:, -1]
+        for start in ([1.0, 0.0], [0.0, 1.0])
+    ]
+    return math.log(max(abs(np.linalg.eigvals(np.array(ends).T)))) / math.pi
+
+
+def test_mathieus_case(flexcam):
+    """A case of a = 1 inside the first tongue for q = 0.1; without the swing it is stable."""
+    found = flexcam("stability", MATHIEU, "--json").json
+    assert found["verdict"] == ["parametric"]
+    assert found["growth"] == pytest.approx(100.0 * exponent(1.0, 0.1), rel=1e-4)
+    still = flexcam("stability", MATHIEU, "--set", "springs.mean.pulsation.amplitude=0", "--json").json
+    assert still["verdict"] == []
+    assert abs(still["growth"]) < 1e-6
+    assert "parametric" in flexcam("stability", MATHIEU).out
+
+
+def test_map_over_speed(flexcam, tmp_path):
+    """Growth within the tongue 1 - q - q^2/8 < (954.93/rpm)^2 < 1 + q - q^2/8 and none outside."""
+    about = ("--lowest", "880rpm", "--highest", "1040rpm", "--count", "5", "--plot", str(tmp_path / "map.svg"))
+    done = flexcam("stability", MATHIEU, "--set", "run.steps_per_revolution=180", *about, "--json")
+    speeds = {round(one["rpm"]): one["verdict"] for one in done.json["speeds"]}
+    assert speeds == {880: [], 920: ["parametric"], 960: ["parametric"], 1000: ["parametric"], 1040: []}
+    assert (tmp_path / "map.svg").read_text(encoding="utf-8").count("parametric") >= 1
+    table = flexcam("stability", MATHIEU, "--set", "run.steps_per_revolution=180", *about[:4], "--count", "2").out
+    assert "growth" in table
+
+
+@pytest.mark.parametrize("wrong", [("--count", "1"), ("--lowest", "2000rpm", "--highest", "1000rpm")])
+def test_wrong_ranges_are_refused(flexcam, wrong):
+    done = flexcam("stability", MATHIEU, "--lowest", "900rpm", *wrong)
+    assert done.code == 2
+
+
+def test_critical_step_is_told(flexcam):
+    """Linear acceleration: 2 sqrt 3 over the highest frequency; beyond it the verdict is numerical, not resonance."""
+    about = ("--set", "run.integrator={ method = 'newmark', beta = 0.16666666666666666 }", *QUICK, "--json")
+    found = flexcam("stability", PUBLISHED, *about).json
+    assert "numerical" in found["verdict"]
+    assert found["critical_step_s"] == pytest.approx(
+        2 * math.sqrt(3) / (2 * math.pi * found["endangered_mode_hz"]), rel=1e-4
+    )
+    explicit = flexcam(
+        "stability", PUBLISHED, "--set", "run.integrator.method=central-difference", *QUICK, "--json"
+    ).json
+    assert explicit["critical_step_s"] == pytest.approx(found["critical_step_s"] / math.sqrt(3), rel=1e-6)
+
+
+def test_harmonics_in_the_load(flexcam):
+    """The published load is K_KE times the lift: each harmonic is that stiffness times the one of the lift."""
+    found = flexcam("stability", PUBLISHED, "--set", "run.steps_per_revolution=720", "--json").json["resonances"]
+    ratios = [one["load_n"] / one["amplitude_m"] for one in found if one["harmonic"] == 1]
+    assert ratios
+    assert ratios[0] == pytest.approx(1.02e5, rel=0.02)  # pushrod in series with 40 kN/m at (40/25)^2

@@ -1,0 +1,107 @@
+"""What is doubtful about a result, in words, with the number."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexcam.linalg import share_lost
+from flexcam.response import Response
+from flexcam.runner import Prepared
+from flexcam.train import Figure, ModelModes, coarse_cams
+
+_WORTH_TELLING = 1e-4
+"""Part of a deflection: four digits are what tables show."""
+
+_UNACCOUNTED = 0.01
+"""Part of the work that the energy balance may miss before it is told."""
+
+
+def doubts(modes: ModelModes) -> list[str]:
+    """Return what is doubtful about modes, in words.
+
+    Parameters
+    ----------
+    modes
+        The modes.
+
+    Returns
+    -------
+    list
+        Sentences; none where nothing is doubtful.
+    """
+    return [sentence for sentence in (modes.modes.doubt(),) if sentence]
+
+
+def coarse_steps(ready: Prepared) -> list[str]:
+    """Return which cams the steps of a run do not see, in words.
+
+    Parameters
+    ----------
+    ready
+        A prepared case.
+
+    Returns
+    -------
+    list
+        A sentence per cam; none where the steps are short enough.
+    """
+    turn = ready.case.speed * ready.problem.step
+    return [
+        f"Warning: too few steps per revolution, {2.0 * math.pi / turn:.4g}: between two of them the lift of cam "
+        f"{one.cam} departs from a straight line by up to {100.0 * one.missed:.3g} % of it; take {one.enough} or more"
+        for one in coarse_cams(ready.model, turn)
+    ]
+
+
+def run_doubts(ready: Prepared, response: Response, figures: list[Figure]) -> list[str]:
+    """Return what is doubtful about a run, in words.
+
+    Parameters
+    ----------
+    ready
+        A prepared case.
+    response
+        Of its run.
+    figures
+        What the train did in it.
+
+    Returns
+    -------
+    list
+        Sentences; none where nothing is doubtful.
+    """
+    return [*coarse_steps(ready), *_rounded(ready, response), *_buckled(figures), *_unaccounted(response)]
+
+
+def _rounded(ready: Prepared, response: Response) -> list[str]:
+    moved = response.fields.displacement
+    if not moved.size:
+        return []
+    share = share_lost(ready.problem.system.stiffness, moved[int(np.argmax(np.abs(moved).max(axis=1)))])
+    if share <= _WORTH_TELLING:
+        return []
+    return [f"Warning: rounding in the stiffness may have taken up to {100.0 * share:.1g} % of the deflection"]
+
+
+def _buckled(figures: list[Figure]) -> list[str]:
+    return [
+        f"Warning: {figure.name.removesuffix('.buckling_margin').replace('.', ' ')} bears more than its buckling load, "
+        f"margin {figure.value:.4g}: a straight member bends without end"
+        for figure in figures
+        if figure.name.endswith(".buckling_margin") and figure.value < 1.0
+    ]
+
+
+def _unaccounted(response: Response) -> list[str]:
+    """Return by how much the energy balance of a run does not close."""
+    parts = {name: response.channels[f"energy.{name}"] for name in ("work", "kinetic", "strain", "residual")}
+    if not len(response.time):
+        return []
+    turned_over = max(float(np.ptp(parts[name])) for name in ("work", "kinetic", "strain"))
+    share = float(np.abs(parts["residual"]).max()) / turned_over if turned_over > 0.0 else 0.0
+    if share <= _UNACCOUNTED:
+        return []
+    why = "the steps are too long for what happens within them, or a contact is too stiff for them"
+    return [f"Warning: {100.0 * share:.2g} % of the energy does not add up: {why}; take more steps per revolution"]

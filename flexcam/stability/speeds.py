@@ -1,0 +1,46 @@
+"""What endangers a case over a range of speeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from flexcam.case import Case
+from flexcam.stability.verdict import Stability, stability
+
+
+def over_speeds(
+    case: Case, speeds: Iterable[float], *, each: Callable[[Stability], None] | None = None
+) -> list[Stability]:
+    """Return what endangers a case at several speeds: growth rates as a map, causes beside them.
+
+    Parameters
+    ----------
+    case
+        The case; its own speed does not count.
+    speeds
+        Of the camshaft, rad/s.
+    each
+        Told of every speed as soon as it is known.
+
+    Returns
+    -------
+    list
+        One per speed, in their order.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+    RunFailedError
+        If a run cannot even start.
+
+    Examples
+    --------
+    ``[one.verdict for one in over_speeds(case, [100.0, 200.0])]``
+    """
+    found: list[Stability] = []
+    for speed in speeds:
+        found.append(stability(case.at_speed(speed)))
+        if each is not None:
+            each(found[-1])
+    return found
