@@ -1,0 +1,100 @@
+"""The cheapest model of a case that is good enough: tried from the least work on, against a converged run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from flexcam.case import Case
+from flexcam.fidelity.rungs import Rung
+from flexcam.fidelity.trade import Reference, Traded, candidates, reference, tried
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A model that meets a tolerance, or the best that was reached.
+
+    Parameters
+    ----------
+    rung
+        The model: the cheapest that meets the tolerance, else the closest.
+    found
+        Its errors and cost.
+    cheaper
+        The closest of those that cost less and do not meet it; None where there is none.
+    against
+        The reference.
+    met
+        Whether the tolerance is met, the reference's own error counted.
+    tried
+        How many models were.
+    """
+
+    rung: Rung
+    found: Traded
+    cheaper: Traded | None
+    against: Reference
+    met: bool
+    tried: int
+
+    @property
+    def why(self) -> str:
+        """Why no model meets the tolerance; empty where one does."""
+        if self.met:
+            return ""
+        own = max((error / self.against.size[name] for name, error in self.against.errors.items()), default=0.0)
+        return (
+            f"the closest of {self.tried} models is off by {100.0 * self.found.worst:.2g} %, and the reference itself "
+            f"by up to {100.0 * own:.2g} %"
+        )
+
+
+def choose(case: Case, probe: str, tolerance: Mapping[str, float]) -> Choice:
+    """Return the cheapest model of a case whose errors are within a tolerance.
+
+    Parameters
+    ----------
+    case
+        The case: its elements and steps are the finest that are tried, but for twice the elements.
+    probe
+        A probe of one scalar.
+    tolerance
+        Largest error by quantity, as a part of its largest value: ``lift``, ``velocity``, ``acceleration``, and
+        ``force`` for those of all contacts.
+
+    Returns
+    -------
+    Choice
+        The model, or the best that was reached.
+
+    Raises
+    ------
+    InputError
+        If the probe has several scalars.
+    RunFailedError
+        If the reference ends early.
+    """
+    against = reference(case, probe)
+    met: list[tuple[Rung, Traded]] = []
+    missed: list[tuple[Rung, Traded]] = []
+    for rung in candidates(case):
+        found = tried(rung, probe, against)
+        if _misses(found, against, tolerance) <= 1.0:
+            met.append((rung, found))
+            break
+        missed.append((rung, found))
+    missed.sort(key=lambda one: _misses(one[1], against, tolerance))
+    rung, found = (met or missed)[0]
+    cheaper = missed[0][1] if met and missed else None
+    return Choice(rung, found, cheaper, against, bool(met), len(met) + len(missed))
+
+
+def _misses(found: Traded, against: Reference, tolerance: Mapping[str, float]) -> float:
+    """Return the largest error over its tolerance, the reference's own counted; infinite for a run that failed."""
+    shares: list[float] = []
+    for name, error in found.errors.items():
+        allowed = tolerance.get(name.partition(" ")[0])
+        if allowed is not None:
+            error += against.errors[name] / against.size[name]
+            shares.append(error / allowed if allowed > 0.0 else float("inf"))
+    return max(shares, default=float("inf"))

@@ -1,0 +1,108 @@
+"""How far a run is from the truth of its own model's equations: errors of the steps and of the elements, estimated.
+
+Each comes from runs of the same case with half and with twice the step, and with twice the elements (L. F. Richardson,
+Phil. Trans. R. Soc. A 210, 1911). The distance to the better run is doubled: an error of first order is then covered,
+one of second order is overstated by half. Where halving the step no longer brings the runs together, as after bounces
+whose moments nothing predicts, no such estimate holds, and that is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+from flexcam.case import Case
+from flexcam.fidelity.measure import Measured, distance, measured
+from flexcam.fidelity.rungs import Rung, steps_of, with_elements
+from flexcam.response import RunFailedError
+
+_COVERS = 2.0
+_CONVERGES = 0.75
+"""Part of the distance at twice the step that is left at the step, up to which runs come together."""
+
+_NOTHING = 1e-12
+"""Part of a quantity's size below which distances are rounding."""
+
+
+@dataclass(frozen=True)
+class Error:
+    """A number of a run and how far it may be off.
+
+    Parameters
+    ----------
+    quantity
+        As in `Measured`.
+    unit
+        SI.
+    size
+        Largest value, of the lift its range.
+    time, space
+        Estimated errors by the steps and by the elements, of the history at its worst instant.
+    holds
+        Whether runs with shorter steps come together: without that the estimate says nothing.
+    """
+
+    quantity: str
+    unit: str
+    size: float
+    time: float
+    space: float
+    holds: bool
+
+    @property
+    def total(self) -> float:
+        """Both errors together."""
+        return self.time + self.space
+
+
+def estimate(case: Case, probe: str) -> list[Error]:
+    """Return how far the numbers of a case's run may be off.
+
+    Parameters
+    ----------
+    case
+        The case.
+    probe
+        A probe of one scalar.
+
+    Returns
+    -------
+    list
+        Per quantity: motion of the probe and contact forces.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together, or the probe has several scalars.
+    RunFailedError
+        If one of the runs ends early.
+    """
+    steps = steps_of(case)
+    own = Rung("own", "", case).stepped(steps)
+    finer = Rung("finer", "", with_elements(case, factor=2)).stepped(steps)
+    # Half of an odd number of steps is none: then whether runs come together is asked of shorter steps.
+    counts = (steps // 2, steps, 2 * steps) if steps % 2 == 0 else (steps, 2 * steps, 4 * steps)
+    runs = {n: _run(own.stepped(n), probe) for n in counts}
+    longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
+    base, better = runs[steps], runs[2 * steps]
+    return _errors(base, distance(base, better), distance(base, _run(finer, probe)), longer, shorter)
+
+
+def _run(rung: Rung, probe: str) -> Measured:
+    response = rung.run()
+    if not response.status.ok:
+        raise RunFailedError(response.status)
+    return measured(response, probe)
+
+
+def _errors(
+    base: Measured, step: Mapping[str, float], mesh: Mapping[str, float], longer: Mapping[str, float],
+    shorter: Mapping[str, float],
+) -> list[Error]:  # fmt: skip
+    errors: list[Error] = []
+    for name in step:
+        size = base.size(name)
+        holds = shorter[name] <= max(_CONVERGES * longer[name], _NOTHING * size)
+        errors.append(Error(name, base.unit(name), size, _COVERS * step[name], _COVERS * mesh[name], holds))
+    return errors

@@ -1,0 +1,142 @@
+"""The ladder: one case as models of rising cost, each derived from the case itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from flexcam.case import Case
+from flexcam.integrate import solve
+from flexcam.response import Response
+from flexcam.runner import DEFAULT_STEPS_PER_REVOLUTION, Prepared, prepare
+
+_ELEMENTS = (1, 2)
+"""Elements per segment of every member, beside those of the case and twice as many."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rung:
+    """A model of a case.
+
+    Parameters
+    ----------
+    name
+        Such as ``rigid`` or ``beams x2``.
+    words
+        What it is.
+    case
+        The case it is made from.
+    rigid
+        Whether its members are rigid.
+    """
+
+    name: str
+    words: str
+    case: Case
+    rigid: bool = False
+
+    def prepared(self) -> Prepared:
+        """Return everything a run needs."""
+        return prepare(self.case, rigid=self.rigid)
+
+    def run(self) -> Response:
+        """Return its response."""
+        ready = self.prepared()
+        return solve(ready.problem, ready.scheme, save=ready.save)
+
+    def stepped(self, per_revolution: int) -> Rung:
+        """Return the same model with other steps per revolution."""
+        return replace(self, case=with_run(self.case, {"steps_per_revolution": per_revolution, "step": None}))
+
+
+def steps_of(case: Case) -> int:
+    """Return the steps per camshaft revolution of a case, rounded where it gives a step.
+
+    Parameters
+    ----------
+    case
+        The case.
+
+    Returns
+    -------
+    int
+        Of the time integration.
+    """
+    ready = prepare(case, rigid=True)
+    return case.record.run.steps_per_revolution or (
+        DEFAULT_STEPS_PER_REVOLUTION if case.record.run.step is None else round(ready.revolution / ready.problem.step)
+    )
+
+
+def with_run(case: Case, changed: Mapping[str, object]) -> Case:
+    """Return a case with other keys of its run.
+
+    Parameters
+    ----------
+    case
+        The case.
+    changed
+        Key to checked value.
+
+    Returns
+    -------
+    Case
+        Its text is that of the old one.
+    """
+    run = case.record.run.model_copy(update=dict(changed))
+    return replace(case, record=case.record.model_copy(update={"run": run}))
+
+
+def with_elements(case: Case, factor: int | None = None, each: int | None = None) -> Case:
+    """Return a case with other elements per segment of its members and springs.
+
+    Parameters
+    ----------
+    case
+        The case.
+    factor
+        Times those of the case; springs that surge are divided further too.
+    each
+        Or so many for every member.
+
+    Returns
+    -------
+    Case
+        Its text is that of the old one.
+    """
+    members = {
+        name: one.model_copy(update={"elements": each or one.elements * (factor or 1)})
+        for name, one in case.record.members.items()
+    }
+    springs = {
+        name: one.model_copy(update={"elements": one.elements * (factor or 1)}) if one.elements > 1 else one
+        for name, one in case.record.springs.items()
+    }
+    return replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))
+
+
+def ladder(case: Case) -> tuple[Rung, ...]:
+    """Return the models of a case, coarse to fine.
+
+    Parameters
+    ----------
+    case
+        The case.
+
+    Returns
+    -------
+    tuple
+        The rigid mechanism, beams with few elements, the case as it stands, and twice its elements.
+    """
+    own = {one.elements for one in case.record.members.values()}
+    rungs = [Rung("rigid", "rigid members", case, rigid=True)]
+    rungs += [
+        Rung(f"beams {n}", f"{n} element{'s' if n > 1 else ''} per segment", with_elements(case, each=n))
+        for n in _ELEMENTS
+        if n < min(own)
+    ]
+    rungs += [
+        Rung("beams", "the case as it stands", case),
+        Rung("beams x2", "twice its elements", with_elements(case, factor=2)),
+    ]
+    return tuple(rungs)

@@ -1,0 +1,241 @@
+"""What a cheaper model costs in error: the ladder of a case, each rung at several steps, against a converged run."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from flexcam.case import Case
+from flexcam.fidelity.measure import Measured, distance, measured
+from flexcam.fidelity.rungs import Rung, ladder, steps_of, with_elements
+from flexcam.integrate import solve
+from flexcam.response import RunFailedError, Status
+from flexcam.runner import Prepared
+
+_REFINED = 4
+"""Steps of the reference, times those of the case; its elements are three times as many."""
+
+_FINER = 3
+
+_COVERS = 2.0
+_FEWEST = 60
+"""Steps per revolution below which no rung is tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The run all others are held against.
+
+    Parameters
+    ----------
+    measured
+        Its histories.
+    errors
+        Its own error by quantity, SI: twice the distance to a run of fewer elements and half its steps.
+    size
+        Largest value by quantity, SI; of the lift its range.
+    steps
+        Per camshaft revolution.
+    """
+
+    measured: Measured
+    errors: dict[str, float]
+    size: dict[str, float]
+    steps: int
+
+
+@dataclass(frozen=True)
+class Traded:
+    """A rung at a number of steps: what it costs, and by how much it errs.
+
+    Parameters
+    ----------
+    rung, words
+        Name of the model, and what it is.
+    steps
+        Per camshaft revolution.
+    unknowns
+        Integrated.
+    work
+        Unknowns times steps of the run.
+    seconds
+        Processor time of the run, the median of the repeats; s.
+    errors
+        Largest error by quantity, as a part of its largest value (of the lift, of its range).
+    status
+        How the run ended.
+    best
+        Whether no other is both cheaper (by `work`, then by steps) and closer in the worst of its quantities.
+    """
+
+    rung: str
+    words: str
+    steps: int
+    unknowns: int
+    work: int
+    seconds: float
+    errors: dict[str, float]
+    status: Status
+    best: bool = False
+
+    @property
+    def worst(self) -> float:
+        """Largest of its errors; infinite for a run that ended early."""
+        return max(self.errors.values(), default=math.inf)
+
+
+def reference(case: Case, probe: str) -> Reference:
+    """Return a converged run of a case, with its own error.
+
+    Parameters
+    ----------
+    case
+        The case.
+    probe
+        A probe of one scalar.
+
+    Returns
+    -------
+    Reference
+        Of three times the elements and four times the steps of the case.
+
+    Raises
+    ------
+    RunFailedError
+        If it ends early.
+    """
+    steps = steps_of(case)
+    finest, coarser = (
+        _run(Rung("reference", "", with_elements(case, factor=elements)).stepped(n * steps), probe)
+        for elements, n in ((_FINER, _REFINED), (_FINER - 1, _REFINED // 2))
+    )
+    errors = {name: _COVERS * value for name, value in distance(finest, coarser).items()}
+    return Reference(finest, errors, {name: finest.size(name) for name in errors}, _REFINED * steps)
+
+
+def _run(rung: Rung, probe: str) -> Measured:
+    response = rung.run()
+    if not response.status.ok:
+        raise RunFailedError(response.status)
+    return measured(response, probe)
+
+
+def candidates(case: Case) -> list[Rung]:
+    """Return the rungs of a case at its own steps and fewer, least work first.
+
+    Parameters
+    ----------
+    case
+        The case.
+
+    Returns
+    -------
+    list
+        Every rung of the ladder, at steps that divide those of the reference.
+    """
+    steps = steps_of(case)
+    counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _FEWEST or n == 1)]
+    return sorted(
+        (rung.stepped(n) for rung in ladder(case) for n in counts),
+        key=lambda rung: (_size(rung.prepared()), steps_of(rung.case)),
+    )
+
+
+def _size(ready: Prepared) -> int:
+    return ready.problem.system.size * ready.problem.steps
+
+
+def tried(rung: Rung, probe: str, against: Reference, *, repeats: int = 1) -> Traded:
+    """Return what a rung costs and by how much it errs.
+
+    Parameters
+    ----------
+    rung
+        The model, with its steps.
+    probe
+        A probe of one scalar.
+    against
+        The reference.
+    repeats
+        Runs whose processor times the median is taken of.
+
+    Returns
+    -------
+    Traded
+        Without errors where its run ended early.
+    """
+    ready = rung.prepared()
+    seconds: list[float] = []
+    for _ in range(repeats):
+        begun = time.process_time()
+        response = solve(ready.problem, ready.scheme, save=ready.save)
+        seconds.append(time.process_time() - begun)
+    errors: dict[str, float] = {}
+    if response.status.ok:
+        apart = distance(measured(response, probe), against.measured)
+        errors = {name: value / against.size[name] for name, value in apart.items() if against.size[name] > 0.0}
+    return Traded(
+        rung.name, rung.words, steps_of(rung.case), response.stats.unknowns,
+        response.stats.unknowns * ready.problem.steps, statistics.median(seconds), errors, response.status,
+    )  # fmt: skip
+
+
+def trade(
+    case: Case, probe: str, *, repeats: int = 3, each: Callable[[Traded], None] | None = None
+) -> tuple[Reference, list[Traded]]:
+    """Return what every rung of a case's ladder costs and by how much it errs.
+
+    Parameters
+    ----------
+    case
+        The case.
+    probe
+        A probe of one scalar.
+    repeats
+        Runs of every rung whose processor times the median is taken of.
+    each
+        Told of every rung as soon as it is known.
+
+    Returns
+    -------
+    tuple
+        The reference, and the rungs from least work on; the best of them marked.
+
+    Raises
+    ------
+    InputError
+        If the probe has several scalars.
+    RunFailedError
+        If the reference ends early.
+    """
+    against = reference(case, probe)
+    found: list[Traded] = []
+    for rung in candidates(case):
+        found.append(tried(rung, probe, against, repeats=repeats))
+        if each is not None:
+            each(found[-1])
+    return against, front(found)
+
+
+def front(found: Sequence[Traded]) -> list[Traded]:
+    """Return rungs with those marked that no other beats both in work and in error.
+
+    Parameters
+    ----------
+    found
+        The rungs.
+
+    Returns
+    -------
+    list
+        From least work on.
+    """
+    least = math.inf
+    marked: list[Traded] = []
+    for one in sorted(found, key=lambda one: (one.work, one.steps, one.worst)):
+        marked.append(replace(one, best=one.worst < least))
+        least = min(least, one.worst)
+    return marked
