@@ -12,6 +12,7 @@ from flexcam.console.cases import (
     comparison_words,
     couplings,
     doubts,
+    left_out,
     mac_table,
     mode_table,
     model_table,
@@ -20,7 +21,7 @@ from flexcam.console.cases import (
 from flexcam.console.laws import law_facts, law_json, laws_table, spectrum_table
 from flexcam.console.limits import limits_json, limits_table
 from flexcam.console.parting import force_bands, parting_json, parting_table
-from flexcam.console.results import info_table, operation_table, periodicity, run_table, strength_table
+from flexcam.console.results import info_table, operation_table, periodicity, run_table, strength_table, unknowns
 from flexcam.console.stability import stability_json, stability_table
 from flexcam.console.synthesis import (
     harmonic_table,
@@ -48,6 +49,7 @@ __all__ = [
     "law_facts",
     "law_json",
     "laws_table",
+    "left_out",
     "limits_json",
     "limits_table",
     "mac_table",
@@ -72,4 +74,5 @@ __all__ = [
     "strength_table",
     "synthesis_json",
     "synthesis_table",
+    "unknowns",
 ]
