@@ -106,7 +106,7 @@ class Stats:
     steps
         Steps done.
     unknowns
-        Degrees of freedom integrated.
+        Unknowns integrated; those that nothing can move are left out.
     iterations
         Newton iterations of local forces, all steps together.
     events

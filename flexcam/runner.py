@@ -131,7 +131,8 @@ def _problem(case: Case, model: Model, system: System) -> Problem:
     if steps < 1:
         given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
         raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
-    return Problem(system, drive, step, steps, adaptive=run.adaptive.made() if run.adaptive else None)
+    adaptive = run.adaptive.made() if run.adaptive else None
+    return Problem(system, drive, step, steps, adaptive=adaptive, prune=case.record.fidelity.prune)
 
 
 def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Response:

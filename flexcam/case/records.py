@@ -13,6 +13,7 @@ from flexcam.case import quantity as q
 from flexcam.case.tables.base import Name, Point, Record
 from flexcam.case.tables.cams import CamRecord, FreeCamRecord
 from flexcam.case.tables.contacts import ContactRecord
+from flexcam.case.tables.fidelity import FidelityRecord
 from flexcam.case.tables.members import MaterialRecord, MemberRecord, SectionRecord
 from flexcam.case.tables.parts import BearingRecord, LoadRecord, MassRecord, RockerRecord, SpringRecord
 from flexcam.case.tables.run import OutputRecord, RunRecord
@@ -38,6 +39,7 @@ class CaseRecord(Record):
     cams: dict[Name, CamRecord] = Field(default={})
     contacts: dict[Name, ContactRecord] = Field(default={})
     run: RunRecord
+    fidelity: FidelityRecord = Field(default_factory=lambda: FidelityRecord.model_validate({}))
     output: OutputRecord = Field(default_factory=lambda: OutputRecord.model_validate({}))
 
 

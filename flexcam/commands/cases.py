@@ -12,7 +12,7 @@ from flexcam import console, fidelity
 from flexcam.case import Case, build_model, read_case
 from flexcam.checks import refuse
 from flexcam.commands.app import CaseFile, Folder, Json, Overrides, Overwrite, app, load, running
-from flexcam.integrate import solve
+from flexcam.integrate import reached, solve
 from flexcam.io import made_folder, write_modes
 from flexcam.response import Status
 from flexcam.runner import geometry_of, mode_likeness, prepare, result_file
@@ -41,7 +41,9 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
         mesh, system = ready.model.mesh, ready.problem.system
         print_json({
             "status": "ok", "title": ready.case.record.title,
-            "elements": len(mesh.elements()), "dof": system.size, "nodes": len(mesh.nodes),
+            "elements": len(mesh.elements()), "dof": system.size,
+            "integrated": int(reached(ready.problem).moving.sum()) if ready.problem.prune else system.size,
+            "left_out": console.left_out(ready), "nodes": len(mesh.nodes),
             "members": {name: len(line) - 1 for name, line in mesh.lines.items()},
             "masses": {name: part.body.mass for name, part in ready.model.masses.items()},
             "springs": {name: spring.stiffness for name, spring in ready.model.springs.items()},
@@ -83,7 +85,8 @@ def run(
     if as_json:
         print_json({
             "status": str(response.status.cause), "message": response.status.text, "remedy": response.status.remedy,
-            "result": str(result), "steps": response.stats.steps, "dof": response.stats.unknowns,
+            "result": str(result), "steps": response.stats.steps, "dof": ready.problem.system.size,
+            "integrated": response.stats.unknowns,
             "seconds": response.stats.seconds,
             "events": response.stats.events, "periodicity": console.periodicity(response),
             "warnings": console.run_doubts(ready, response, figures),
@@ -101,7 +104,7 @@ def run(
             out().print("\n" + sentence)
         if response.stats.periodicity >= 0.0:
             out().print(f"\nThe start returns after a revolution within {response.stats.periodicity:.3g} of the motion")
-        out().print(f"\n{response.stats.steps} steps of {response.stats.unknowns} unknowns; result: {result}")
+        out().print(f"\n{response.stats.steps} steps of {console.unknowns(response)}; result: {result}")
         out().print(f"Open it in ParaView 5.12 or newer; for older ones: flexcam export {result} --format pvd")
     return response.status
 

@@ -10,6 +10,7 @@ from flexcam.console.cases import (
     comparison_table,
     comparison_words,
     couplings,
+    left_out,
     mac_table,
     mode_table,
     model_table,
@@ -19,7 +20,7 @@ from flexcam.console.doubts import coarse_steps, doubts, run_doubts
 from flexcam.console.laws import law_facts, law_json, laws_table, spectrum_table
 from flexcam.console.limits import limits_json, limits_table
 from flexcam.console.parting import force_bands, parting_json, parting_table
-from flexcam.console.results import info_table, operation_table, periodicity, run_table, strength_table
+from flexcam.console.results import info_table, operation_table, periodicity, run_table, strength_table, unknowns
 from flexcam.console.stability import dangers, growth_table, growths, stability_json, stability_table
 from flexcam.console.synthesis import (
     harmonic_table,
@@ -50,6 +51,7 @@ __all__ = [
     "law_facts",
     "law_json",
     "laws_table",
+    "left_out",
     "limits_json",
     "limits_table",
     "mac_table",
@@ -75,4 +77,5 @@ __all__ = [
     "strength_table",
     "synthesis_json",
     "synthesis_table",
+    "unknowns",
 ]

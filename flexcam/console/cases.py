@@ -11,10 +11,12 @@ from rich.table import Table
 
 from flexcam.case import Case
 from flexcam.fidelity import Claim, Comparison
+from flexcam.integrate import reached
 from flexcam.linalg import FloatArray
 from flexcam.runner import Prepared
 from flexcam.terminal import bare, facts, table
-from flexcam.train import Adjuster, Contact, Lash, ModelModes, Seat, member_masses
+from flexcam.train import Adjuster, Contact, Lash, ModelModes, Seat, build_structure, member_masses
+from flexcam.train import left_out as words_of
 from flexcam.units import RPM
 
 COUPLINGS = {
@@ -86,6 +88,7 @@ def model_table(ready: Prepared, modes: ModelModes) -> Table:
         ("members", ", ".join(f"{name} {mass:.4g} kg" for name, mass in member_masses(model).items())),
         ("elements", str(len(model.mesh.elements()))),
         ("degrees of freedom", str(problem.system.size)),
+        ("left out of the run", "; ".join(left_out(ready)) or "nothing"),
         ("masses", ", ".join(f"{name} {part.body.mass:g} kg" for name, part in model.masses.items()) or "none"),
         ("springs", ", ".join(f"{name} {s.stiffness:g} N/m" for name, s in model.springs.items()) or "none"),
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
@@ -102,6 +105,25 @@ def model_table(ready: Prepared, modes: ModelModes) -> Table:
         ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
     ]
     return facts(ready.case.record.title or ready.case.name, rows)
+
+
+def left_out(ready: Prepared) -> list[str]:
+    """Return what of a case is left out of its run, because nothing can move it, in words.
+
+    Parameters
+    ----------
+    ready
+        A prepared case.
+
+    Returns
+    -------
+    list
+        A sentence per group of coupled unknowns; none where everything is integrated.
+    """
+    problem = ready.problem
+    if not problem.prune or not problem.system.size:
+        return []
+    return words_of(build_structure(ready.model), reached(problem))
 
 
 def _contact(contact: Contact) -> str:

@@ -107,6 +107,23 @@ def strength_table(members: Mapping[str, MemberStrength]) -> Table:
     return table("Stresses at the saved instants", head, rows)
 
 
+def unknowns(response: Response) -> str:
+    """Return of how many unknowns a result is, and how many of them were integrated.
+
+    Parameters
+    ----------
+    response
+        The result.
+
+    Returns
+    -------
+    str
+        Such as ``47 unknowns, 24 integrated``.
+    """
+    every, integrated = len(response.outline.unknowns), response.stats.unknowns
+    return f"{every} unknowns" + (f", {integrated} integrated" if integrated != every else "")
+
+
 def info_table(result: Result) -> Table:
     """Return what a result file holds.
 
@@ -124,7 +141,7 @@ def info_table(result: Result) -> Table:
     about = [(name, text) for name, text in result.about.items() if name not in ("case", "resolved", "overrides")]
     rows = [
         ("run", str(response.status)),
-        ("steps", f"{response.stats.steps} of {response.stats.unknowns} unknowns, {response.stats.seconds:.3g} s"),
+        ("steps", f"{response.stats.steps} of {unknowns(response)}, {response.stats.seconds:.3g} s"),
         *(
             [("periodic within", f"{response.stats.periodicity:.3g} of the motion")]
             if response.stats.periodicity >= 0.0

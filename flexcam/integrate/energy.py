@@ -129,7 +129,8 @@ class EnergyAccount:
         weights = np.einsum("mc,mck->mk", seen.forces, schedule.act)
         return _Held(
             schedule.angle, 0.5 * _quadratic(self._M, seen.velocity),
-            0.5 * _quadratic(self._K, seen.displacement), kept.energy, seen.displacement, seen.velocity,
+            0.5 * _quadratic(self._K, seen.displacement) + self._system.stored, kept.energy,
+            seen.displacement, seen.velocity,
             np.array([m.applied for m in moments]), seen.histories, weights @ self._forces.act.vectors,
             seen.forces * self._forces.storing, kept.by_gap, seen.gaps, seen.rates, carried, seen.states, kept.by_state,
             np.array([nothing if m.impulse is None else m.impulse for m in moments]),

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexcam.checks import finite_array, positive, refuse
 from flexcam.linalg import FloatArray
-from flexcam.system import Drive, System
+from flexcam.system import Basis, Drive, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +101,10 @@ class Problem:
         None for rest.
     adaptive
         How the steps are divided further; None to take them as they are.
+    basis
+        Other unknowns to integrate in; None for the system's own. The start and all results are in the system's own.
+    prune
+        Whether unknowns that nothing can move from the start are left out of the integration: it changes no result.
 
     Raises
     ------
@@ -122,6 +126,8 @@ class Problem:
     steps: int
     start: State | None = None
     adaptive: Adaptive | None = None
+    basis: Basis | None = None
+    prune: bool = False
 
     def __post_init__(self) -> None:
         positive("step", self.step, "s")

@@ -18,6 +18,7 @@ from flexcam.integrate.moment import Instant, Moment
 from flexcam.integrate.pace import Norm, Pace, StepFloorError
 from flexcam.integrate.problem import Problem, State
 from flexcam.integrate.settle import NoConvergenceError
+from flexcam.integrate.within import basis_of, shown, within
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
 from flexcam.response import (
     STATE,
@@ -108,20 +109,22 @@ def solve(
     takers = (memory, *sinks)
     started = time.perf_counter()
     returns = problem.start.periodicity if problem.start else None
-    stats = Stats(unknowns=problem.system.size, periodicity=-1.0 if returns is None else returns)
+    basis = basis_of(problem)
+    inside = problem if basis is None else within(problem, basis)
+    stats = Stats(unknowns=inside.system.size, periodicity=-1.0 if returns is None else returns)
     status = Status()
     try:
-        run = _Run(problem, scheme, save or SaveAt(), stop or _never)
+        run = _Run(inside, scheme, save or SaveAt(), stop or _never)
         for block in run.blocks():
             for sink in takers:
-                sink.write(block)
+                sink.write(block if basis is None else shown(block, basis))
             steps = stats.steps + len(block.time)
             stats = run.counted(replace(stats, steps=steps))
         status = run.status
     except KeyboardInterrupt:
         status = _STOPPED
     except SingularMatrixError as fault:
-        status = _singular(fault, problem.system)
+        status = _singular(fault, inside.system)
     except OSError as fault:  # of a sink: the numbers computed so far are still in memory
         status = Status(
             Cause.NOT_SAVED, f"the result could not be written: {fault}", "free space or name another folder"

@@ -5,6 +5,7 @@ Another matrix form or solver goes here, behind `factorize`.
 """
 
 from flexcam.linalg.factor import DENSE_LIMIT, Factor, SingularMatrixError, diagonal_scale, factorize, operator
+from flexcam.linalg.groups import groups
 from flexcam.linalg.nullspace import null_space, pins
 from flexcam.linalg.rounding import TOO_MUCH, energy_rounding, share_lost
 from flexcam.linalg.triplets import ComplexArray, FloatArray, IntArray, Triplets
@@ -21,6 +22,7 @@ __all__ = [
     "diagonal_scale",
     "energy_rounding",
     "factorize",
+    "groups",
     "null_space",
     "operator",
     "pins",

@@ -1,11 +1,13 @@
 """The seam between the physics and everything that works on it: see `equations`."""
 
+from flexcam.system.basis import Basis, Selection, Shapes, projected
 from flexcam.system.channel import Channel, Observable, Observed, force_sum, load_sum, row_of, total
 from flexcam.system.drive import CamMotion, ConstantSpeed, Drive, FluctuatingSpeed, SpeedByAngle
 from flexcam.system.equations import Load, Probe, System
 from flexcam.system.local import (
     AngleFunction,
     AngleVector,
+    Constant,
     LocalForce,
     LocalLaw,
     Reaction,
@@ -15,12 +17,15 @@ from flexcam.system.local import (
     constant,
     derivative,
 )
+from flexcam.system.reach import Reach, Still, reach
 
 __all__ = [
     "AngleFunction",
     "AngleVector",
+    "Basis",
     "CamMotion",
     "Channel",
+    "Constant",
     "ConstantSpeed",
     "Drive",
     "FluctuatingSpeed",
@@ -30,9 +35,13 @@ __all__ = [
     "Observable",
     "Observed",
     "Probe",
+    "Reach",
     "Reaction",
     "Resting",
+    "Selection",
+    "Shapes",
     "SpeedByAngle",
+    "Still",
     "Stored",
     "Storing",
     "System",
@@ -40,6 +49,8 @@ __all__ = [
     "derivative",
     "force_sum",
     "load_sum",
+    "projected",
+    "reach",
     "row_of",
     "total",
 ]

@@ -37,12 +37,15 @@ class Load:
         Scalar of the cam motion, vectorized.
     installed
         Whether it is there before the cam turns (a preload): a start from rest is its equilibrium.
+    steady
+        Whether its history is the same number at every instant: in balance, it moves nothing.
     """
 
     name: str
     vector: FloatArray
     history: Callable[[CamMotion], FloatArray]
     installed: bool = False
+    steady: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +84,8 @@ class System:
         As their classes say.
     free
         Motions that the stiffness leaves free, shape (n, k), where they are known; None to find them numerically.
+    stored
+        Strain energy of what is not among the unknowns, because it never moves, J.
 
     Examples
     --------
@@ -98,6 +103,7 @@ class System:
     probes: tuple[Probe, ...] = ()
     channels: tuple[Channel, ...] = ()
     free: FloatArray | None = None
+    stored: float = 0.0
 
     @property
     def size(self) -> int:

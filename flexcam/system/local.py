@@ -14,6 +14,17 @@ AngleFunction = Callable[[FloatArray, int], FloatArray]
 """A scalar function of the cam angle (rad) and of the order of its derivative."""
 
 
+@dataclass(frozen=True)
+class Constant:
+    """A function of the cam angle that is `value` everywhere, and can be told from others."""
+
+    value: float
+
+    def __call__(self, angle: FloatArray, order: int) -> FloatArray:
+        """Return the value at every angle; derivatives are zero."""
+        return np.full_like(angle, self.value if order == 0 else 0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class AngleVector:
     """A vector that depends on the cam angle: a few constant vectors times scalar functions.
@@ -175,7 +186,7 @@ def constant(value: float) -> AngleFunction:
     >>> constant(2.0)(np.zeros(2), 1)
     array([0., 0.])
     """
-    return lambda angle, order: np.full_like(angle, value if order == 0 else 0.0)
+    return Constant(value)
 
 
 def derivative(function: AngleFunction) -> AngleFunction:

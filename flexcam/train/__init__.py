@@ -8,6 +8,7 @@ from flexcam.train.buckling import buckling_load
 from flexcam.train.build import build_system
 from flexcam.train.cam_contact import hertz_line
 from flexcam.train.free_running import free_running
+from flexcam.train.left_out import left_out
 from flexcam.train.loads import element_loads
 from flexcam.train.model import (
     Adjuster,
@@ -65,6 +66,7 @@ __all__ = [
     "element_loads",
     "free_running",
     "hertz_line",
+    "left_out",
     "lift_transfer",
     "main_lift",
     "member_masses",

@@ -11,8 +11,8 @@ from flexcam import modal
 from flexcam.checks import refuse
 from flexcam.fem import COMPONENTS
 from flexcam.fem.damping import modal_damping, rayleigh_damping
-from flexcam.linalg import DENSE_LIMIT, Triplets
-from flexcam.system import Channel, Observable, Probe, System
+from flexcam.linalg import DENSE_LIMIT, IntArray, Triplets, groups
+from flexcam.system import Channel, Observable, Probe, Selection, System
 from flexcam.train.adjuster import couple_adjuster
 from flexcam.train.bowing import bowings
 from flexcam.train.cam_contact import couple_cam
@@ -89,8 +89,26 @@ def _damping(structure: Structure) -> Triplets:
         why = "every mode of the model takes part, and the matrix is full"
         given, remedy = f"modal damping of {structure.dofs.size} unknowns", "use damping = { alpha = ..., beta = ... }"
         raise refuse("run.damping.modal", given, f"up to {_MODAL_LIMIT} unknowns", why, remedy)
-    modes = modal.modes(structure.mass, structure.stiffness, free=structure.free)
-    return matrix + modal_damping(structure.mass, modes.shapes, modes.omegas, given.modal)
+    return sum((_modal_damping(structure, one, given.modal) for one in _uncoupled(structure)), start=matrix)
+
+
+def _uncoupled(structure: Structure) -> list[IntArray]:
+    """Return the unknowns of every part of a structure that neither mass nor stiffness couples with the others."""
+    both = structure.mass + structure.stiffness
+    coupled = both.values != 0.0
+    labels = groups(both.size, both.rows[coupled], both.cols[coupled])
+    return [np.flatnonzero(labels == label) for label in np.unique(labels).tolist()]
+
+
+def _modal_damping(structure: Structure, part: IntArray, ratio: float) -> Triplets:
+    """Return the modal damping of a part: no rounding couples it with the others, whatever their frequencies."""
+    size, chosen = structure.dofs.size, Selection(part, np.zeros(structure.dofs.size))
+    mass = structure.mass.part(part)
+    if not mass.values.any():
+        return Triplets.zeros(size)
+    modes = modal.modes(mass, structure.stiffness.part(part), free=chosen.free(structure.free))
+    own = modal_damping(mass, modes.shapes, modes.omegas, ratio)
+    return Triplets(size, part[own.rows], part[own.cols], own.values)
 
 
 def _numbered(couplings: Iterable[Coupling]) -> Iterable[Channel]:

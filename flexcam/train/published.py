@@ -242,8 +242,9 @@ def couple(structure: Structure, name: str, contact: PublishedLoad, speed: float
 
     loads = [
         Load(f"contacts.{name}.lift", push, lambda motion: K * cam.event(motion.angle)),
-        Load(f"contacts.{name}.preload", push - _spring_share(structure, train), steady(force), installed=True),
     ]
+    preloaded = push - _spring_share(structure, train)
+    loads.append(Load(f"contacts.{name}.preload", preloaded, steady(force), installed=True, steady=True))
     if contact.cam_torque:
         loads.append(Load(f"contacts.{name}.torque", twist, torque))
     local: tuple[LocalForce, ...] = ()

@@ -115,7 +115,7 @@ def test_the_agreed_case_file_runs(as_if_in_cases):
     case = read_case(as_if_in_cases(AGREED))
     response = run(case)
     assert response.status.ok
-    assert (response.stats.unknowns, response.stats.steps) == (47, 7200)
+    assert (len(response.outline.unknowns), response.stats.unknowns, response.stats.steps) == (47, 24, 7200)
 
 
 def test_dwell_and_phase_default_to_zero(as_if_in_cases):

@@ -1,0 +1,92 @@
+"""What is integrated of a problem: the unknowns that can move, or amounts of given shapes, and how all are shown."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from flexcam.integrate.problem import Problem, State
+from flexcam.linalg import FloatArray
+from flexcam.response import Block, Series
+from flexcam.system import Basis, Reach, Selection, projected, reach
+
+
+def reached(problem: Problem) -> Reach:
+    """Return which unknowns of a problem can move from its start.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+
+    Returns
+    -------
+    Reach
+        The unknowns, and the groups that stay.
+    """
+    start = problem.start or State.rest(problem.system.size)
+    return reach(problem.system, start.displacement, start.velocity, start.inner)
+
+
+def basis_of(problem: Problem) -> Basis | None:
+    """Return the unknowns a problem is integrated in; None where they are its own.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+
+    Returns
+    -------
+    Basis
+        The one given, or the unknowns that move.
+    """
+    if problem.basis is not None or not problem.prune:
+        return problem.basis
+    found = reached(problem)
+    return None if found.moving.all() else Selection(np.flatnonzero(found.moving), found.held)
+
+
+def within(problem: Problem, basis: Basis) -> Problem:
+    """Return a problem in other unknowns.
+
+    Parameters
+    ----------
+    problem
+        The problem; its start is given in all unknowns.
+    basis
+        How they follow from the others.
+
+    Returns
+    -------
+    Problem
+        To be integrated as it stands.
+    """
+    system = problem.system
+    start = problem.start or State.rest(system.size)
+    moved, moving = (basis.within(one, system.mass) for one in (start.displacement - basis.held, start.velocity))
+    pushed = None if start.acceleration is None else basis.within(start.acceleration, system.mass)
+    inside = replace(start, displacement=moved, velocity=moving, acceleration=pushed)
+    return replace(problem, system=projected(system, basis), start=inside, basis=None, prune=False)
+
+
+def shown(block: Block, basis: Basis) -> Block:
+    """Return a block with the fields of all unknowns.
+
+    Parameters
+    ----------
+    block
+        Fields of the unknowns integrated.
+    basis
+        How all follow from them.
+
+    Returns
+    -------
+    Block
+        Fields of shape (f, n).
+    """
+    fields = block.fields
+    moved = basis.spread(fields.displacement) + basis.held
+    spread: list[FloatArray] = [basis.spread(one) for one in (fields.velocity, fields.acceleration)]
+    return replace(block, fields=Series(moved, *spread))

@@ -1,0 +1,42 @@
+"""Which of many things hang together: connected components of a graph."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexcam.linalg.triplets import IntArray
+
+
+def groups(size: int, rows: IntArray, cols: IntArray) -> IntArray:
+    """Return what each of some things hangs together with.
+
+    Every group is hooked to its least neighbour until none is left, which at least halves their number each time:
+    Y. Shiloach and U. Vishkin, An O(log n) parallel connectivity algorithm, J. Algorithms 3 (1982). In numpy alone,
+    so that a small run needs no scipy.
+
+    Parameters
+    ----------
+    size
+        Number of things.
+    rows, cols
+        Pairs that hang together, shape (k,) each.
+
+    Returns
+    -------
+    ndarray
+        Shape (size,): the lowest member of each one's group.
+
+    Examples
+    --------
+    >>> groups(4, np.array([3]), np.array([1]))
+    array([0, 1, 2, 1])
+    """
+    labels = np.arange(size)
+    while (labels[rows] != labels[cols]).any():
+        one, other = labels[rows], labels[cols]
+        low = np.minimum(one, other)
+        np.minimum.at(labels, one, low)
+        np.minimum.at(labels, other, low)
+        while (labels != labels[labels]).any():
+            labels = labels[labels]
+    return labels

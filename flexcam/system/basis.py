@@ -1,0 +1,262 @@
+"""The same equations in other unknowns: u = T q + u0, by a choice of the unknowns or by shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from flexcam.linalg import FloatArray, IntArray, Triplets
+from flexcam.system.channel import Channel, Observed
+from flexcam.system.equations import Load, Probe, System
+from flexcam.system.local import AngleFunction, AngleVector, Constant, LocalForce
+
+
+class Basis(Protocol):
+    """How n unknowns follow from fewer, m."""
+
+    @property
+    def held(self) -> FloatArray:
+        """Displacement of the n unknowns where the m are zero, u0; nothing may couple it with the m."""
+        ...
+
+    def named(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Return names of the m unknowns from those of the n."""
+        ...
+
+    def matrix(self, full: Triplets) -> Triplets:
+        """Return ``T' A T``."""
+        ...
+
+    def rows(self, full: FloatArray) -> FloatArray:
+        """Return ``A T`` of rows or one row, shape (..., n) to (..., m)."""
+        ...
+
+    def spread(self, motion: FloatArray) -> FloatArray:
+        """Return ``T q`` of motions as rows, shape (..., m) to (..., n)."""
+        ...
+
+    def within(self, motion: FloatArray, mass: Triplets) -> FloatArray:
+        """Return the q nearest to a motion, shape (n,) to (m,), measured by the mass."""
+        ...
+
+    def free(self, motions: FloatArray | None) -> FloatArray | None:
+        """Return the free motions among the m, shape (m, k), from those of the n; None where they must be sought."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """Some of the unknowns; the others stay where they are.
+
+    Parameters
+    ----------
+    kept
+        Positions of the unknowns, shape (m,).
+    held
+        Displacement of the others, shape (n,); zero for those kept.
+
+    Examples
+    --------
+    >>> Selection(np.array([1]), np.array([0.5, 0.0])).spread(np.array([2.0]))
+    array([0., 2.])
+    """
+
+    kept: IntArray
+    held: FloatArray
+
+    def named(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Return the names of those kept."""
+        kept: list[int] = self.kept.tolist()
+        return tuple(names[i] for i in kept)
+
+    def matrix(self, full: Triplets) -> Triplets:
+        """Return the kept part."""
+        return full.part(self.kept)
+
+    def rows(self, full: FloatArray) -> FloatArray:
+        """Return the kept columns."""
+        return full[..., self.kept]
+
+    def spread(self, motion: FloatArray) -> FloatArray:
+        """Return the motions among all unknowns, zero for the others."""
+        full = np.zeros((*motion.shape[:-1], len(self.held)))
+        full[..., self.kept] = motion
+        return full
+
+    def within(self, motion: FloatArray, mass: Triplets) -> FloatArray:
+        """Return the motion of those kept."""
+        return motion[self.kept]
+
+    def free(self, motions: FloatArray | None) -> FloatArray | None:
+        """Return an orthonormal basis of the kept part of the free motions.
+
+        Right where nothing couples the kept with the others, so that each part of a free motion is free by itself.
+        """
+        if motions is None or not motions.shape[1]:
+            return None if motions is None else np.zeros((len(self.kept), 0))
+        along, sizes, _ = np.linalg.svd(motions[self.kept], full_matrices=False)
+        whole = float(np.linalg.norm(motions, 2))
+        return along[:, sizes > _PART * whole]
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Amounts of given shapes.
+
+    Parameters
+    ----------
+    vectors
+        Independent shapes as columns, shape (n, m).
+    called
+        A name per amount; ``shape 1`` and so on by default.
+
+    Examples
+    --------
+    >>> Shapes(np.array([[1.0], [2.0]])).spread(np.array([3.0]))
+    array([3., 6.])
+    """
+
+    vectors: FloatArray
+    called: tuple[str, ...] = ()
+
+    @property
+    def held(self) -> FloatArray:
+        """Zero: without any shape nothing is displaced."""
+        return np.zeros(len(self.vectors))
+
+    def named(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Return the names of the amounts."""
+        return self.called or tuple(f"shape {i}" for i in range(1, self.vectors.shape[1] + 1))
+
+    def matrix(self, full: Triplets) -> Triplets:
+        """Return ``T' A T``; entries of a symmetric matrix come out alike on both sides."""
+        part = self.vectors.T @ full.times_all(self.vectors)
+        symmetric = np.abs(part - part.T).max(initial=0.0) <= _PART * np.abs(part).max(initial=0.0)
+        return Triplets.from_dense(0.5 * (part + part.T) if symmetric else part)
+
+    def rows(self, full: FloatArray) -> FloatArray:
+        """Return what rows make of the shapes."""
+        return full @ self.vectors
+
+    def spread(self, motion: FloatArray) -> FloatArray:
+        """Return the sum of the shapes in the given amounts."""
+        return motion @ self.vectors.T
+
+    def within(self, motion: FloatArray, mass: Triplets) -> FloatArray:
+        """Return the amounts whose motion misses the given one by the least energy of its mass."""
+        heavy = mass.times_all(self.vectors)
+        return np.asarray(np.linalg.lstsq(self.vectors.T @ heavy, heavy.T @ motion)[0], dtype=float)
+
+    def free(self, motions: FloatArray | None) -> FloatArray | None:
+        """Return None: they are few, and soon found."""
+        return None
+
+
+_PART = 1e-9
+"""Part of a whole below which a part is rounding."""
+
+
+def projected(system: System, basis: Basis) -> System:
+    """Return the equations of a system in other unknowns.
+
+    Parameters
+    ----------
+    system
+        n unknowns.
+    basis
+        How they follow from m others.
+
+    Returns
+    -------
+    System
+        m unknowns; its loads, local forces and channels keep names and order, and channels see all n unknowns.
+
+    Examples
+    --------
+    >>> pair = Triplets.from_dense([[2.0, -1.0], [-1.0, 2.0]])
+    >>> both = System(pair, Triplets.zeros(2), pair, ("x", "y"))
+    >>> projected(both, Shapes(np.array([[1.0], [1.0]]))).stiffness.dense()
+    array([[2.]])
+    """
+    shown = _Shown(basis)
+    return System(
+        mass=basis.matrix(system.mass),
+        damping=basis.matrix(system.damping),
+        stiffness=basis.matrix(system.stiffness),
+        names=basis.named(system.names),
+        loads=tuple(_load(load, basis) for load in system.loads),
+        local_forces=tuple(_local(force, basis) for force in system.local_forces),
+        probes=tuple(_probe(probe, basis) for probe in system.probes),
+        channels=tuple(_channel(channel, shown) for channel in system.channels),
+        free=basis.free(system.free),
+        stored=system.stored + 0.5 * float(basis.held @ system.stiffness.times(basis.held)),
+    )
+
+
+def _load(load: Load, basis: Basis) -> Load:
+    return replace(load, vector=basis.rows(load.vector))
+
+
+def _local(force: LocalForce, basis: Basis) -> LocalForce:
+    pairs = zip(force.offset, force.sense, strict=True)
+    offset = tuple(_moved(known, one.vectors @ basis.held, one.functions) for known, one in pairs)
+    sense, act = (tuple(_vectors(one, basis) for one in side) for side in (force.sense, force.act))
+    return replace(force, sense=sense, act=act, offset=offset)
+
+
+def _vectors(one: AngleVector, basis: Basis) -> AngleVector:
+    return AngleVector(basis.rows(one.vectors), one.functions)
+
+
+def _probe(probe: Probe, basis: Basis) -> Probe:
+    offset = tuple(
+        _moved(known, np.array([at])) if at != 0.0 else known
+        for known, at in zip(probe.offset, (probe.rows @ basis.held).tolist(), strict=True)
+    )
+    return replace(probe, rows=basis.rows(probe.rows), offset=offset)
+
+
+def _moved(
+    known: AngleFunction | None, amounts: FloatArray, functions: tuple[AngleFunction, ...] = ()
+) -> AngleFunction:
+    """Return a function of the cam angle with amounts of others added; a single amount of none is a constant."""
+    begin = known or Constant(0.0)
+    if not amounts.any():
+        return begin
+    each = functions or (Constant(1.0),)
+    if isinstance(begin, Constant) and not functions:
+        return Constant(begin.value + float(amounts[0]))
+
+    def both(angle: FloatArray, order: int) -> FloatArray:
+        more = sum(amount * one(angle, order) for amount, one in zip(amounts.tolist(), each, strict=True))
+        return begin(angle, order) + more
+
+    return both
+
+
+def _channel(channel: Channel, shown: _Shown) -> Channel:
+    def value(seen: Observed) -> FloatArray:
+        return channel.value(shown(seen))
+
+    return replace(channel, value=value)
+
+
+class _Shown:
+    """Shows what is observed in all unknowns, once to all channels that look at the same."""
+
+    def __init__(self, basis: Basis) -> None:
+        self._basis = basis
+        self._last: tuple[Observed, Observed] | None = None
+
+    def __call__(self, seen: Observed) -> Observed:
+        if self._last is None or self._last[0] is not seen:
+            spread = self._basis.spread
+            moved = spread(seen.displacement) + self._basis.held
+            full = replace(
+                seen, displacement=moved, velocity=spread(seen.velocity), acceleration=spread(seen.acceleration)
+            )
+            self._last = seen, full
+        return self._last[1]

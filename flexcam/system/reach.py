@@ -1,0 +1,206 @@
+"""Which unknowns can ever move: the rest need not be integrated, and nothing changes.
+
+M, C, K and the local forces couple unknowns. A group of coupled unknowns moves if a load pushes it that changes in
+time, a local force acts on it that changes with the cam angle, it begins with a velocity, or it begins out of balance.
+Every other group stays where it begins, also under its weight.
+
+An entry couples unless it is exactly zero. Entries of the size of rounding, such as those between the planes of a
+shaft a hair off the axis, are taken for what they say: a soft spring between stiff parts has entries as small, and
+leaving out less than possible costs time, never truth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.linalg import FloatArray, IntArray, diagonal_scale, groups
+from flexcam.system.drive import CamMotion
+from flexcam.system.equations import System
+from flexcam.system.local import Constant, LocalForce, Reaction
+
+_SLOW = 1e-13
+"""Part of the largest velocity of a start, as roots of energies, below which one is rounding of a difference."""
+
+_BALANCED = 1e-12
+"""Part of the forces on a group below which what is left of them is rounding of its equilibrium."""
+
+_NOTHING = 1e-15
+"""Part of the forces on all groups below which a force is rounding."""
+
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 73)[:-1]
+"""Cam angles at which what rests is asked for its force."""
+
+
+@dataclass(frozen=True, eq=False)
+class Still:
+    """A group of coupled unknowns that never moves.
+
+    Parameters
+    ----------
+    unknowns
+        Which, shape (k,).
+    loaded
+        Whether constant loads or forces act on it, in balance.
+    free
+        Whether the stiffness leaves a motion of it free.
+    """
+
+    unknowns: IntArray
+    loaded: bool
+    free: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """What of a system can move from a start.
+
+    Parameters
+    ----------
+    moving
+        Which unknowns, shape (n,).
+    still
+        The groups that never do.
+    held
+        Displacements at which they stay, shape (n,); zero for what moves.
+    """
+
+    moving: NDArray[np.bool_]
+    still: tuple[Still, ...]
+    held: FloatArray
+
+
+def reach(
+    system: System,
+    displacement: FloatArray | None = None,
+    velocity: FloatArray | None = None,
+    inner: FloatArray | None = None,
+) -> Reach:
+    """Return which unknowns of a system can ever move from a start.
+
+    Parameters
+    ----------
+    system
+        The system.
+    displacement, velocity
+        Of the start, shape (n,); None for zero.
+    inner
+        Internal states of the local forces at the start; None for those at rest.
+
+    Returns
+    -------
+    Reach
+        The mask, and the groups that stay.
+
+    Examples
+    --------
+    >>> from flexcam.linalg import Triplets
+    >>> from flexcam.system import Load
+    >>> two = Triplets.from_dense([[1.0, 0.0], [0.0, 1.0]])
+    >>> push = Load("push", np.array([1.0, 0.0]), lambda motion: motion.angle)
+    >>> reach(System(two, Triplets.zeros(2), two, ("x", "y"), (push,))).moving
+    array([ True, False])
+    """
+    n = system.size
+    d = np.zeros(n) if displacement is None else displacement
+    v = np.zeros(n) if velocity is None else velocity
+    labels = _coupled(system)
+    moving = _any(_changing(system) | _started(v, system.mass.diagonal()), labels)
+    steady, moving = _resting(system, d, _states(system, inner), moving, labels)
+    moving |= _any(_unbalanced(system, d, steady, labels), labels)
+    loads = np.abs(system.load_vectors()).sum(axis=0) + np.abs(steady).sum(axis=0)
+    free = np.zeros(n) if system.free is None else np.abs(system.free).sum(axis=1)
+    still = tuple(
+        Still(group, bool(loads[group].any()), bool(free[group].any()))
+        for group in (np.flatnonzero(labels == label) for label in np.unique(labels[~moving]).tolist())
+    )
+    return Reach(moving, still, np.where(moving, 0.0, d))
+
+
+def _coupled(system: System) -> IntArray:
+    """Return the group of every unknown, by its lowest member."""
+    pairs = [
+        (m.rows[m.values != 0.0], m.cols[m.values != 0.0]) for m in (system.mass, system.damping, system.stiffness)
+    ]
+    for force in system.local_forces:
+        involved = np.flatnonzero(_involved(force, system.size))
+        pairs.append((np.repeat(involved[:1], len(involved)), involved))
+    rows, cols = (np.concatenate(one) for one in zip(*pairs, strict=True))
+    return groups(system.size, rows, cols)
+
+
+def _involved(force: LocalForce, size: int) -> NDArray[np.bool_]:
+    """Return which unknowns a local force senses or acts on."""
+    vectors = [np.zeros((1, size)), *(one.vectors for one in (*force.sense, *force.act))]
+    return (np.concatenate(vectors) != 0.0).any(axis=0)
+
+
+def _changing(system: System) -> NDArray[np.bool_]:
+    """Return which unknowns are under a load that changes in time."""
+    vectors = [load.vector for load in system.loads if not load.steady]
+    return (np.array(vectors).reshape(len(vectors), system.size) != 0.0).any(axis=0)
+
+
+def _states(system: System, inner: FloatArray | None) -> list[FloatArray]:
+    at_rest = [force.law.start_state for force in system.local_forces]
+    if inner is None:
+        return at_rest
+    return [inner[a:b] for a, b in pairwise(np.cumsum([0, *map(len, at_rest)]).tolist())]
+
+
+def _resting(
+    system: System, d: FloatArray, states: list[FloatArray], moving: NDArray[np.bool_], labels: IntArray
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the constant forces on what does not move, shape (k, n), and what moves, local forces included."""
+    still, moving = CamMotion(np.zeros(1), np.zeros(1), np.zeros(1)), moving.copy()
+    steady = [load.vector * load.history(still)[0] for load in system.loads if load.steady]
+    for force, state in zip(system.local_forces, states, strict=True):
+        involved = _involved(force, system.size)
+        if moving[involved].any():
+            continue
+        held = _held(force, d, state)
+        if held is None:
+            moving |= _any(involved, labels)
+        else:
+            steady += [f * one.vectors[0] for f, one in zip(held.tolist(), force.act, strict=True)]
+    return np.array(steady).reshape(len(steady), system.size), moving
+
+
+def _held(force: LocalForce, d: FloatArray, state: FloatArray) -> FloatArray | None:
+    """Return the force of what rests, shape (c,); None where it changes with the cam angle or by itself."""
+    if any(one.functions for one in (*force.sense, *force.act)):
+        return None
+    if not all(isinstance(offset, Constant) for offset in force.offset):
+        return None
+    offset = np.array([float(one(np.zeros(1), 0)[0]) for one in force.offset])
+    gap = np.array([float(one.vectors[0] @ d) for one in force.sense]) + offset
+    answers: list[Reaction] = [force.law.respond(gap, np.zeros(len(gap)), state, angle) for angle in _ANGLES.tolist()]
+    if any(one.state_rate.any() or (one.force != answers[0].force).any() for one in answers):
+        return None
+    return answers[0].force
+
+
+def _unbalanced(system: System, d: FloatArray, steady: FloatArray, labels: IntArray) -> NDArray[np.bool_]:
+    """Return which unknowns the constant forces and the stiffness push by more than rounding."""
+    K, scale = system.stiffness, diagonal_scale(system.stiffness)
+    strained = np.bincount(K.rows, weights=np.abs(K.values * d[K.cols]), minlength=system.size)
+    missing = np.abs(steady.sum(axis=0) - K.times(d)) * scale
+    size = np.zeros(system.size)
+    np.maximum.at(size, labels, (np.abs(steady).sum(axis=0) + strained) * scale)
+    return missing > np.maximum(_BALANCED * size[labels], _NOTHING * size.max(initial=0.0))
+
+
+def _started(v: FloatArray, mass: FloatArray) -> NDArray[np.bool_]:
+    """Return which unknowns begin with a velocity; without mass, any velocity is one."""
+    sizes = np.abs(v) * np.sqrt(np.maximum(mass, 0.0))
+    return (sizes > _SLOW * sizes.max(initial=0.0)) | ((v != 0.0) & (mass <= 0.0))
+
+
+def _any(one: NDArray[np.bool_], labels: IntArray) -> NDArray[np.bool_]:
+    """Return which unknowns are of a group with some that hold."""
+    found = np.zeros(len(labels), dtype=bool)
+    found[labels[one]] = True
+    return found[labels]
