@@ -73,18 +73,20 @@ def measured(response: Response, probe: str) -> Measured:
     return Measured(response.time, {**motions, **forces})
 
 
-def distance(one: Measured, other: Measured) -> dict[str, float]:
-    """Return the largest difference of two runs by quantity, SI, at the instants both have.
+def distance(one: Measured, other: Measured, *, rms: bool = False) -> dict[str, float]:
+    """Return the difference of two runs by quantity, SI, at the instants both have.
 
     Parameters
     ----------
     one, other
         Of two runs whose steps divide each other; quantities that only one has are left out.
+    rms
+        Its root mean square over the run instead of its largest value: single bounces then count with their duration.
 
     Returns
     -------
     dict
-        Name of the quantity to the largest absolute difference.
+        Name of the quantity to the difference.
 
     Raises
     ------
@@ -98,10 +100,16 @@ def distance(one: Measured, other: Measured) -> dict[str, float]:
     if np.abs(fine.time[::every][:count] - coarse.time[:count]).max(initial=0.0) > _SAME * step:
         raise refuse("responses", "instants that do not meet", "steps that divide each other")
     return {
-        name: float(np.abs(fine.values[name][::every][:count] - values[:count]).max(initial=0.0))
+        name: _size(fine.values[name][::every][:count] - values[:count], rms)
         for name, values in coarse.values.items()
         if name in fine.values
     }
+
+
+def _size(values: FloatArray, rms: bool) -> float:
+    if not len(values):
+        return 0.0
+    return float(np.sqrt(np.mean(values**2)) if rms else np.abs(values).max())
 
 
 _SAME = 1e-6

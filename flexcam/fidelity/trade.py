@@ -12,7 +12,7 @@ from flexcam.case import Case
 from flexcam.fidelity.measure import Measured, distance, measured
 from flexcam.fidelity.rungs import Rung, ladder, steps_of, with_elements
 from flexcam.integrate import solve
-from flexcam.response import RunFailedError, Status
+from flexcam.response import Response, RunFailedError, Status
 from flexcam.runner import Prepared
 
 _REFINED = 4
@@ -34,7 +34,7 @@ class Reference:
     measured
         Its histories.
     errors
-        Its own error by quantity, SI: twice the distance to a run of fewer elements and half its steps.
+        Its own root mean square error by quantity, SI: twice the distance to a run of fewer elements and half its steps.
     size
         Largest value by quantity, SI; of the lift its range.
     steps
@@ -64,7 +64,7 @@ class Traded:
     seconds
         Processor time of the run, the median of the repeats; s.
     errors
-        Largest error by quantity, as a part of its largest value (of the lift, of its range).
+        Root mean square error by quantity, as a part of its largest value (of the lift, of its range).
     status
         How the run ended.
     best
@@ -112,7 +112,7 @@ def reference(case: Case, probe: str) -> Reference:
         _run(Rung("reference", "", with_elements(case, factor=elements)).stepped(n * steps), probe)
         for elements, n in ((_FINER, _REFINED), (_FINER - 1, _REFINED // 2))
     )
-    errors = {name: _COVERS * value for name, value in distance(finest, coarser).items()}
+    errors = {name: _COVERS * value for name, value in distance(finest, coarser, rms=True).items()}
     return Reference(finest, errors, {name: finest.size(name) for name in errors}, _REFINED * steps)
 
 
@@ -168,19 +168,22 @@ def tried(rung: Rung, probe: str, against: Reference, *, repeats: int = 1) -> Tr
         Without errors where its run ended early.
     """
     ready = rung.prepared()
-    seconds: list[float] = []
-    for _ in range(repeats):
-        begun = time.process_time()
-        response = solve(ready.problem, ready.scheme, save=ready.save)
-        seconds.append(time.process_time() - begun)
+    response, first = _timed(ready)
+    seconds = [first, *(_timed(ready)[1] for _ in range(repeats - 1))]
     errors: dict[str, float] = {}
     if response.status.ok:
-        apart = distance(measured(response, probe), against.measured)
+        apart = distance(measured(response, probe), against.measured, rms=True)
         errors = {name: value / against.size[name] for name, value in apart.items() if against.size[name] > 0.0}
     return Traded(
         rung.name, rung.words, steps_of(rung.case), response.stats.unknowns,
         response.stats.unknowns * ready.problem.steps, statistics.median(seconds), errors, response.status,
     )  # fmt: skip
+
+
+def _timed(ready: Prepared) -> tuple[Response, float]:
+    """Return a run and the processor time it took, s."""
+    begun = time.process_time()
+    return solve(ready.problem, ready.scheme, save=ready.save), time.process_time() - begun
 
 
 def trade(

@@ -1,17 +1,64 @@
-"""Table of what a run may leave out."""
+"""Table of how true a run is to be, and what it may leave out."""
 
 from __future__ import annotations
 
-from pydantic import Field
+from typing import Literal, Self
 
+from pydantic import Field, model_validator
+
+from flexcam.case import quantity as q
 from flexcam.case.tables.base import Record
 
 
-class FidelityRecord(Record):
-    """What of the model is integrated."""
+class ToleranceRecord(Record):
+    """Root mean square error by quantity, as a part of its largest value; what is not named may err as it likes."""
 
+    lift: q.Ratio | None = None
+    velocity: q.Ratio | None = None
+    acceleration: q.Ratio | None = None
+    force: q.Ratio | None = Field(None, description="of every contact")
+
+    @model_validator(mode="after")
+    def _asks_for_something(self) -> Self:
+        if not self.by_quantity():
+            raise q.refused("at least one of lift, velocity, acceleration, force", "it asks for nothing")
+        return self
+
+    def by_quantity(self) -> dict[str, float]:
+        """Return the tolerances that are given."""
+        every = {name: getattr(self, name) for name in type(self).model_fields}
+        return {name: float(value) for name, value in every.items() if value is not None}
+
+
+class FidelityRecord(Record):
+    """Which model of the case is run, and what of it is integrated."""
+
+    model: Literal["beams", "rigid"] = Field(
+        "beams", description="flexible members, or the same mechanism with rigid ones"
+    )
+    tolerance: q.Ratio | ToleranceRecord | None = Field(
+        None,
+        description='run the cheapest model whose lift is within it, such as "1 %", or a table by quantity',
+        union_mode="left_to_right",
+    )
+    estimate: bool = Field(
+        False, strict=True, description="also run with other steps and elements, and say how far the numbers may be off"
+    )
     prune: bool = Field(
         True,
         strict=True,
         description="leave out of the integration what nothing can move; it changes no result, only the time it takes",
     )
+
+    @model_validator(mode="after")
+    def _one_choice(self) -> Self:
+        if self.tolerance is not None and self.model != "beams":
+            raise q.refused("either model or tolerance", "a tolerance chooses the model")
+        return self
+
+    @property
+    def tolerances(self) -> dict[str, float]:
+        """Tolerance by quantity; empty where none is asked for."""
+        if self.tolerance is None:
+            return {}
+        return self.tolerance.by_quantity() if isinstance(self.tolerance, ToleranceRecord) else {"lift": self.tolerance}
