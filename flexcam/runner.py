@@ -40,6 +40,7 @@ from flexcam.train import (
     build_structure,
     build_system,
     element_loads,
+    modal_basis,
     model_modes,
 )
 
@@ -114,7 +115,10 @@ def prepare(case: Case, *, rigid: bool = False) -> Prepared:
     problem, scheme = _problem(case, model, system), case.record.run.integrator.made()
     if refusal := scheme.refusal(system, problem.step):
         raise _placed(case, refusal)
-    return Prepared(case, model, started(case, model, problem), scheme, save)
+    problem = started(case, model, problem)
+    if case.record.fidelity.modes is not None and system.size:
+        problem = replace(problem, basis=modal_basis(problem, case.record.fidelity.modes))
+    return Prepared(case, model, problem, scheme, save)
 
 
 def _placed(case: Case, refusal: InputError) -> InputError:

@@ -12,7 +12,7 @@ from flexcam import console, fidelity
 from flexcam.case import Case, build_model, read_case
 from flexcam.checks import refuse
 from flexcam.commands.app import CaseFile, Folder, Json, Overrides, Overwrite, app, load, running
-from flexcam.integrate import reached, solve
+from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, write_modes
 from flexcam.response import Status
 from flexcam.runner import geometry_of, mode_likeness, prepare, result_file
@@ -42,7 +42,7 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
         print_json({
             "status": "ok", "title": ready.case.record.title,
             "elements": len(mesh.elements()), "dof": system.size,
-            "integrated": int(reached(ready.problem).moving.sum()) if ready.problem.prune else system.size,
+            "integrated": integrated(ready.problem),
             "left_out": console.left_out(ready), "nodes": len(mesh.nodes),
             "members": {name: len(line) - 1 for name, line in mesh.lines.items()},
             "masses": {name: part.body.mass for name, part in ready.model.masses.items()},

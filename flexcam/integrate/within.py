@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from flexcam.integrate.problem import Problem, State
-from flexcam.linalg import FloatArray
+from flexcam.linalg import FloatArray, Triplets
 from flexcam.response import Block, Series
-from flexcam.system import Basis, Reach, Selection, projected, reach
+from flexcam.system import Basis, Reach, Selection, System, projected, reach
 
 
 def reached(problem: Problem) -> Reach:
@@ -65,10 +65,36 @@ def within(problem: Problem, basis: Basis) -> Problem:
     """
     system = problem.system
     start = problem.start or State.rest(system.size)
-    moved, moving = (basis.within(one, system.mass) for one in (start.displacement - basis.held, start.velocity))
-    pushed = None if start.acceleration is None else basis.within(start.acceleration, system.mass)
+    weight = _weight(system)
+    moved, moving = (basis.within(one, weight) for one in (start.displacement - basis.held, start.velocity))
+    pushed = None if start.acceleration is None else basis.within(start.acceleration, weight)
     inside = replace(start, displacement=moved, velocity=moving, acceleration=pushed)
     return replace(problem, system=projected(system, basis), start=inside, basis=None, prune=False)
+
+
+def integrated(problem: Problem) -> int:
+    """Return how many unknowns of a problem are integrated.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+
+    Returns
+    -------
+    int
+        All, those that move, or the amounts of a basis.
+    """
+    basis = basis_of(problem)
+    return problem.system.size if basis is None else basis.size
+
+
+def _weight(system: System) -> Triplets:
+    """Return the mass, with as much of the stiffness as places what has none and hardly counts for the rest."""
+    mass, stiff = system.mass.diagonal(), system.stiffness.diagonal()
+    heavy = mass > 0.0
+    highest = float((stiff[heavy] / mass[heavy]).max(initial=0.0))
+    return system.mass + system.stiffness.scaled(1.0 / highest if highest > 0.0 else 1.0)
 
 
 def shown(block: Block, basis: Basis) -> Block:

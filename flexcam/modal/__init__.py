@@ -7,5 +7,6 @@ Another eigensolver goes into `modes`, another measure of modes is a file beside
 from flexcam.modal.effective import effective_masses
 from flexcam.modal.mac import mac
 from flexcam.modal.modes import Modes, modes
+from flexcam.modal.reduction import corrected_modes, craig_bampton
 
-__all__ = ["Modes", "effective_masses", "mac", "modes"]
+__all__ = ["Modes", "corrected_modes", "craig_bampton", "effective_masses", "mac", "modes"]

@@ -22,6 +22,11 @@ class Basis(Protocol):
         """Displacement of the n unknowns where the m are zero, u0; nothing may couple it with the m."""
         ...
 
+    @property
+    def size(self) -> int:
+        """How many, m."""
+        ...
+
     def named(self, names: Sequence[str]) -> tuple[str, ...]:
         """Return names of the m unknowns from those of the n."""
         ...
@@ -38,8 +43,8 @@ class Basis(Protocol):
         """Return ``T q`` of motions as rows, shape (..., m) to (..., n)."""
         ...
 
-    def within(self, motion: FloatArray, mass: Triplets) -> FloatArray:
-        """Return the q nearest to a motion, shape (n,) to (m,), measured by the mass."""
+    def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
+        """Return the q nearest to a motion, shape (n,) to (m,), in the norm of a weight, such as the mass."""
         ...
 
     def free(self, motions: FloatArray | None) -> FloatArray | None:
@@ -67,6 +72,11 @@ class Selection:
     kept: IntArray
     held: FloatArray
 
+    @property
+    def size(self) -> int:
+        """Number of unknowns kept."""
+        return len(self.kept)
+
     def named(self, names: Sequence[str]) -> tuple[str, ...]:
         """Return the names of those kept."""
         kept: list[int] = self.kept.tolist()
@@ -86,7 +96,7 @@ class Selection:
         full[..., self.kept] = motion
         return full
 
-    def within(self, motion: FloatArray, mass: Triplets) -> FloatArray:
+    def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the motion of those kept."""
         return motion[self.kept]
 
@@ -112,6 +122,8 @@ class Shapes:
         Independent shapes as columns, shape (n, m).
     called
         A name per amount; ``shape 1`` and so on by default.
+    still
+        Displacement where all amounts are zero, shape (n,), uncoupled with the shapes; None for none.
 
     Examples
     --------
@@ -121,21 +133,30 @@ class Shapes:
 
     vectors: FloatArray
     called: tuple[str, ...] = ()
+    still: FloatArray | None = None
 
     @property
     def held(self) -> FloatArray:
-        """Zero: without any shape nothing is displaced."""
-        return np.zeros(len(self.vectors))
+        """Displacement where all amounts are zero."""
+        return np.zeros(len(self.vectors)) if self.still is None else self.still
+
+    @property
+    def size(self) -> int:
+        """Number of shapes."""
+        return self.vectors.shape[1]
 
     def named(self, names: Sequence[str]) -> tuple[str, ...]:
         """Return the names of the amounts."""
         return self.called or tuple(f"shape {i}" for i in range(1, self.vectors.shape[1] + 1))
 
     def matrix(self, full: Triplets) -> Triplets:
-        """Return ``T' A T``; entries of a symmetric matrix come out alike on both sides."""
+        """Return ``T' A T`` without what is rounding of its own sums: shapes without mass then have none."""
         part = self.vectors.T @ full.times_all(self.vectors)
-        symmetric = np.abs(part - part.T).max(initial=0.0) <= _PART * np.abs(part).max(initial=0.0)
-        return Triplets.from_dense(0.5 * (part + part.T) if symmetric else part)
+        sizes = replace(full, values=np.abs(full.values)).times_all(np.abs(self.vectors))
+        rounding = np.finfo(float).eps * np.sqrt(full.size) * (np.abs(self.vectors).T @ sizes)
+        part[np.abs(part) <= rounding] = 0.0
+        symmetric = np.abs(part - part.T) <= 2.0 * rounding
+        return Triplets.from_dense(np.where(symmetric, 0.5 * (part + part.T), part))
 
     def rows(self, full: FloatArray) -> FloatArray:
         """Return what rows make of the shapes."""
@@ -145,9 +166,9 @@ class Shapes:
         """Return the sum of the shapes in the given amounts."""
         return motion @ self.vectors.T
 
-    def within(self, motion: FloatArray, mass: Triplets) -> FloatArray:
-        """Return the amounts whose motion misses the given one by the least energy of its mass."""
-        heavy = mass.times_all(self.vectors)
+    def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
+        """Return the amounts whose motion misses the given one by least."""
+        heavy = weight.times_all(self.vectors)
         return np.asarray(np.linalg.lstsq(self.vectors.T @ heavy, heavy.T @ motion)[0], dtype=float)
 
     def free(self, motions: FloatArray | None) -> FloatArray | None:

@@ -10,6 +10,7 @@ from flexcam.train.cam_contact import hertz_line
 from flexcam.train.free_running import free_running
 from flexcam.train.left_out import left_out
 from flexcam.train.loads import element_loads
+from flexcam.train.modal_basis import modal_basis
 from flexcam.train.model import (
     Adjuster,
     Cam,
@@ -70,6 +71,7 @@ __all__ = [
     "lift_transfer",
     "main_lift",
     "member_masses",
+    "modal_basis",
     "model_modes",
     "operation",
     "seating",

@@ -222,6 +222,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.integrator={ method = "radau", tolerance = 1e-6 }']),
         (DATA / "every-key.toml", ['run.adaptive={ tolerance = 1e-5, smallest = "1 ns" }']),
         (CHECKS / "mathieu.toml", []),
+        (DATA / "every-key.toml", ['run.integrator={ method = "bathe" }', "fidelity.modes=20"]),
         (DATA / "every-key.toml", ['run.start={ result = "any.vtkhdf" }']),
         (DATA / "every-key.toml", ["members.pushrod.section=flat", "members.camshaft.section=own"]),
     ]  # fmt: skip

@@ -49,6 +49,12 @@ class FidelityRecord(Record):
         strict=True,
         description="leave out of the integration what nothing can move; it changes no result, only the time it takes",
     )
+    modes: int | None = Field(
+        None,
+        ge=1,
+        strict=True,
+        description="integrate so many modes with the static answers they miss; every unknown by default",
+    )
 
     @model_validator(mode="after")
     def _one_choice(self) -> Self:

@@ -1,0 +1,150 @@
+"""Bases of few shapes for a linear system: modes with static correction, and Craig-Bampton's.
+
+Modes alone miss what a load does beyond them, which is its static answer as long as it is slow; with it, displacements
+under loads at the given places are exact in statics. R. R. Craig and A. J. Kurdila, Fundamentals of Structural
+Dynamics, 2nd ed. (2006), ch. 17; R. R. Craig and M. C. C. Bampton, Coupling of substructures for dynamic analyses,
+AIAA J. 6 (1968).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexcam.checks import refuse
+from flexcam.linalg import FloatArray, IntArray, SingularMatrixError, Triplets, diagonal_scale, factorize, pins
+from flexcam.modal.modes import modes
+
+_DEPENDENT = 1e-10
+"""Part of a static answer's strain energy below which what others leave of it is rounding."""
+
+_STILL = 1e-12
+"""Part of a shape's size, as the root of its strain energy, that is rounding."""
+
+
+def corrected_modes(
+    mass: Triplets, stiffness: Triplets, places: FloatArray, count: int, *, free: FloatArray | None = None
+) -> FloatArray:
+    """Return the lowest modes with the static answers that they miss.
+
+    Parameters
+    ----------
+    mass, stiffness
+        Symmetric, positive semi-definite, n unknowns.
+    places
+        Unit forces where the system is pushed or watched, shape (k, n).
+    count
+        Modes with stiffness; free motions come on top.
+    free
+        Motions the stiffness leaves free, shape (n, f), where they are known.
+
+    Returns
+    -------
+    ndarray
+        Shape (n, m) with f + count <= m <= f + count + k: first the modes, mass-orthonormal, then what the answers add,
+        of unit stiffness. Mass and stiffness of all of them are diagonal.
+
+    Raises
+    ------
+    RunFailedError
+        As `modes`.
+
+    Examples
+    --------
+    >>> one = Triplets.from_dense(np.eye(3))
+    >>> K = Triplets.from_dense(np.diag([1.0, 2.0, 3.0]))
+    >>> np.abs(corrected_modes(one, K, np.array([[0.0, 0.0, 1.0]]), 1)).round(3)
+    array([[1.   , 0.   ],
+           [0.   , 0.   ],
+           [0.   , 0.577]])
+    """
+    rigid = modes(mass, stiffness, 1, free=free).rigid if free is None else free.shape[1]
+    found = modes(mass, stiffness, rigid + count, free=free)
+    shapes = found.shapes
+    missed = places.T - mass.times_all(shapes) @ (shapes.T @ places.T)
+    answers = _held(stiffness, missed, shapes[:, : found.rigid])
+    answers -= shapes @ (shapes.T @ mass.times_all(answers))
+    known = (places @ shapes[:, found.rigid :]) ** 2 @ found.omegas[found.rigid :] ** -2.0
+    return np.hstack([shapes, _independent(mass, stiffness, answers, known)])
+
+
+def _held(stiffness: Triplets, loads: FloatArray, rigid: FloatArray) -> FloatArray:
+    """Return the static answers to loads that do no work on the free motions, shape (n, k)."""
+    held = pins(rigid / diagonal_scale(stiffness)[:, None])
+    kept = np.setdiff1d(np.arange(stiffness.size), held)
+    answers = np.zeros(loads.shape)
+    answers[kept] = factorize(stiffness.part(kept)).solve(loads[kept])
+    return answers
+
+
+def _independent(mass: Triplets, stiffness: Triplets, shapes: FloatArray, known: FloatArray) -> FloatArray:
+    """Return shapes of the same span, of unit stiffness, whose mass and stiffness are diagonal; the lightest last.
+
+    A shape counts where its energy adds something to what is known of it.
+    """
+    energy = np.maximum(np.einsum("ik,ik->k", shapes, stiffness.times_all(shapes)), 0.0)
+    kept = energy > _DEPENDENT * (known + energy)
+    shapes = shapes[:, kept] / np.sqrt(energy[kept])
+    values, vectors = np.linalg.eigh(shapes.T @ stiffness.times_all(shapes))
+    good = values > _DEPENDENT
+    unit = shapes @ (vectors[:, good] / np.sqrt(values[good]))
+    _, turned = np.linalg.eigh(unit.T @ mass.times_all(unit))
+    found = unit @ turned[:, ::-1]
+    # What moves only an unknown without mass would else have the mass of rounding, and a frequency beyond all.
+    return np.where(np.abs(found) > _STILL * diagonal_scale(stiffness)[:, None], found, 0.0)
+
+
+def craig_bampton(
+    mass: Triplets, stiffness: Triplets, boundary: IntArray, interiors: Sequence[IntArray], count: int
+) -> FloatArray:
+    """Return the basis that keeps some unknowns as they are, and of the others their static answers and some modes.
+
+    Parameters
+    ----------
+    mass, stiffness
+        Symmetric, positive semi-definite, n unknowns.
+    boundary
+        Unknowns to be kept, shape (b,).
+    interiors
+        The others in groups, such as those of a member each; together with the boundary, all n.
+    count
+        Modes of each group while all others are held.
+
+    Returns
+    -------
+    ndarray
+        Shape (n, m): b shapes whose amounts are the kept unknowns, then the modes, group after group.
+
+    Raises
+    ------
+    InputError
+        If an unknown stands in no group or in two, or a group can move although the boundary is held.
+
+    Examples
+    --------
+    >>> K = Triplets.from_dense([[1.0, -1.0], [-1.0, 2.0]])
+    >>> craig_bampton(Triplets.from_dense(np.eye(2)), K, np.array([0]), [np.array([1])], 1).round(3)
+    array([[1. , 0. ],
+           [0.5, 1. ]])
+    """
+    inner = np.concatenate([np.zeros(0, np.intp), *interiors])
+    if not np.array_equal(np.sort(np.concatenate([boundary, inner])), np.arange(stiffness.size)):
+        raise refuse("boundary and interiors", f"{len(boundary)} + {len(inner)} unknowns", "every unknown once")
+    unit = np.zeros((stiffness.size, len(boundary)))
+    unit[boundary, np.arange(len(boundary))] = 1.0
+    try:
+        unit[inner] = -factorize(stiffness.part(inner)).solve(stiffness.times_all(unit)[inner])
+    except SingularMatrixError as fault:
+        which = ", ".join(str(inner[i]) for i in fault.unknowns[:6]) or "some"
+        why = "a group that moves freely has no static answer"
+        raise refuse("boundary", f"unknowns {which} free while it is held", "one that holds every group", why) from None
+    return np.hstack([unit, *(_fixed(mass, stiffness, group, count) for group in interiors)])
+
+
+def _fixed(mass: Triplets, stiffness: Triplets, group: IntArray, count: int) -> FloatArray:
+    """Return the modes of a group while all others are held, among all unknowns."""
+    own = modes(mass.part(group), stiffness.part(group), count, free=np.zeros((len(group), 0)))
+    shapes = np.zeros((stiffness.size, own.shapes.shape[1]))
+    shapes[group] = own.shapes
+    return shapes

@@ -1,0 +1,129 @@
+"""Few shapes for many unknowns: what their statics and their lowest modes keep."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexcam import read_case
+from flexcam.checks import InputError
+from flexcam.integrate import solve
+from flexcam.linalg import Triplets
+from flexcam.modal import corrected_modes, craig_bampton, modes
+from flexcam.runner import prepare
+
+
+def chain(rng, size, *, held=True, light=()):
+    """Return mass and stiffness of masses in a row on springs, the first one to ground; some without mass."""
+    M, K = np.diag(rng.uniform(0.5, 2.0, size)), np.zeros((size, size))
+    M[list(light), list(light)] = 0.0
+    K[0, 0] = rng.uniform(1.0, 9.0) if held else 0.0
+    for i in range(size - 1):
+        K[i : i + 2, i : i + 2] += rng.uniform(1.0, 9.0) * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return Triplets.from_dense(M), Triplets.from_dense(K)
+
+
+def statics(K, T, f):
+    """Return the displacement under a load within a basis."""
+    return T @ np.linalg.lstsq(T.T @ K @ T, T.T @ f, rcond=1e-13)[0]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(4, 14), st.integers(1, 20), st.integers(1, 3), st.booleans())
+def test_corrected_modes_are_exact_in_statics(seed, size, count, pushed, light):
+    rng = np.random.default_rng(seed)
+    mass, stiffness = chain(rng, size, light=(size // 2,) if light else ())
+    places = rng.normal(size=(pushed, size))
+    T = corrected_modes(mass, stiffness, places, count)
+    assert T.shape[1] <= min(size, count + pushed)
+    K = stiffness.dense()
+    for f in places:
+        np.testing.assert_allclose(
+            statics(K, T, f), np.linalg.solve(K, f), atol=1e-7 * np.abs(np.linalg.solve(K, f)).max()
+        )
+    for matrix in (mass, stiffness):
+        small = T.T @ matrix.dense() @ T
+        np.testing.assert_allclose(small - np.diag(small.diagonal()), 0.0, atol=1e-7 * np.abs(small).max())
+    kept = modes(mass, stiffness, count).omegas
+    np.testing.assert_allclose(T[:, : len(kept)].T @ K @ T[:, : len(kept)], np.diag(kept**2), atol=1e-9 * kept[-1] ** 2)
+
+
+def test_free_motions_come_on_top():
+    rng = np.random.default_rng(0)
+    mass, stiffness = chain(rng, 8, held=False)
+    push = np.eye(8)[:1]
+    for free in (None, np.ones((8, 1))):
+        T = corrected_modes(mass, stiffness, push, 2, free=free)
+        assert T.shape == (8, 4)
+        np.testing.assert_allclose(stiffness.dense() @ T[:, 0], 0.0, atol=1e-12)
+    # A load in balance is answered exactly, but for the free motion.
+    f = np.eye(8)[0] - mass.dense().diagonal() / mass.dense().trace()
+    exact = np.linalg.lstsq(stiffness.dense(), f, rcond=None)[0]
+    missed = statics(stiffness.dense(), T, f) - exact
+    np.testing.assert_allclose(missed - missed.mean(), 0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("count", [1, 2, 30])
+def test_craig_bampton(count):
+    """Statics of loads on the boundary are exact, frequencies from above, and all modes are the full model."""
+    rng = np.random.default_rng(1)
+    mass, stiffness = chain(rng, 12)
+    boundary, groups = np.array([4, 8]), [np.arange(4), np.arange(5, 8), np.arange(9, 12)]
+    T = craig_bampton(mass, stiffness, boundary, groups, count)
+    np.testing.assert_array_equal(T[boundary], np.eye(2, T.shape[1]))
+    K = stiffness.dense()
+    for i in boundary:
+        np.testing.assert_allclose(statics(K, T, np.eye(12)[i]), np.linalg.solve(K, np.eye(12)[i]), rtol=1e-9)
+    small = [Triplets.from_dense(T.T @ one.dense() @ T) for one in (mass, stiffness)]
+    few, full = modes(*small, 3).omegas, modes(mass, stiffness, 3).omegas
+    assert (few >= full * (1.0 - 1e-12)).all()
+    if count == 30:
+        assert T.shape == (12, 12)
+        np.testing.assert_allclose(few, full, rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("boundary", "groups", "said"),
+    [
+        ([0], [[1, 2]], "every unknown once"),
+        ([0], [[1, 2], [2, 3]], "every unknown once"),
+        ([0], [[1, 2, 3]], "holds every group"),
+    ],
+)
+def test_craig_bampton_refuses(boundary, groups, said):
+    K = np.diag([1.0, 1.0, 0.0, 0.0]) + np.array([[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 1.0, -1.0], [0, 0, -1.0, 1.0]])
+    with pytest.raises(InputError) as refusal:
+        craig_bampton(
+            Triplets.from_dense(np.eye(4)), Triplets.from_dense(K), np.array(boundary), [np.array(g) for g in groups], 1
+        )
+    assert said in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("case", "limits"), [("tayeb/model-3-shm", (1e-4, 1e-9)), ("direct-acting/bucket", (5e-3, 1e-8))]
+)
+def test_a_run_in_few_modes_converges_to_the_whole(case, limits, cases_folder):
+    short = ["run.revolutions=0.5", "run.steps_per_revolution=1800"]
+    whole, few, all_of_them = (
+        run_of(cases_folder / f"{case}.toml", [*short, *more])
+        for more in ([], ["fidelity.modes=5"], ["fidelity.modes=90"])
+    )
+    assert few.stats.unknowns < all_of_them.stats.unknowns <= whole.stats.unknowns
+    assert few.outline == whole.outline
+    for found, limit in zip((few, all_of_them), limits, strict=True):
+        missed = np.abs(found.probes.displacement - whole.probes.displacement).max()
+        assert missed <= limit * np.abs(whole.probes.displacement).max()
+
+
+def run_of(path, more):
+    ready = prepare(read_case(path, more))
+    response = solve(ready.problem, ready.scheme, save=ready.save)
+    assert response.status.ok
+    return response
+
+
+@pytest.fixture(scope="session")
+def cases_folder(request):
+    return request.config.rootpath / "cases"
