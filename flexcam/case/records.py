@@ -26,9 +26,9 @@ class CaseRecord(Record):
     paper: Literal["tayeb-sliman"] | None = Field(None, description="published system whose claims `compare` checks")
     mesh: str | None = Field(None, description="Gmsh file, relative to the case file")
     nodes: dict[Name, Point] = Field(default={}, description="named nodes, instead of a mesh file")
-    materials: dict[Name, MaterialRecord]
-    sections: dict[Name, SectionRecord]
-    members: dict[Name, MemberRecord]
+    materials: dict[Name, MaterialRecord] = Field(default={})
+    sections: dict[Name, SectionRecord] = Field(default={})
+    members: dict[Name, MemberRecord] = Field(default={}, description="beams; a lumped train has none")
     supports: dict[Name, list[q.Component]] = Field(default={}, description="components held at a point")
     masses: dict[Name, MassRecord] = Field(default={})
     springs: dict[Name, SpringRecord] = Field(default={})

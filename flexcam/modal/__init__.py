@@ -7,5 +7,13 @@ Another eigensolver goes into `modes`, another measure of modes is a file beside
 from flexcam.modal.effective import effective_masses
 from flexcam.modal.mac import mac
 from flexcam.modal.modes import Modes, modes
+from flexcam.modal.sdof import frequency_response, normalized_response
 
-__all__ = ["Modes", "effective_masses", "mac", "modes"]
+__all__ = [
+    "Modes",
+    "effective_masses",
+    "frequency_response",
+    "mac",
+    "modes",
+    "normalized_response",
+]
