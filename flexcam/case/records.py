@@ -16,6 +16,7 @@ from flexcam.case.tables.contacts import ContactRecord
 from flexcam.case.tables.members import MaterialRecord, MemberRecord, SectionRecord
 from flexcam.case.tables.parts import BearingRecord, LoadRecord, MassRecord, RockerRecord, SpringRecord
 from flexcam.case.tables.run import OutputRecord, RunRecord
+from flexcam.case.tables.settings import SettingRecord
 
 
 class CaseRecord(Record):
@@ -37,6 +38,9 @@ class CaseRecord(Record):
     rockers: dict[Name, RockerRecord] = Field(default={})
     cams: dict[Name, CamRecord] = Field(default={})
     contacts: dict[Name, ContactRecord] = Field(default={})
+    settings: dict[Name, SettingRecord] = Field(
+        default={}, description="speeds and springs that `settings` tells beside the case's own"
+    )
     run: RunRecord
     output: OutputRecord = Field(default_factory=lambda: OutputRecord.model_validate({}))
 
