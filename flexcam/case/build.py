@@ -256,13 +256,13 @@ def _lift(record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> Fl
         if record.follower == rocker.start and record.follower not in mesh.points:
             return _finger_along(rocker)
     follower = mesh.node(record.follower, "follower")
-    return _six(_across(mesh.nodes[follower] - mesh.nodes[cam], _tangent(mesh, cam)))
+    return _six(_across(mesh.nodes[follower] - mesh.nodes[cam], _axis(case.cams[record.cam], mesh)))
 
 
 def _towards(lift: FloatArray, record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> FloatArray:
     """Return a given direction of the lift if it leads away from the shaft, square to it."""
     cam = mesh.node(case.cams[record.cam].at, "cam")
-    if abs(float(lift[:3] @ _tangent(mesh, cam))) > _SQUARE * float(np.linalg.norm(lift[:3])):
+    if abs(float(lift[:3] @ _axis(case.cams[record.cam], mesh))) > _SQUARE * float(np.linalg.norm(lift[:3])):
         raise refuse(
             "direction", lift[:3].tolist(), "a direction square to the shaft", "a plate cam lifts in its plane"
         )
@@ -280,11 +280,21 @@ _SQUARE = 1e-6
 
 def _axis(cam: cams.CamRecord, mesh: Mesh) -> FloatArray:
     """Return the axis of rotation: along the shaft, to the side given or to that of positive coordinates."""
+    if not mesh.on_members()[mesh.node(cam.at, "at")]:
+        return _axis_alone(cam)
     along = _tangent(mesh, mesh.node(cam.at, "at"))
     side = np.array(cam.axis) if cam.axis is not None else np.sign(along[np.argmax(np.abs(along))]) * along
     if abs(float(side @ along)) < 0.5 * float(np.linalg.norm(side)):
         raise refuse("axis", side.tolist(), "a vector along the shaft", "the cam turns with the shaft")
     return along if float(side @ along) > 0.0 else -along
+
+
+def _axis_alone(cam: cams.CamRecord) -> FloatArray:
+    """Return the axis of rotation of a cam at a node of no shaft: it must be given."""
+    if cam.axis is None or not any(cam.axis):
+        given, why = f"nothing, for a cam at {cam.at!r} on no member", "there is no shaft to take it from"
+        raise refuse("axis", given, "a vector along the axis of rotation", why, "add axis = [1, 0, 0] to the cam")
+    return np.array(cam.axis) / np.linalg.norm(cam.axis)
 
 
 def _tangent(mesh: Mesh, node: int) -> FloatArray:

@@ -229,14 +229,14 @@ def holds_mechanism(path: Path) -> bool:
     Returns
     -------
     bool
-        Whether it has members.
+        Whether it has members, masses or a run.
 
     Raises
     ------
     InputError
         If it is no readable TOML document.
     """
-    return "members" in _parsed(path)[1]
+    return not {"members", "masses", "run"}.isdisjoint(_parsed(path)[1])
 
 
 def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
@@ -272,6 +272,9 @@ def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
 def _either_or(raw: Mapping[str, Any], places: Places) -> list[Fault]:
     """Return the faults of keys of which exactly one, or at most one, may stand."""
     found = [*_one_of(raw, ("mesh", "nodes"), 1, "case file", "the geometry comes from one place")]
+    if "members" not in raw and "masses" not in raw:
+        why = "a mechanism is made of beams, of masses at points, or of both"
+        found.append(Fault("case file", "no members and no masses", "[members] or [masses]", why, "add [members]"))
     run = raw.get("run")
     if isinstance(run, Mapping):
         given, where = cast("Mapping[str, Any]", run), places.place(("run",))

@@ -17,6 +17,7 @@ from flexcam.case.tables.fidelity import FidelityRecord
 from flexcam.case.tables.members import MaterialRecord, MemberRecord, SectionRecord
 from flexcam.case.tables.parts import BearingRecord, LoadRecord, MassRecord, RockerRecord, SpringRecord
 from flexcam.case.tables.run import OutputRecord, RunRecord
+from flexcam.case.tables.settings import SettingRecord
 
 
 class CaseRecord(Record):
@@ -27,9 +28,9 @@ class CaseRecord(Record):
     paper: Literal["tayeb-sliman"] | None = Field(None, description="published system whose claims `compare` checks")
     mesh: str | None = Field(None, description="Gmsh file, relative to the case file")
     nodes: dict[Name, Point] = Field(default={}, description="named nodes, instead of a mesh file")
-    materials: dict[Name, MaterialRecord]
-    sections: dict[Name, SectionRecord]
-    members: dict[Name, MemberRecord]
+    materials: dict[Name, MaterialRecord] = Field(default={})
+    sections: dict[Name, SectionRecord] = Field(default={})
+    members: dict[Name, MemberRecord] = Field(default={}, description="beams; a lumped train has none")
     supports: dict[Name, list[q.Component]] = Field(default={}, description="components held at a point")
     masses: dict[Name, MassRecord] = Field(default={})
     springs: dict[Name, SpringRecord] = Field(default={})
@@ -38,6 +39,9 @@ class CaseRecord(Record):
     rockers: dict[Name, RockerRecord] = Field(default={})
     cams: dict[Name, CamRecord] = Field(default={})
     contacts: dict[Name, ContactRecord] = Field(default={})
+    settings: dict[Name, SettingRecord] = Field(
+        default={}, description="speeds and springs that `settings` tells beside the case's own"
+    )
     run: RunRecord
     fidelity: FidelityRecord = Field(default_factory=lambda: FidelityRecord.model_validate({}))
     output: OutputRecord = Field(default_factory=lambda: OutputRecord.model_validate({}))

@@ -95,8 +95,9 @@ def run(
         })  # fmt: skip
     else:
         out().print(console.run_table(ready.case, response))
-        out().print()
-        out().print(console.strength_table(strength.members()))
+        if ready.model.members:
+            out().print()
+            out().print(console.strength_table(strength.members()))
         if figures:
             out().print()
             out().print(console.operation_table(figures))

@@ -21,6 +21,7 @@ from flexcam.console.laws import law_facts, law_json, laws_table, spectrum_table
 from flexcam.console.limits import limits_json, limits_table
 from flexcam.console.parting import force_bands, parting_json, parting_table
 from flexcam.console.results import info_table, operation_table, periodicity, run_table, strength_table, unknowns
+from flexcam.console.settings import settings_json, settings_table, settings_words
 from flexcam.console.stability import dangers, growth_table, growths, stability_json, stability_table
 from flexcam.console.synthesis import (
     harmonic_table,
@@ -70,6 +71,9 @@ __all__ = [
     "resolved",
     "run_doubts",
     "run_table",
+    "settings_json",
+    "settings_table",
+    "settings_words",
     "smoothing_table",
     "spectrum_table",
     "stability_json",

@@ -85,7 +85,7 @@ def model_table(ready: Prepared, modes: ModelModes) -> Table:
     lowest = [f"{f:.4g}" for f in modes.modes.frequencies[modes.modes.rigid :][:5]]
     per_revolution = 2.0 * math.pi / (ready.case.speed * problem.step)
     rows = [
-        ("members", ", ".join(f"{name} {mass:.4g} kg" for name, mass in member_masses(model).items())),
+        ("members", ", ".join(f"{name} {mass:.4g} kg" for name, mass in member_masses(model).items()) or "none"),
         ("elements", str(len(model.mesh.elements()))),
         ("degrees of freedom", str(problem.system.size)),
         ("left out of the run", "; ".join(left_out(ready)) or "nothing"),

@@ -151,7 +151,7 @@ def info_table(result: Result) -> Table:
         ("probes", ", ".join(name for name, _ in response.outline.probes) or "none"),
         ("channels", ", ".join(f"{name} [{unit}]" for name, unit in response.outline.channels) or "none"),
         ("fields", ", ".join([*result.field_names, *result.recovered])),
-        ("members", ", ".join(f"{name} ({len(line) - 1})" for name, line in result.mesh.lines.items())),
+        ("members", ", ".join(f"{name} ({len(line) - 1})" for name, line in result.mesh.lines.items()) or "none"),
         *about,
         ("overrides", ", ".join(json.loads(result.about["overrides"])) or "none"),
     ]

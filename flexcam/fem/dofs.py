@@ -119,7 +119,9 @@ class DofMap:
         return row
 
 
-def dof_map(mesh: Mesh, supports: Iterable[tuple[str, Iterable[str]]]) -> DofMap:
+def dof_map(
+    mesh: Mesh, supports: Iterable[tuple[str, Iterable[str]]], single: Iterable[tuple[int, FloatArray]] = ()
+) -> DofMap:
     """Return the numbering of the free components of a mesh.
 
     Parameters
@@ -128,6 +130,9 @@ def dof_map(mesh: Mesh, supports: Iterable[tuple[str, Iterable[str]]]) -> DofMap
         The mesh.
     supports
         Pairs of a point name and the components held there.
+    single
+        Pairs of a node and what moves there, shape (6,), not zero where something does: a mass or a spring. It frees
+        nodes on no member, which else have nothing to move; those of a member have all their components anyway.
 
     Returns
     -------
@@ -145,13 +150,12 @@ def dof_map(mesh: Mesh, supports: Iterable[tuple[str, Iterable[str]]]) -> DofMap
     >>> dof_map(mesh, [("root", ["uy", "uz", "rx"])]).size
     9
     """
-    free = np.ones((len(mesh.nodes), 6), dtype=bool)
+    free = np.repeat(mesh.on_members()[:, None], 6, axis=1)
+    for node, moved in single:
+        free[node] |= moved != 0.0
     for point, components in supports:
         for name in components:
             free[mesh.select(point, f"supports.{point}"), component(name, f"supports.{point}")] = False
-    used = np.zeros(len(mesh.nodes), dtype=bool)
-    used[mesh.elements().ravel()] = True
-    free &= used[:, None]  # a node without an element has nothing to move
     numbers = np.full(free.shape, -1, dtype=np.intp)
     numbers[free] = np.arange(np.count_nonzero(free))
     node_names = _node_names(mesh)

@@ -93,7 +93,7 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
     axes = span / length[:, None]
 
     def each(values: list[float]) -> FloatArray:
-        return np.repeat(np.array(values, dtype=float), repeats)
+        return np.repeat(np.array(values, dtype=float), np.array(repeats, dtype=np.intp))
 
     E, G = each([m.material.E for m in chosen]), each([m.material.G for m in chosen])
     rho, A = each([m.material.density for m in chosen]), each([m.section.A for m in chosen])

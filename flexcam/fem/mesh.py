@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from flexcam.checks import Fault, InputError, did_you_mean, finite_array, refuse
 from flexcam.linalg import FloatArray, IntArray
 
+Bools = np.ndarray[tuple[int], np.dtype[np.bool_]]
+
 
 def _frozen_index(values: ArrayLike) -> IntArray:
     given = np.array(values)
@@ -103,6 +105,12 @@ class Mesh:
         """Return where the elements of every member stand in `elements`."""
         ends = np.cumsum([0, *(len(line) - 1 for line in self.lines.values())]).tolist()
         return {name: slice(a, b) for name, a, b in zip(self.lines, ends[:-1], ends[1:], strict=True)}
+
+    def on_members(self) -> Bools:
+        """Return which nodes lie on a member, shape (nodes,)."""
+        used = np.zeros(len(self.nodes), dtype=bool)
+        used[self.elements().ravel()] = True
+        return used
 
     def parts(self) -> list[IntArray]:
         """Return the node numbers of every connected part, ascending; members meet at shared nodes."""

@@ -32,7 +32,7 @@ class Reference:
     Parameters
     ----------
     measured
-        Its histories.
+        Its histories over the run.
     errors
         Its own root mean square error by quantity, SI: twice the distance to a run of fewer elements and half its steps.
     size

@@ -1,4 +1,4 @@
-"""The drawn geometry of a model: every member a polyline with points of its own.
+"""The drawn geometry of a model: every member a polyline with points of its own, every other node that moves a vertex.
 
 A joint can so carry the section forces of each member that meets there.
 """
@@ -54,25 +54,38 @@ class Geometry:
 
     @cached_property
     def node(self) -> IntArray:
-        """Mesh node of every point, shape (points,): the members' chains one after the other."""
-        return np.concatenate(list(self.mesh.lines.values()))
+        """Mesh node of every point, shape (points,): the members' chains one after the other, then `single`."""
+        return np.concatenate([*self.mesh.lines.values(), self.single])
+
+    @cached_property
+    def single(self) -> IntArray:
+        """Nodes on no member that move, shape (k,)."""
+        return np.flatnonzero((self.dofs.numbers >= 0).any(axis=1) & ~self.mesh.on_members())
 
     @cached_property
     def ends(self) -> IntArray:
-        """First point of every member and, last, the number of points, shape (members + 1,)."""
+        """First point of every member and, last, the number of their points, shape (members + 1,)."""
         return np.cumsum([0, *(len(line) for line in self.mesh.lines.values())])
 
+    def cells(self) -> IntArray:
+        """Return the number of the member of every cell, vertices first, for which it is -1."""
+        return np.concatenate([np.full(len(self.single), -1), np.arange(len(self.mesh.lines))])
+
     def radius(self) -> FloatArray:
-        """Return the drawn radius at every point, m, shape (points,)."""
-        lengths = [len(line) for line in self.mesh.lines.values()]
-        return np.repeat([self.sections[name].radius for name in self.mesh.lines], lengths)
+        """Return the drawn radius at every point, m, shape (points,); zero at a vertex."""
+        radii = [np.full(len(line), self.sections[name].radius) for name, line in self.mesh.lines.items()]
+        return np.concatenate([*radii, np.zeros(len(self.single))])
 
     def axes(self) -> FloatArray:
-        """Return the local axes at every point, those of the element that begins there, shape (points, 3, 3)."""
-        return np.concatenate([
+        """Return the local axes at every point, those of the element that begins there, shape (points, 3, 3).
+
+        Those of a vertex are the global ones.
+        """
+        along = [
             self.beams.triads[part][np.minimum(np.arange(len(line)), len(line) - 2)]
             for line, part in zip(self.mesh.lines.values(), self.mesh.element_ranges().values(), strict=True)
-        ])  # fmt: skip
+        ]
+        return np.concatenate([*along, np.tile(np.eye(3), (len(self.single), 1, 1))])
 
     @cached_property
     def fibres(self) -> Fibres:
@@ -94,7 +107,7 @@ class Geometry:
         -------
         dict
             Keys of `RECOVERED`, shape (times, points, 3) or (times, points). Where a force acts at a node the two
-            elements there differ: the larger value stands, component by component.
+            elements there differ: the larger value stands, component by component. Vertices have none: zeros.
         """
         forces = section_forces(self.beams, nodal, acceleration=acceleration, spread=self.spread)
         fibre = self.fibres

@@ -105,7 +105,7 @@ def write_collection(path: Path, times: FloatArray, frames: Iterable[Frame]) -> 
 
 
 def write_vtp(path: Path, frame: Frame) -> None:
-    """Write one instant as VTK PolyData XML, one polyline per member.
+    """Write one instant as VTK PolyData XML, one polyline per member, and a vertex per node on no member that moves.
 
     Parameters
     ----------
@@ -116,4 +116,6 @@ def write_vtp(path: Path, frame: Frame) -> None:
     """
     lengths = [len(line) for line in frame.mesh.lines.values()]
     points = frame.mesh.nodes[frame.node]
-    write_polylines(path, points, lengths, point_data=frame.data, cell_data={"member": np.arange(len(lengths))})
+    vertices = np.full(len(points) - sum(lengths), -1)
+    members = np.concatenate([vertices, np.arange(len(lengths))])
+    write_polylines(path, points, lengths, point_data=frame.data, cell_data={"member": members})

@@ -115,12 +115,18 @@ def _write_lines(vtk: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py h
     mesh, points, ends = geometry.mesh, len(geometry.node), geometry.ends
     fixed(vtk, "NumberOfPoints", np.array([points]))
     fixed(vtk, "Points", mesh.nodes[geometry.node], "m")
-    for topology in ("Vertices", "Lines", "Polygons", "Strips"):
-        lines = topology == "Lines"
+    single, nothing = len(geometry.single), np.zeros(0, int)
+    cells = {
+        "Vertices": (np.arange(points - single, points), np.arange(single + 1)),
+        "Lines": (np.arange(points - single), ends),
+        "Polygons": (nothing, np.zeros(1, int)),
+        "Strips": (nothing, np.zeros(1, int)),
+    }
+    for topology, (connectivity, offsets) in cells.items():
         group = vtk.create_group(topology)
-        fixed(group, "NumberOfCells", np.array([len(mesh.lines) if lines else 0]))
-        fixed(group, "NumberOfConnectivityIds", np.array([points if lines else 0]))
-        fixed(group, "Connectivity", np.arange(points if lines else 0))
-        fixed(group, "Offsets", ends if lines else np.zeros(1, int))
-    member = fixed(vtk.create_group("CellData"), "member", np.arange(len(mesh.lines)))
+        fixed(group, "NumberOfCells", np.array([len(offsets) - 1]))
+        fixed(group, "NumberOfConnectivityIds", np.array([len(connectivity)]))
+        fixed(group, "Connectivity", connectivity)
+        fixed(group, "Offsets", offsets)
+    member = fixed(vtk.create_group("CellData"), "member", geometry.cells())
     member.attrs["names"] = list(mesh.lines)

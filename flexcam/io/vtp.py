@@ -18,7 +18,7 @@ Data = Mapping[str, FloatArray | IntArray]
 def write_polylines(
     path: Path, points: FloatArray, lengths: Sequence[int], *, point_data: Data, cell_data: Data
 ) -> None:
-    """Write polylines whose points follow each other.
+    """Write polylines whose points follow each other; points behind the last one's become vertices.
 
     Parameters
     ----------
@@ -27,19 +27,22 @@ def write_polylines(
     points
         Shape (n, 3), m.
     lengths
-        Points per line, n together.
+        Points per line, up to n together.
     point_data, cell_data
-        Arrays by name, a row per point and per line.
+        Arrays by name, a row per point; per vertex and then per line.
     """
-    count = len(points)
+    drawn = sum(lengths)
+    vertices, ends = np.arange(drawn, len(points)), np.cumsum([0, *lengths])[1:]
     path.write_text("\n".join([
         '<?xml version="1.0"?>',
         '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
-        f'<PolyData><Piece NumberOfPoints="{count}" NumberOfLines="{len(lengths)}">',
+        "<PolyData>",
+        f'<Piece NumberOfPoints="{len(points)}" NumberOfVerts="{len(vertices)}" NumberOfLines="{len(lengths)}">',
         "<PointData>", *(_array(name, values) for name, values in point_data.items()), "</PointData>",
         "<CellData>", *(_array(name, values) for name, values in cell_data.items()), "</CellData>",
         "<Points>", _array("Points", points), "</Points>",
-        "<Lines>", _array("connectivity", np.arange(count)), _array("offsets", np.cumsum(lengths)), "</Lines>",
+        "<Verts>", _array("connectivity", vertices), _array("offsets", np.arange(len(vertices)) + 1), "</Verts>",
+        "<Lines>", _array("connectivity", np.arange(drawn)), _array("offsets", ends), "</Lines>",
         "</Piece></PolyData></VTKFile>", "",
     ]), encoding="ascii")  # fmt: skip
 

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import eig
 
 from flexcam.integrate import Method, Tangents
 from flexcam.linalg import FloatArray
@@ -120,6 +119,8 @@ def _along(ready: Prepared, response: Response) -> list[tuple[float, _Swings]]:
 
 def _swings(M: FloatArray, C: FloatArray, K: FloatArray) -> _Swings:
     """Return the natural motions of matrices that need not be symmetric, lowest first, without free or growing ones."""
+    from scipy.linalg import eig
+
     values, vectors = (np.asarray(one) for one in eig(K, M))
     squares: FloatArray = np.real(values)
     good = np.isfinite(squares) & (np.abs(np.imag(values)) <= np.abs(squares))

@@ -7,7 +7,7 @@ A new kind of part is a dataclass in `model` and its rows in `structure`; a new 
 from flexcam.train.buckling import buckling_load
 from flexcam.train.build import build_system
 from flexcam.train.cam_contact import hertz_line
-from flexcam.train.free_running import free_running
+from flexcam.train.free_running import free_running, free_speed
 from flexcam.train.left_out import left_out
 from flexcam.train.loads import element_loads
 from flexcam.train.modal_basis import modal_basis
@@ -30,6 +30,7 @@ from flexcam.train.model import (
 )
 from flexcam.train.modes import ModelModes, model_modes
 from flexcam.train.operation import Figure, Seating, main_lift, operation, seating, separation
+from flexcam.train.published import follower_train
 from flexcam.train.resolution import CoarseCam, coarse_cams
 from flexcam.train.rigid import build_rigid
 from flexcam.train.strength import MemberStrength, StrengthSink
@@ -65,7 +66,9 @@ __all__ = [
     "build_system",
     "coarse_cams",
     "element_loads",
+    "follower_train",
     "free_running",
+    "free_speed",
     "hertz_line",
     "left_out",
     "lift_transfer",

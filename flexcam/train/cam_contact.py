@@ -102,9 +102,11 @@ def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> A
 
 def _stands_still(structure: Structure, follower: str, where: str) -> InputError:
     mesh = structure.model.mesh
-    if structure.is_node(follower) and mesh.node(follower) not in mesh.elements():
-        why = "only members give a node unknowns"
-        return refuse(where, f"{follower!r}, a node on no member", "a node of a member", why, "end a member there")
+    if structure.is_node(follower) and not (structure.dofs.numbers[mesh.node(follower)] >= 0).any():
+        given, why = f"{follower!r}, a node with nothing that moves", "members, masses and springs give a node unknowns"
+        allowed = "a node of a member, or one with a mass or a spring along the lift"
+        if mesh.node(follower) not in mesh.elements():
+            return refuse(where, given, allowed, why, "end a member there, or put a mass on it")
     given, why = f"{follower!r}, held along the lift", "a follower that cannot move feels no cam"
     return refuse(where, given, "a point that is free along the lift", why, "free it in [supports]")
 
@@ -259,7 +261,10 @@ def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -
         raise refuse(where, "hertz", "a cam with a profile and a width", "the radius of curvature decides", remedy)
     model = structure.model
     node = find_node(model, cam.at, where)
-    material = next(m.material for n, m in model.members.items() if node in model.mesh.lines[n])
+    material = next((m.material for n, m in model.members.items() if node in model.mesh.lines[n]), None)
+    if material is None:
+        given, why = f"hertz, of a cam at {cam.at!r} on no member", "the member says the material"
+        raise refuse(where, given, "a number, or a cam on a member", why)
     follower, roller = cam.follower, cam.follower.roller_radius
     own = _profile(cam, _ANGLES).radius
     curvature = 1.0 / own + 1.0 / roller
@@ -279,7 +284,8 @@ def _profile_channels(structure: Structure, name: str, contact: CamContact, cam:
     channels: list[Channel] = []
     follower = cam.follower
     whole = not undercut(_profile(cam, _ANGLES).radius, follower).any()
-    if cam.width is not None and whole:
+    on_member = structure.model.mesh.on_members()[find_node(structure.model, cam.at, f"cams.{contact.cam}.at")]
+    if cam.width is not None and whole and on_member:
         line = hertz_line(structure, name, contact, cam)
         channels.append(Channel(f"{where}.pressure", "Pa", _pressure(line, cam)))
     if not np.isfinite(follower.roller_radius):

@@ -11,7 +11,8 @@ import numpy as np
 
 from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
-from flexcam.system import SpeedByAngle
+from flexcam.motion import Event
+from flexcam.system import AngleFunction, SpeedByAngle
 from flexcam.train.model import Model
 
 
@@ -55,8 +56,30 @@ def free_running(
     if part.follower is None:
         why = "the inertia of the cam follows from its base circle"
         raise refuse(f"cams.{cam}", "no base circle", "base_radius and follower", why, "add both")
-    event, r0 = part.event, part.follower.base_radius
-    mean = 0.5 * cam_mass * (r0 + event.height) ** 2
+    omega = free_speed(part.event, part.follower.base_radius, speed, cam_mass, follower_mass)
+    return SpeedByAngle(omega, start, time)
+
+
+def free_speed(event: Event, base_radius: float, speed: float, cam_mass: float, follower_mass: float) -> AngleFunction:
+    """Return the speed of a freely running cam over its angle.
+
+    Parameters
+    ----------
+    event
+        Lift of the follower.
+    base_radius
+        Of the base circle, m.
+    speed
+        Camshaft speed that belongs to the mean inertia, rad/s.
+    cam_mass, follower_mass
+        kg.
+
+    Returns
+    -------
+    AngleFunction
+        omega, rad/s, and its first derivative by the cam angle.
+    """
+    r0, mean = base_radius, 0.5 * cam_mass * (base_radius + event.height) ** 2
 
     def inertia(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
         s, slope, bend = (event(angle, order) for order in range(3))
@@ -68,4 +91,4 @@ def free_running(
         found = speed * np.sqrt(mean / J)
         return found if order == 0 else -0.5 * found * change / J
 
-    return SpeedByAngle(omega, start, time)
+    return omega

@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+import numpy as np
+
 from flexcam.fem import Damping, Member, Mesh
+from flexcam.linalg import IntArray
 from flexcam.train.links import Adjuster, Cam, CamContact, Contact, Lash, Play, PublishedLoad, Seat
 from flexcam.train.parts import GivenLoad, MassAt, Pulsation, Spring, Wire
 from flexcam.train.rockers import Lever, Rocker, path_name, tip_name
@@ -94,6 +97,16 @@ class Model:
             for one in parts
             if one.ends is not None and one.direction is not None
         ]
+
+    def connected(self, node: int) -> IntArray:
+        """Return the nodes that members and links connect to a node, itself included, shape (k,), ascending."""
+        points = self.mesh.points
+        links = [(one.at, one.to) for one in self.springs.values() if one.link and one.to in points]
+        pairs = [(self.mesh.node(a), self.mesh.node(b)) for a, b in links if a in points and b is not None]
+        found = set(self.mesh.connected(node).tolist())
+        while more := {n for pair in pairs if not found.isdisjoint(pair) for n in pair} - found:
+            found.update(*(self.mesh.connected(n).tolist() for n in more))
+        return np.array(sorted(found), dtype=np.intp)
 
     @property
     def levers(self) -> dict[str, Lever]:

@@ -98,6 +98,8 @@ class Spring:
         For its stress; None where it is not known.
     pulsation
         Swing of its stiffness, on the stretch from where it is installed; None for a constant one.
+    link
+        Whether it stands for an elastic part of the train between two points, which is rigid in the rigid mechanism.
     """
 
     at: str
@@ -112,6 +114,7 @@ class Spring:
     clash_stiffness: float = 0.0
     wire: Wire | None = None
     pulsation: Pulsation | None = None
+    link: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,10 +36,11 @@ def shafts(structure: Structure) -> Coupling:
     for contact in model.driven.values():
         at = model.cams[contact.cam].at
         axis = _turning(contact.shaft_axis)
-        channels += [
-            Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(at, axis))),
-            Channel(f"cams.{contact.cam}.deflection", "m", row_of(structure.row(at, contact.direction))),
-        ]
+        if model.mesh.on_members()[model.mesh.node(at)]:
+            channels += [
+                Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(at, axis))),
+                Channel(f"cams.{contact.cam}.deflection", "m", row_of(structure.row(at, contact.direction))),
+            ]
         driven |= dict.fromkeys(model.mesh.connected(model.mesh.node(at)).tolist(), contact.shaft_axis)
     for point, held in model.supports.items():
         for node in model.mesh.select(point).tolist():

@@ -139,12 +139,24 @@ class Structure:
         ndarray
             Shape (n,).
         """
-        moved = self._pushed_on(motion)
+        moved = self._linked(self._pushed_on(motion))
         for rocker in self.model.rockers.values():
             driven = float(self.row(rocker.start, rocker.direction) @ moved)
             for name, share in self._shares(rocker).items():
                 moved += self.dofs.unit(name) * share * driven
-        return self.with_springs(moved)
+        return self.with_springs(self._linked(moved))
+
+    def _linked(self, motion: FloatArray) -> FloatArray:
+        """Return a motion with the points that follow through springs that stand for parts of the train."""
+        moved = motion.copy()
+        links = [(one.direction, (one.at, one.to)) for one in self.model.springs.values() if one.link and one.to]
+        for _ in links:  # each pass goes on by one link at least
+            for direction, ends in links:
+                drawn = [float(self.row(end, direction) @ moved) for end in ends]
+                for still, (other, end) in enumerate(zip(reversed(drawn), ends, strict=True)):
+                    if drawn[still] == 0.0 and other != 0.0 and self.is_node(end):
+                        moved += other * self.shifted(self.model.mesh.node(end), direction)
+        return moved
 
     def with_springs(self, motion: FloatArray) -> FloatArray:
         """Return a motion with the inner parts of springs evenly between their ends, shape (n,)."""
@@ -245,7 +257,8 @@ def build_structure(model: Model) -> Structure:
     """
     beams = fem.beams(model.mesh, model.members)
     inner = [inner_name(name, i) for name, spring in model.springs.items() for i in range(1, spring.elements)]
-    dofs = fem.dof_map(model.mesh, model.supports.items()).extended([*model.further_unknowns, *inner])
+    dofs = fem.dof_map(model.mesh, model.supports.items(), _single(model))
+    dofs = dofs.extended([*model.further_unknowns, *inner])
     nothing = Triplets.zeros(dofs.size)
     bare = Structure(model, beams, dofs, nothing, nothing, nothing, np.zeros((dofs.size, 0)))
     mass, stiffness, dampers = fem.mass(beams, dofs), fem.stiffness(beams, dofs), nothing
@@ -269,6 +282,16 @@ def build_structure(model: Model) -> Structure:
             mass = mass + _bar_mass(low, high, spring.mass / share)
             stretched += [stretch] if spring.stiffness > 0.0 else []
     return Structure(model, beams, dofs, mass, stiffness, dampers, fem.free_motions(model.mesh, dofs, stretched))
+
+
+def _single(model: Model) -> list[tuple[int, FloatArray]]:
+    """Return what moves at nodes on no member: where a mass has inertia, and along springs."""
+    known, used = model.mesh.points, model.mesh.on_members()
+    moved = [(part.at, np.diag(part.body.matrix())) for part in model.masses.values()]
+    for spring in model.springs.values():
+        moved += [(end, spring.direction) for end in (spring.at, spring.to) if end is not None]
+    nodes = [(int(node), size) for point, size in moved if point in known for node in known[point]]
+    return [(node, size) for node, size in nodes if not used[node]]
 
 
 def spring_ends(structure: Structure, name: str, spring: Spring) -> tuple[FloatArray, FloatArray]:
@@ -391,7 +414,7 @@ def valve_ratio(model: Model, cam: str) -> float:
             finger = model.rocker_at(contact.follower)
             if finger is not None:
                 return finger.ratio
-            train = model.mesh.connected(find_node(model, contact.follower, "follower"))
+            train = model.connected(find_node(model, contact.follower, "follower"))
             ratios = [r.ratio for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in train]
             return ratios[0] if ratios else 1.0
     return 1.0

@@ -209,6 +209,9 @@ def test_an_adjuster_between_nodes():
     assert np.ptp(found["contacts.play.leak_down"]) > 0.0
 
 
+PAPERS = ("checks/mathieu.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
+
+
 def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
     """All tables of the format; the test of the same name for the older keys finds no table any more."""
     shutil.copy(DATA / "lift.csv", tmp_path)
@@ -225,6 +228,11 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.integrator={ method = "bathe" }', "fidelity.modes=20"]),
         (DATA / "every-key.toml", ['run.start={ result = "any.vtkhdf" }']),
         (DATA / "every-key.toml", ["members.pushrod.section=flat", "members.camshaft.section=own"]),
+        (DATA / "every-key.toml", ['run.integrator={ method = "dop853", tolerance = 1e-8 }']),
+        (DATA / "every-key.toml", ['run.integrator={ method = "central-difference" }']),
+        (DATA / "every-key.toml", ['run.integrator={ method = "exact" }']),
+        (DATA / "every-key.toml", ['run.adaptive={ tolerance = 1e-6, smallest = "1 ns" }']),
+        *((DATA.parents[1] / "cases" / name, []) for name in PAPERS),
     ]  # fmt: skip
     text = (DATA / "every-key.toml").read_text(encoding="utf-8")
     text = text.replace("steps_per_revolution = 720", 'step = "20 us"').replace('speed = "1000', 'crank_speed = "2000')

@@ -47,7 +47,7 @@ def test_not_utf8(tmp_path):
 
 def test_an_empty_file_lacks_everything(faults_of):
     wheres = {fault.where for fault in faults_of("")}
-    assert {"format", "materials", "sections", "members", "run"} <= wheres
+    assert {"format", "case file", "run"} <= wheres
 
 
 def test_deeply_nested(faults_of):

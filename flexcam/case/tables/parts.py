@@ -85,7 +85,11 @@ class SpringRecord(PartRecord[train.Spring]):
     direction: q.DirectionValue
     stiffness: float = Field(0.0, description="N/m, or N m/rad about an axis")
     damping: float = Field(0.0, description="N s/m, or N m s/rad about an axis")
+    link: bool = Field(
+        False, strict=True, description="stands for a part of the train, which is rigid in the rigid mechanism"
+    )
     installed_force: q.Force | None = Field(None, description="force it is installed with, against direction")
+    installed_compression: q.Length | None = Field(None, description="instead of the force: times the stiffness")
     mass: q.MassValue = Field(0.0, description="spread over its length")
     elements: int = Field(1, ge=1, le=1000, strict=True, description="equal parts; more than one lets it surge")
     clash_travel: q.Length | None = Field(None, description="along direction from installed until all coils touch")
@@ -103,6 +107,10 @@ class SpringRecord(PartRecord[train.Spring]):
             )
         if self.wire is not None and self.wire.rate is not None and self.stiffness:
             raise q.refused("either stiffness, or active_coils and shear_modulus of the wire", "both say the same")
+        if self.installed_force is not None and self.installed_compression is not None:
+            raise q.refused("either installed_force or installed_compression", "one follows from the other")
+        if self.link and (self.to is None or self.installed_force or self.installed_compression):
+            raise q.refused("a link with an end `to` and no preload", "it joins two points as a part of the train does")
         if self.clash_travel is not None and not self.made().stiffness:
             raise q.refused("a stiffness where coils can touch", "a spring without one has no coils")
         return self
@@ -121,9 +129,12 @@ class SpringRecord(PartRecord[train.Spring]):
         stiffness = self.stiffness or (self.wire.rate if self.wire else None) or 0.0
         clash = self.clash_stiffness or _CLASH * self.elements * stiffness
         wire = self.wire.made() if self.wire else None
+        force = self.installed_force
+        if self.installed_compression is not None:
+            force = stiffness * self.installed_compression
         return train.Spring(
-            self.at, along, stiffness, self.damping, self.to, self.installed_force, self.mass, self.elements,
-            self.clash_travel, clash, wire, self.pulsation.made() if self.pulsation else None,
+            self.at, along, stiffness, self.damping, self.to, force, self.mass, self.elements,
+            self.clash_travel, clash, wire, self.pulsation.made() if self.pulsation else None, self.link,
         )  # fmt: skip
 
 

@@ -1,0 +1,92 @@
+"""Table of settings of a valve spring: accelerations, and the lift they are bought with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+from rich.table import Table
+
+from flexcam.console.words import mm
+from flexcam.fidelity import Setting
+from flexcam.terminal import table
+from flexcam.units import RPM
+
+_HEAD = ("k, kN/m", "x0, mm", "spp max", "spp min", "xpp max", "xpp min", "opens, mm", "lift lost")
+
+
+def settings_table(found: Sequence[Setting], scale: float) -> Table:
+    """Return what the closed form says of settings, a row each.
+
+    Parameters
+    ----------
+    found
+        From `flexcam.fidelity.settings_of`.
+    scale
+        Turns of the shaft that is counted per turn of the camshaft: 2 for the crankshaft.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    rows = [
+        (
+            one.name, f"{scale * one.speed / RPM:.6g}", f"{one.stiffness / 1e3:.4g}", mm(one.compression, 4),
+            *(f"{value:.0f}" for value in (*one.kinematic, *one.dynamic)), mm(one.opening, 3), f"{one.lost:.1%}",
+        )
+        for one in found
+    ]  # fmt: skip
+    title = f"Acceleration of the lift (spp) and of the valve (xpp), m/s^2; lift {mm(found[0].lift, 4)} mm"
+    return table(title, ("setting", "crank rpm" if scale == 2.0 else "camshaft rpm", *_HEAD), rows)
+
+
+def settings_words(found: Sequence[Setting]) -> list[str]:
+    """Return what must be said beside the accelerations: what they are bought with.
+
+    Parameters
+    ----------
+    found
+        As for `settings_table`.
+
+    Returns
+    -------
+    list
+        Sentences.
+    """
+    worst = max(found, key=lambda one: one.lost)
+    limited = worst.dynamic[0] / worst.kinematic[0]
+    bought = (
+        "In this closed form what limits the acceleration is lost lift: the train yields to the spring, and the valve "
+        f"does not open. With {worst.name} the valve's largest acceleration is {limited:.1%} of the lift's, and it "
+        f"opens {mm(worst.opening, 3)} of {mm(worst.lift, 4)} mm: {worst.lost:.1%} of the lift is lost."
+    )
+    words = [bought]
+    if shut := [one for one in found if not one.lifts_off]:
+        named = ", ".join(f"{one.name} ({one.preload / 1e3:.4g} kN)" for one in shut)
+        words.append(
+            f"A valve on a seat would not open at all: the preload is more than the train gives at full lift: {named}."
+        )
+    words.append(
+        "x, x' and x'' are the paper's closed form, with the speed held in its derivatives; flexcam run solves the "
+        "same mass in time, and need not agree."
+    )
+    return words
+
+
+def settings_json(found: Sequence[Setting], scale: float) -> dict[str, object]:
+    """Return the same as ``--json`` prints it, SI.
+
+    Parameters
+    ----------
+    found, scale
+        As for `settings_table`.
+
+    Returns
+    -------
+    dict
+        A list of settings, and the words.
+    """
+    rows = [{**asdict(one), "rpm": scale * one.speed / RPM, "lost": one.lost} for one in found]
+    shaft = "crank" if scale == 2.0 else "camshaft"
+    return {"shaft": shaft, "settings": rows, "words": settings_words(found)}

@@ -1,0 +1,182 @@
+"""Trains of masses and springs alone: points on no member move, are drawn, and are refused where due."""
+
+# ruff: noqa: E501 - tables, a row to a line
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import InputError, build_model, modes, prepare, read_case, read_result, run, solve
+from flexcam.fidelity import deviation
+from flexcam.io import write_modes, write_pvd
+from flexcam.runner import geometry_of, result_file
+
+ROOT = Path(__file__).parents[2]
+LI = ROOT / "cases/li/valve-train.toml"
+SHORT = ["run.revolutions=0.45", "run.steps_per_revolution=720"]
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Return a case from the text of Li's train with parts of it replaced."""
+
+    def make(*pairs):
+        text = LI.read_text(encoding="utf-8")
+        for old, new in pairs:
+            assert old in text
+            text = text.replace(old, new, 1)
+        path = tmp_path / "train.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lumped")
+    ready = prepare(read_case(LI, SHORT))
+    sink = result_file(ready, folder)
+    return solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink]), read_result(sink.path), sink.path
+
+
+def test_every_point_is_drawn_and_kept(kept):
+    response, result, _ = kept
+    assert result.still["node"].tolist() == [1, 2, 3]
+    assert dict(result.mesh.lines) == {}
+    at = np.searchsorted(response.time, response.field_time)
+    valve = result.field("displacement")[:, 3, 1]
+    np.testing.assert_array_equal(valve, response["valve.uy"].displacement[at])
+    assert not any(values.any() for values in result.recovered.values())
+
+
+def test_paraview_sees_vertices(kept):
+    reading = pytest.importorskip("vtkmodules.vtkIOHDF")
+    _, result, path = kept
+    reader = reading.vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
+    reader.SetStep(len(result.response.field_time) - 1)
+    reader.Update()
+    output = reader.GetOutput()
+    assert (output.GetNumberOfVerts(), output.GetNumberOfLines(), output.GetNumberOfPoints()) == (3, 0, 3)
+    shown = output.GetPointData().GetArray("displacement").GetTuple(2)
+    assert shown == tuple(result.field("displacement")[-1, 3])
+    assert [output.GetCellData().GetArray("member").GetValue(i) for i in range(3)] == [-1, -1, -1]
+
+
+def test_collections_hold_vertices(kept, tmp_path):
+    reading = pytest.importorskip("vtkmodules.vtkIOXML")
+    _, result, _ = kept
+    drawn = geometry_of(build_model(read_case(LI)))
+    found = modes(read_case(LI))
+    files = [*write_pvd(result, tmp_path / "train.pvd"), *write_modes(
+        tmp_path / "train-modes.vtkhdf", drawn, found.modes.frequencies, found.modes.shapes
+    )]  # fmt: skip
+    pieces = [path for path in files if path.suffix == ".vtp"]
+    assert len(pieces) > len(result.response.field_time)
+    for path in pieces[:2] + pieces[-2:]:
+        reader = reading.vtkXMLPolyDataReader()
+        reader.SetFileName(str(path))
+        reader.Update()
+        output = reader.GetOutput()
+        assert (output.GetNumberOfVerts(), output.GetNumberOfLines(), output.GetNumberOfPoints()) == (3, 0, 3)
+
+
+def test_beams_and_masses_side_by_side(tmp_path):
+    """A mass on no member beside a beam: both move, and the lines keep their points."""
+    text = (ROOT / "cases/checks/cantilever.toml").read_text(encoding="utf-8")
+    text = text.replace("[materials.steel]", 'ball = ["0 mm", "0 mm", "600 mm"]\n\n[materials.steel]', 1)
+    text += '[masses]\nball = { at = "ball", mass = "1 kg" }\n[springs]\n'
+    text += 'soft = { at = "ball", to = "tip", direction = "ux", stiffness = "1 kN/m" }\n'
+    text = text.replace("[supports]", '[supports]\nball = ["uy", "uz"]', 1)
+    path = tmp_path / "both.toml"
+    path.write_text(text, encoding="utf-8")
+    ready = prepare(read_case(path))
+    assert "ball.ux" in ready.problem.system.names
+    assert ready.problem.system.free.shape[1] == 0
+    drawn = geometry_of(ready.model)
+    assert len(drawn.node) == 9 + 1
+    assert drawn.cells().tolist() == [-1, 0]
+    assert run(read_case(path)).status.ok
+
+
+def test_a_mass_that_nothing_holds_falls(tmp_path):
+    """Free motions of a node by itself: x = g t^2/2."""
+    path = tmp_path / "falling.toml"
+    path.write_text("""
+format = 1
+[nodes]
+stone = [0, 0, 0]
+[masses]
+stone = { at = "stone", mass = "2 kg" }
+[run]
+speed = "60 rpm"
+revolutions = 0.2
+steps_per_revolution = 100
+gravity = [0, "-9.81 m/s^2", 0]
+start = { velocity = { "stone.ux" = "1 m/s" } }
+[output]
+probes = ["stone"]
+""", encoding="utf-8")  # fmt: skip
+    ready = prepare(read_case(path))
+    assert ready.problem.system.names == ("stone.ux", "stone.uy", "stone.uz")
+    assert ready.problem.system.free.shape == (3, 3)
+    response = run(read_case(path))
+    np.testing.assert_allclose(response["stone.uy"].displacement, -0.5 * 9.81 * response.time**2, atol=1e-12)
+    np.testing.assert_allclose(response["stone.ux"].displacement, response.time, atol=1e-12)
+
+
+def test_only_what_has_inertia_or_a_spring_moves(written):
+    """A body with inertia turns too; a point without a mass moves along its springs."""
+    turning = written(
+        ('mass = "0.25 kg" }', 'mass = "0.25 kg", inertia = ["0 kg m^2", "1e-5 kg m^2", "1e-5 kg m^2"] }')
+    )
+    assert prepare(read_case(turning)).problem.system.names[:3] == ("tappet.uy", "tappet.ry", "tappet.rz")
+    light = written(('m2 = { at = "rocker", mass = "0.18 kg" }\n', ""))
+    case = read_case(light, SHORT)
+    assert prepare(case).problem.system.names == ("tappet.uy", "rocker.uy", "valve.uy")
+    two = 1.0 / (1.0 / 4e6 + 1.0 / 4e6)
+    M, K = np.diag([0.25, 0.21]), np.array([[two, -two], [-two, two + 2.3e4]])
+    expected = np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real.min()) / (2.0 * math.pi)
+    assert modes(case).modes.frequencies[0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_links_are_rigid_in_the_rigid_mechanism_and_springs_are_not(written):
+    assert deviation(read_case(LI, SHORT), "valve.uy").lift == pytest.approx(5.5e-3, rel=1e-9)
+    loose = written(('stiffness = "4e6 N/m", link = true }\nk4', 'stiffness = "4e6 N/m" }\nk4'))
+    with pytest.raises(InputError, match="a point that the cam moves"):
+        deviation(read_case(loose, SHORT), "valve.uy")
+
+
+REFUSED = [
+    (("axis = [1, 0, 0]\n", ""), "a cam at 'camshaft' on no member"),
+    (('model = "bilateral", stiffness = "4e6 N/m"', 'model = "unilateral", stiffness = "hertz"'), "radius of curvature decides"),
+    (('follower = "tappet"', 'follower = "camshaft"'), "nothing that moves"),
+    (('stiffness = "23 kN/m"', 'stiffness = "23 kN/m", link = true'), "a link with an end"),
+    (('stiffness = "23 kN/m"', 'stiffness = "23 kN/m", installed_force = "1 N", installed_compression = "1 mm"'), "either installed_force or"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("pair", "words"), REFUSED)
+def test_refused(written, pair, words):
+    with pytest.raises(InputError, match=words):
+        run(read_case(written(pair), SHORT))
+
+
+def test_hertz_needs_a_member(written):
+    path = written(
+        ('model = "bilateral", stiffness = "4e6 N/m"', 'model = "unilateral", stiffness = "hertz"'),
+        ("[contacts]", 'base_radius = "20 mm"\nwidth = "12 mm"\nfollower = { type = "flat" }\n[contacts]'),
+    )
+    with pytest.raises(InputError, match="the member says the material"):
+        prepare(read_case(path))
+
+
+def test_compression_is_force_by_stiffness(written):
+    path = written(('stiffness = "23 kN/m"', 'stiffness = "23 kN/m", installed_compression = "10 mm"'))
+    assert build_model(read_case(path)).springs["k4"].installed_force == pytest.approx(230.0, rel=1e-12)
