@@ -34,6 +34,7 @@ class Cause(StrEnum):
     NOT_SAVED = "not-saved"
     ROUNDING = "rounding"
     STEP_TOO_SMALL = "step-too-small"
+    TOLERANCE = "tolerance-not-met"
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ def prepare(case: Case, *, rigid: bool = False) -> Prepared:
     ``prepare(case).problem.system`` is the `System` of a case, for one's own studies.
     """
     model = build_model(case)
-    make = build_rigid if rigid else build_system
+    make = build_rigid if rigid or case.record.fidelity.model == "rigid" else build_system
     try:
         system = make(model, case.speed)
     except InputError as refusal:

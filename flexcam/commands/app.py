@@ -81,3 +81,12 @@ def quantity(where: str, text: str, dimension: str, unit: str) -> float:
 def load(path: Path, overrides: Sequence[str] | None) -> Case:
     """Read a case with the values of ``--set`` laid over it."""
     return read_case(path, overrides or ())
+
+
+def default_probe(case: Case) -> str:
+    """Return the probe that is a rocker's point, or the first one."""
+    rockers = [rocker.to for rocker in case.record.rockers.values()]
+    known = [*(p for p in case.record.output.probes if p in rockers), *case.record.output.probes]
+    if not known:
+        raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
+    return known[0]

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from flexcam import console, fidelity
 from flexcam.case import Case, build_model, read_case
 from flexcam.checks import refuse
-from flexcam.commands.app import CaseFile, Folder, Json, Overrides, Overwrite, app, load, running
+from flexcam.commands.app import CaseFile, Folder, Json, Overrides, Overwrite, app, default_probe, load, running
 from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, write_modes
 from flexcam.response import Status
@@ -178,7 +178,7 @@ def compare(case: CaseFile, *, probe: str | None = None, overrides: Overrides = 
         Point or component to compare at; by default the probe that is a rocker's point, or the first one.
     """
     read = load(case, overrides)
-    at = probe or _default_probe(read)
+    at = probe or default_probe(read)
     found = fidelity.deviation(read, at)
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
     mode_hz = fidelity.loaded_mode(read)[0] if published else None
@@ -208,11 +208,3 @@ def _standing(case: Case) -> Case:
         return case
     still = case.record.model_copy(update={"run": run.model_copy(update={"start": "equilibrium"})})
     return replace(case, record=still)
-
-
-def _default_probe(case: Case) -> str:
-    rockers = [rocker.to for rocker in case.record.rockers.values()]
-    known = [*(p for p in case.record.output.probes if p in rockers), *case.record.output.probes]
-    if not known:
-        raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
-    return known[0]

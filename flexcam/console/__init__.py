@@ -17,6 +17,15 @@ from flexcam.console.cases import (
     resolved,
 )
 from flexcam.console.doubts import coarse_steps, doubts, run_doubts
+from flexcam.console.fidelity import (
+    choice_words,
+    error_table,
+    plus_minus,
+    trade_csv,
+    trade_json,
+    trade_table,
+    traded_json,
+)
 from flexcam.console.laws import law_facts, law_json, laws_table, spectrum_table
 from flexcam.console.limits import limits_json, limits_table
 from flexcam.console.parting import force_bands, parting_json, parting_table
@@ -37,6 +46,7 @@ __all__ = [
     "CamFacts",
     "cam_json",
     "cam_table",
+    "choice_words",
     "claim_table",
     "coarse_steps",
     "comparison_table",
@@ -44,6 +54,7 @@ __all__ = [
     "couplings",
     "dangers",
     "doubts",
+    "error_table",
     "force_bands",
     "growth_table",
     "growths",
@@ -65,6 +76,7 @@ __all__ = [
     "parting_json",
     "parting_table",
     "periodicity",
+    "plus_minus",
     "polydyne_facts",
     "polydyne_table",
     "read_table",
@@ -81,5 +93,9 @@ __all__ = [
     "strength_table",
     "synthesis_json",
     "synthesis_table",
+    "trade_csv",
+    "trade_json",
+    "trade_table",
+    "traded_json",
     "unknowns",
 ]

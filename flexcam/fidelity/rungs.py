@@ -13,6 +13,9 @@ from flexcam.runner import DEFAULT_STEPS_PER_REVOLUTION, Prepared, prepare
 _ELEMENTS = (1, 2)
 """Elements per segment of every member, beside those of the case and twice as many."""
 
+_MODES = (3, 10, 30)
+"""Shapes of reduced models."""
+
 
 @dataclass(frozen=True, eq=False)
 class Rung:
@@ -26,18 +29,15 @@ class Rung:
         What it is.
     case
         The case it is made from.
-    rigid
-        Whether its members are rigid.
     """
 
     name: str
     words: str
     case: Case
-    rigid: bool = False
 
     def prepared(self) -> Prepared:
         """Return everything a run needs."""
-        return prepare(self.case, rigid=self.rigid)
+        return prepare(self.case)
 
     def run(self) -> Response:
         """Return its response."""
@@ -115,6 +115,25 @@ def with_elements(case: Case, factor: int | None = None, each: int | None = None
     return replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))
 
 
+def with_fidelity(case: Case, changed: Mapping[str, object]) -> Case:
+    """Return a case with other keys of its fidelity.
+
+    Parameters
+    ----------
+    case
+        The case.
+    changed
+        Key to checked value.
+
+    Returns
+    -------
+    Case
+        Its text is that of the old one.
+    """
+    fidelity = case.record.fidelity.model_copy(update=dict(changed))
+    return replace(case, record=case.record.model_copy(update={"fidelity": fidelity}))
+
+
 def ladder(case: Case) -> tuple[Rung, ...]:
     """Return the models of a case, coarse to fine.
 
@@ -126,17 +145,26 @@ def ladder(case: Case) -> tuple[Rung, ...]:
     Returns
     -------
     tuple
-        The rigid mechanism, beams with few elements, the case as it stands, and twice its elements.
+        The rigid mechanism, few modes of the beams, beams with few elements, the case as it stands, and twice its
+        elements.
     """
+    beams = with_fidelity(case, {"model": "beams", "tolerance": None, "estimate": False, "modes": None})
     own = {one.elements for one in case.record.members.values()}
-    rungs = [Rung("rigid", "rigid members", case, rigid=True)]
-    rungs += [
-        Rung(f"beams {n}", f"{n} element{'s' if n > 1 else ''} per segment", with_elements(case, each=n))
+    unknowns = prepare(beams).problem.system.size
+    fewer = [
+        Rung(f"beams {n}", f"{n} element{'s' if n > 1 else ''} per segment", with_elements(beams, each=n))
         for n in _ELEMENTS
-        if n < min(own)
+        if n < min(own, default=0)
     ]
-    rungs += [
-        Rung("beams", "the case as it stands", case),
-        Rung("beams x2", "twice its elements", with_elements(case, factor=2)),
+    modes = [
+        Rung(f"modes {n}", f"{n} modes with the static answers they miss", with_fidelity(beams, {"modes": n}))
+        for n in _MODES
+        if 2 * n < unknowns
     ]
-    return tuple(rungs)
+    return (
+        Rung("rigid", "rigid members", with_fidelity(beams, {"model": "rigid"})),
+        *modes,
+        *fewer,
+        Rung("beams", "the case as it stands", beams),
+        Rung("beams x2", "twice its elements", with_elements(beams, factor=2)),
+    )

@@ -34,7 +34,7 @@ class Reference:
     measured
         Its histories over the run.
     errors
-        Its own root mean square error by quantity, SI: twice the distance to a run of fewer elements and half its steps.
+        Its own root mean square error by quantity, SI: twice the distance to a coarser run.
     size
         Largest value by quantity, SI; of the lift its range.
     steps

@@ -55,7 +55,8 @@ def outline(system: System) -> Outline:
     states = [
         (f"{STATE}{force.name}.{i}", "1") for force in system.local_forces for i in range(len(force.law.start_state))
     ]
-    return Outline(system.names, probes, (*((c.name, c.unit) for c in system.channels), *energies, *states))
+    names = system.carried.names if system.carried else system.names
+    return Outline(names, probes, (*((c.name, c.unit) for c in system.channels), *energies, *states))
 
 
 def solve(
@@ -248,7 +249,8 @@ class _Run:
         return Block(
             time=time, angle=angle, probes=_probe_series(self._system.probes, series, seen.motion),
             channels=np.column_stack([*channels, energies, seen.states]),
-            field_time=time[saved], field_angle=angle[saved], fields=series.at(saved),
+            field_time=time[saved], field_angle=angle[saved],
+            fields=(Series(*self._system.carried.at(seen.motion)) if self._system.carried else series).at(saved),
         )  # fmt: skip
 
     def _observed(self, moments: list[Moment], motion: CamMotion, schedule: Schedule) -> tuple[Observed, FloatArray]:

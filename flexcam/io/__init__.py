@@ -4,7 +4,7 @@ May import `fem`, `response`, `linalg` and `checks`; owns h5py and meshio.
 A new format is one file here with one read or write function.
 """
 
-from flexcam.io.csv import write_csv
+from flexcam.io.csv import write_csv, write_text
 from flexcam.io.geometry import Geometry
 from flexcam.io.lift_file import LiftColumns, read_lift, write_lift_table
 from flexcam.io.mesh_file import read_mesh, write_mesh
@@ -37,4 +37,5 @@ __all__ = [
     "write_modes",
     "write_profile",
     "write_pvd",
+    "write_text",
 ]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from flexcam.checks import refuse
-from flexcam.io.target import free_to_write
+from flexcam.io.target import free_to_write, made_folder
 from flexcam.io.vtkhdf import SERIES
 from flexcam.linalg import FloatArray
 from flexcam.response import Response
@@ -64,3 +64,31 @@ def write_csv(
 
 def _unit(component: str, unit: str) -> str:
     return unit.replace("m", "rad", 1) if component in ("rx", "ry", "rz") else unit
+
+
+def write_text(path: Path, text: str, *, overwrite: bool = False) -> Path:
+    """Write a text file, such as a table.
+
+    Parameters
+    ----------
+    path
+        The file; its folder is made if it does not exist.
+    text
+        What it holds.
+    overwrite
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If the file exists and may not be replaced, or the folder cannot be made.
+    """
+    free_to_write("output", path, overwrite=overwrite)
+    made_folder(path.parent)
+    path.write_text(text, encoding="utf-8")
+    return path

@@ -3,7 +3,7 @@
 from flexcam.system.basis import Basis, Selection, Shapes, projected
 from flexcam.system.channel import Channel, Observable, Observed, force_sum, load_sum, row_of, total
 from flexcam.system.drive import CamMotion, ConstantSpeed, Drive, FluctuatingSpeed, SpeedByAngle
-from flexcam.system.equations import Load, Probe, System
+from flexcam.system.equations import Carried, Load, Probe, System
 from flexcam.system.local import (
     AngleFunction,
     AngleVector,
@@ -24,6 +24,7 @@ __all__ = [
     "AngleVector",
     "Basis",
     "CamMotion",
+    "Carried",
     "Channel",
     "Constant",
     "ConstantSpeed",

@@ -20,7 +20,7 @@ import numpy as np
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.system.channel import Channel
 from flexcam.system.drive import CamMotion
-from flexcam.system.local import AngleFunction, LocalForce
+from flexcam.system.local import AngleFunction, AngleVector, LocalForce
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +71,28 @@ class Probe:
 
 
 @dataclass(frozen=True, eq=False)
+class Carried:
+    """Motions that the cam prescribes, to be shown among the results of a mechanism without unknowns.
+
+    Parameters
+    ----------
+    names
+        As those of unknowns, n of them.
+    motion
+        Over the cam angle, vectors of shape (k, n).
+    """
+
+    names: tuple[str, ...]
+    motion: AngleVector
+
+    def at(self, motion: CamMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return displacement, velocity and acceleration at some instants, shape (m, n) each."""
+        moved, slope, bend = (self.motion.weights(motion.angle, i) @ self.motion.vectors for i in range(3))
+        speed, rate = motion.speed[:, None], motion.rate[:, None]
+        return moved, slope * speed, bend * speed**2 + slope * rate
+
+
+@dataclass(frozen=True, eq=False)
 class System:
     """A mechanism as equations, see the module's head.
 
@@ -84,6 +106,8 @@ class System:
         As their classes say.
     free
         Motions that the stiffness leaves free, shape (n, k), where they are known; None to find them numerically.
+    carried
+        What is shown in place of the unknowns of a mechanism that has none.
     stored
         Strain energy of what is not among the unknowns, because it never moves, J.
 
@@ -103,6 +127,7 @@ class System:
     probes: tuple[Probe, ...] = ()
     channels: tuple[Channel, ...] = ()
     free: FloatArray | None = None
+    carried: Carried | None = None
     stored: float = 0.0
 
     @property

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.motion import Event
-from flexcam.system import AngleFunction, CamMotion, Channel, Load, Probe, System, derivative, load_sum
+from flexcam.system import (
+    AngleFunction,
+    AngleVector,
+    CamMotion,
+    Carried,
+    Channel,
+    Load,
+    Probe,
+    System,
+    constant,
+    derivative,
+    load_sum,
+)  # fmt: skip
 from flexcam.train.build import probe_of
 from flexcam.train.lever import refuse_far_turns
 from flexcam.train.model import CamContact, Lash, Lever, Model, PublishedLoad, path_name, tip_name
@@ -197,7 +209,18 @@ def build_rigid(model: Model, speed: float) -> System:
         loads.append(Load(f"contacts.{name}", np.zeros(0), train.contact_force(event)))
     nothing = Triplets.zeros(0)
     probes = tuple(_rigid_probe(structure, probe_of(structure, point), trains) for point in model.probes)
-    return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels))
+    shown = _carried(model, structure, trains)
+    return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels), carried=shown)
+
+
+def _carried(model: Model, structure: Structure, trains: Mapping[str, RigidTrain]) -> Carried:
+    """Return the motion of all components, as the results show it."""
+    vectors, functions = [np.zeros((1, structure.dofs.size))], [constant(0.0)]
+    for name, train in trains.items():
+        event = model.cams[model.driven[name].cam].event
+        vectors.append(train.motions)
+        functions += [_along(1.0, coordinate, event) for coordinate in train.coordinates]
+    return Carried(structure.dofs.names, AngleVector(np.concatenate(vectors), tuple(functions)))
 
 
 def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrain]) -> Probe:

@@ -13,6 +13,7 @@ from flexcam.view.curves import (
     spectrum_figure,
 )
 from flexcam.view.speeds import force_figure, growth_figure
+from flexcam.view.trade import work_precision_figure
 
 __all__ = [
     "force_figure",
@@ -23,4 +24,5 @@ __all__ = [
     "profile_figure",
     "save_figure",
     "spectrum_figure",
+    "work_precision_figure",
 ]

@@ -1,0 +1,48 @@
+"""Command of what a cheaper model costs: trade."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from flexcam import console, fidelity
+from flexcam.checks import refuse
+from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, default_probe, load
+from flexcam.io import write_text
+from flexcam.terminal import out, print_json
+
+
+@app.command(
+    help_prologue="""\
+flexcam trade cases/tayeb/model-3-shm.toml
+flexcam trade case.toml --csv trade.csv --plot trade.svg --repeats 5
+"""
+)
+def trade(
+    case: CaseFile, *,
+    probe: Annotated[str | None, Parameter(help="Whose motion counts; the valve by default.")] = None,
+    repeats: Annotated[int, Parameter(help="Runs of every model; the median of their times counts.")] = 3,
+    csv: Annotated[Path | None, Parameter(help="Also write the table here.")] = None,
+    plot: Annotated[Path | None, Parameter(help="Also draw error over work: .svg, .png or .pdf.")] = None,
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Run the models of a case against a converged one: what each costs, and by how much it errs."""
+    if repeats < 1:
+        raise refuse("--repeats", repeats, "a whole number from 1")
+    read = load(case, overrides)
+    against, found = fidelity.trade(read, probe or default_probe(read), repeats=repeats)
+    if csv is not None:
+        write_text(csv, console.trade_csv(against, found), overwrite=overwrite)
+    if plot is not None:
+        from flexcam.view import save_figure, work_precision_figure
+
+        save_figure(work_precision_figure(found), plot, overwrite=overwrite)
+    files = [str(path) for path in (csv, plot) if path is not None]
+    if as_json:
+        print_json({"status": "ok", **console.trade_json(against, found), "files": files})
+    else:
+        out().print(console.trade_table(against, found))
+        for path in files:
+            out().print(path)

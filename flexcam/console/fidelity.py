@@ -1,0 +1,190 @@
+"""Tables of what models cost and by how much they err."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+
+from rich.table import Table
+
+from flexcam.fidelity import Choice, Error, Reference, Traded
+from flexcam.terminal import table
+
+_SHOWN = {"m": (1e3, "mm"), "m/s": (1.0, "m/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
+_KINDS = ("lift", "velocity", "acceleration")
+
+
+def trade_table(against: Reference, found: Sequence[Traded]) -> Table:
+    """Return the ladder of a case.
+
+    Parameters
+    ----------
+    against
+        The reference.
+    found
+        The rungs, from `flexcam.fidelity.trade`.
+
+    Returns
+    -------
+    Table
+        A row per rung, those marked with ``*`` that no other beats in both work and error; last the reference's own
+        error.
+    """
+    kinds = _quantities(against)
+    rows = [
+        ("*" if one.best else "", one.rung, str(one.steps), str(one.unknowns), f"{one.work:.3g}", f"{one.seconds:.3g}",
+         *(_percent(one.errors.get(kind)) for kind in kinds), "" if one.status.ok else str(one.status.cause))
+        for one in found
+    ]  # fmt: skip
+    own = (_percent(against.errors[kind] / against.size[kind] if against.size[kind] > 0.0 else 0.0) for kind in kinds)
+    rows.append(("", "reference", str(against.steps), "", "", "", *own, "its own error"))
+    heads = ("", "model", "steps/rev", "unknowns", "work", "cpu s", *(f"{kind}, %" for kind in kinds), "")
+    return table("What a cheaper model costs in error (rms, of the largest value)", heads, rows)
+
+
+def _quantities(against: Reference) -> list[str]:
+    return [*(kind for kind in _KINDS if kind in against.errors), *(k for k in against.errors if k not in _KINDS)]
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100.0 * share:.2g}"
+
+
+def trade_json(against: Reference, found: Sequence[Traded]) -> dict[str, object]:
+    """Return the same as ``--json`` prints it.
+
+    Parameters
+    ----------
+    against, found
+        As for `trade_table`.
+
+    Returns
+    -------
+    dict
+        Errors as parts of the largest value.
+    """
+    own = {name: error / against.size[name] if against.size[name] else 0.0 for name, error in against.errors.items()}
+    return {
+        "reference": {"steps_per_revolution": against.steps, "errors": own, "sizes": against.size},
+        "rungs": [traded_json(one) for one in found],
+    }
+
+
+def traded_json(one: Traded) -> dict[str, object]:
+    """Return a rung as ``--json`` prints it.
+
+    Parameters
+    ----------
+    one
+        The rung.
+
+    Returns
+    -------
+    dict
+        Its errors as parts of the largest value.
+    """
+    return {
+        "model": one.rung, "words": one.words, "steps_per_revolution": one.steps, "unknowns": one.unknowns,
+        "work": one.work, "cpu_seconds": one.seconds, "errors": one.errors, "best": one.best,
+        "status": str(one.status.cause),
+    }  # fmt: skip
+
+
+def trade_csv(against: Reference, found: Sequence[Traded]) -> str:
+    """Return the ladder as comma-separated values.
+
+    Parameters
+    ----------
+    against, found
+        As for `trade_table`.
+
+    Returns
+    -------
+    str
+        With a head; errors as parts of the largest value.
+    """
+    kinds = _quantities(against)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["model", "steps_per_revolution", "unknowns", "work", "cpu_s", *kinds, "best", "status"])
+    for one in found:
+        errors = [one.errors.get(kind, "") for kind in kinds]
+        writer.writerow([one.rung, one.steps, one.unknowns, one.work, one.seconds, *errors, one.best, one.status.cause])
+    return text.getvalue()
+
+
+def error_table(errors: Sequence[Error]) -> Table:
+    """Return the numbers of a run with how far they may be off.
+
+    Parameters
+    ----------
+    errors
+        From `flexcam.fidelity.estimate`.
+
+    Returns
+    -------
+    Table
+        Value and error with as many digits as the error allows.
+    """
+    rows = [
+        (one.quantity, plus_minus(one), _share(one, one.time), _share(one, one.space), _held(one)) for one in errors
+    ]
+    return table("How far the numbers may be off", ("quantity", "largest", "by the steps", "by the elements", ""), rows)
+
+
+def plus_minus(one: Error) -> str:
+    """Return a number with its error, such as ``10.43 ± 0.02 mm``.
+
+    Parameters
+    ----------
+    one
+        The number.
+
+    Returns
+    -------
+    str
+        Two digits of the error.
+    """
+    factor, unit = _SHOWN[one.unit]
+    value, error = factor * one.size, factor * one.total
+    if not error > 0.0:
+        return f"{value:.10g} {unit}"
+    digits = max(1 - math.floor(math.log10(error)), 0)
+    return f"{value:.{min(digits, 12)}f} ± {error:.{min(digits, 12)}f} {unit}"
+
+
+def _share(one: Error, error: float) -> str:
+    return f"{100.0 * error / one.size:.2g} %" if one.size > 0.0 else ""
+
+
+def _held(one: Error) -> str:
+    return "" if one.holds else "no estimate holds: shorter steps do not bring the runs together"
+
+
+def choice_words(choice: Choice) -> list[str]:
+    """Return which model was chosen, why, and what the next cheaper would have cost.
+
+    Parameters
+    ----------
+    choice
+        From `flexcam.fidelity.choose`.
+
+    Returns
+    -------
+    list
+        Sentences.
+    """
+    one = choice.found
+    named = f"{one.rung} ({one.words}), {one.steps} steps per revolution, {one.unknowns} unknowns"
+    errors = ", ".join(f"{kind} {_percent(error)} %" for kind, error in one.errors.items())
+    if not choice.met:
+        return [f"The tolerance is not met: {choice.why}. What was run is the closest: {named}; errors: {errors}"]
+    words = [f"Chosen of {choice.tried} models tried: {named}; errors: {errors}"]
+    if choice.cheaper is not None:
+        less = choice.cheaper
+        saved = f"{100.0 * less.work / one.work:.0f} % of the work" if one.work else "as much work"
+        errs = ", ".join(f"{kind} {_percent(error)} %" for kind, error in less.errors.items())
+        words.append(f"Cheaper and not good enough: {less.rung}, {less.steps} steps per revolution, {saved}; {errs}")
+    return words
