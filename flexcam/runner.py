@@ -32,16 +32,18 @@ from flexcam.linalg import FloatArray
 from flexcam.modal import mac
 from flexcam.response import Response, SaveAt, Sink
 from flexcam.starting import drive_of, revolution_of, started
-from flexcam.system import System
+from flexcam.system import Basis, Shapes, System
 from flexcam.train import (
     Model,
     ModelModes,
     build_rigid,
     build_structure,
     build_system,
+    chain_of,
     element_loads,
     modal_basis,
     model_modes,
+    straight,
 )
 
 DEFAULT_STEPS_PER_REVOLUTION = 3600
@@ -105,8 +107,9 @@ def prepare(case: Case, *, rigid: bool = False) -> Prepared:
     --------
     ``prepare(case).problem.system`` is the `System` of a case, for one's own studies.
     """
-    model = build_model(case)
-    make = build_rigid if rigid or case.record.fidelity.model == "rigid" else build_system
+    model, kind = build_model(case), "rigid" if rigid else case.record.fidelity.model
+    model = straight(model) if kind in _CHAINS else model
+    make = build_rigid if kind == "rigid" else build_system
     try:
         system = make(model, case.speed)
     except InputError as refusal:
@@ -116,9 +119,22 @@ def prepare(case: Case, *, rigid: bool = False) -> Prepared:
     if refusal := scheme.refusal(system, problem.step):
         raise _placed(case, refusal)
     problem = started(case, model, problem)
-    if case.record.fidelity.modes is not None and system.size:
-        problem = replace(problem, basis=modal_basis(problem, case.record.fidelity.modes))
-    return Prepared(case, model, problem, scheme, save)
+    return Prepared(case, model, replace(problem, basis=_basis(case, model, problem, kind)), scheme, save)
+
+
+_CHAINS = {"sdof": 1, "chain": None}
+"""Models of few masses, and how many where that is no choice."""
+
+
+def _basis(case: Case, model: Model, problem: Problem, kind: str) -> Basis | None:
+    """Return what a case is integrated in; None for its own unknowns."""
+    fidelity = case.record.fidelity
+    if not problem.system.size:
+        return None
+    if kind in _CHAINS:
+        found = chain_of(model, case.speed, _CHAINS[kind] or fidelity.masses)
+        return Shapes(found.shapes, found.system.names)
+    return None if fidelity.modes is None else modal_basis(problem, fidelity.modes)
 
 
 def _placed(case: Case, refusal: InputError) -> InputError:

@@ -1,9 +1,10 @@
-"""How good a model is: measures of deviation, and the claims of the papers held against the computation.
+"""How good a model is: measures of deviation, claims and closed forms of papers, and chains of few masses.
 
 May import `run` and everything below it.
 A new measure is a file here; the claims of another paper are a file like `claims`.
 """
 
+from flexcam.fidelity.chain import chain, chain_run
 from flexcam.fidelity.choose import Choice, choose
 from flexcam.fidelity.claims import Claim, claims, deviation, loaded_mode
 from flexcam.fidelity.compare import Comparison, Deviation, compare
@@ -26,6 +27,8 @@ __all__ = [
     "Rung",
     "Setting",
     "Traded",
+    "chain",
+    "chain_run",
     "choose",
     "claims",
     "compare",

@@ -7,6 +7,7 @@ A new kind of part is a dataclass in `model` and its rows in `structure`; a new 
 from flexcam.train.buckling import buckling_load
 from flexcam.train.build import build_system
 from flexcam.train.cam_contact import hertz_line
+from flexcam.train.chain import Chain, chain_of, straight
 from flexcam.train.free_running import free_running, free_speed
 from flexcam.train.left_out import left_out
 from flexcam.train.loads import element_loads
@@ -41,6 +42,7 @@ __all__ = [
     "Adjuster",
     "Cam",
     "CamContact",
+    "Chain",
     "CoarseCam",
     "Contact",
     "Figure",
@@ -64,6 +66,7 @@ __all__ = [
     "build_rigid",
     "build_structure",
     "build_system",
+    "chain_of",
     "coarse_cams",
     "element_loads",
     "follower_train",
@@ -79,5 +82,6 @@ __all__ = [
     "operation",
     "seating",
     "separation",
+    "straight",
     "valve_ratio",
 ]

@@ -33,9 +33,10 @@ class ToleranceRecord(Record):
 class FidelityRecord(Record):
     """Which model of the case is run, and what of it is integrated."""
 
-    model: Literal["beams", "rigid"] = Field(
-        "beams", description="flexible members, or the same mechanism with rigid ones"
+    model: Literal["beams", "rigid", "sdof", "chain"] = Field(
+        "beams", description="flexible members, rigid ones, one mass for the train, or a chain of masses"
     )
+    masses: int = Field(3, ge=1, le=1000, strict=True, description="of a chain, at nodes along its train")
     tolerance: q.Ratio | ToleranceRecord | None = Field(
         None,
         description='run the cheapest model whose lift is within it, such as "1 %", or a table by quantity',

@@ -1,0 +1,186 @@
+"""Few masses in the place of a beam model: its train condensed to a chain of k masses, a `System` like any other.
+
+Static (Guyan) condensation: R. J. Guyan, Reduction of stiffness and mass matrices, AIAA J. 3 (2), 1965, p. 380. What is
+kept moves as it likes; everything else follows without strain of its own, so that the stiffness between kept motions,
+and with it every static answer under forces there, is exact. Kept are k points of the train from follower to valve and
+every motion that a contact senses, such as the cam's deflection and twist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.checks import refuse
+from flexcam.fem import Mesh
+from flexcam.linalg import FloatArray, Triplets
+from flexcam.system import Shapes, System, projected
+from flexcam.train.build import build_system
+from flexcam.train.condense import rigid_lumped, static_shapes
+from flexcam.train.model import CamContact, Model, PublishedLoad
+from flexcam.train.published import follower_train
+from flexcam.train.structure import Structure, build_structure
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """A train as few masses.
+
+    Parameters
+    ----------
+    system
+        Its equations: contacts, loads, probes and channels are those of the beam model.
+    points
+        Name of every mass of the chain, from the follower on.
+    masses
+        Of the chain, as felt at the follower (ratios of rockers squared in), kg, shape (k,).
+    stiffnesses
+        Between neighbours, as felt at the follower, N/m, shape (k - 1,).
+    shapes
+        Motion of the beam model's unknowns per unknown of the chain, shape (n, m).
+    """
+
+    system: System
+    points: tuple[str, ...]
+    masses: FloatArray
+    stiffnesses: FloatArray
+    shapes: FloatArray
+
+
+def chain_of(model: Model, speed: float, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
+    """Return the train of a model as a chain of masses.
+
+    Parameters
+    ----------
+    model
+        The model; members do not bow, springs do not surge in its chain: `straight`.
+    speed
+        Of the camshaft, rad/s.
+    count
+        k, masses along the train: evenly among its nodes from the follower to the valve.
+    contact
+        Name of the cam's contact; None for the only one.
+    lumped
+        Whether the masses are uncoupled, each one number, so that the train keeps its mass when it moves as a rigid
+        body; else the condensed mass matrix, which couples neighbours, converges faster and is right with plays open.
+
+    Returns
+    -------
+    Chain
+        `Chain.system` goes wherever a `System` goes.
+
+    Raises
+    ------
+    InputError
+        If there are fewer points than masses, or more contacts than one and none is named.
+
+    """
+    model = straight(model)
+    structure, system = build_structure(model), build_system(model, speed)
+    driven = _contact(model, contact)
+    points = _train(structure, driven)
+    if not 1 <= count <= len(points):
+        given, why = f"{count} masses", "a mass sits at a node of the train"
+        raise refuse("count", given, f"1 to {len(points)}", why, "more elements in its members")
+    step = (len(points) - 1) / max(count - 1, 1)
+    picked = [points[round(i * step)] for i in range(count)]
+    names, rows = _kept(system, picked)
+    shapes = static_shapes(system, rows)
+    found = projected(system, Shapes(shapes, tuple(names)))
+    moved = rows @ follower_train(structure, driven, "chain").motion
+    k = len(picked)
+    lump = rigid_lumped(found.mass.dense(), moved, k)
+    if lumped:
+        found = replace(found, mass=Triplets.from_dense(lump))
+    felt = moved[:k]
+    between = -np.diagonal(found.stiffness.dense()[:k, :k], 1) * felt[:-1] * felt[1:]
+    return Chain(found, tuple(names[:k]), np.diagonal(lump)[:k] * felt**2, between, shapes)
+
+
+def straight(model: Model) -> Model:
+    """Return a model with members that do not bow and springs of one piece.
+
+    Parameters
+    ----------
+    model
+        The model.
+
+    Returns
+    -------
+    Model
+        That a chain stands for.
+    """
+    members = {n: replace(one, geometric_stiffness=False, bow=0.0) for n, one in model.members.items()}
+    return replace(model, members=members, springs={n: replace(one, elements=1) for n, one in model.springs.items()})
+
+
+def _contact(model: Model, name: str | None) -> PublishedLoad | CamContact:
+    if name in model.driven:
+        return model.driven[name]
+    if name is not None or len(model.driven) != 1:
+        given = repr(name) if name else f"{len(model.driven)} contacts of a cam"
+        raise refuse("contact", given, f"one of {', '.join(model.driven) or '(there is none)'}")
+    return next(iter(model.driven.values()))
+
+
+def _kept(system: System, picked: Sequence[tuple[str, FloatArray]]) -> tuple[list[str], FloatArray]:
+    """Return names and rows of what is kept: the chain's points, then what local forces sense and act on beside."""
+    names, rows = [name for name, _ in picked], [row for _, row in picked]
+    for force in system.local_forces:
+        for vector in (*force.sense, *force.act):
+            for row in vector.vectors:
+                if _apart(row, rows):
+                    names.append(f"{force.name}.{len(rows) - len(picked) + 1}")
+                    rows.append(row / np.linalg.norm(row))
+    return names, np.array(rows)
+
+
+def _apart(row: FloatArray, rows: Sequence[FloatArray]) -> bool:
+    """Tell whether a row is not a sum of others."""
+    size = float(np.linalg.norm(row))
+    if size == 0.0:
+        return False
+    basis = np.linalg.qr(np.array(rows).T)[0]
+    return bool(np.linalg.norm(row - basis @ (basis.T @ row)) > _SAME * size)
+
+
+_SAME = 1e-9
+"""Part of a row that may be left without its being another motion."""
+
+
+def _train(structure: Structure, contact: PublishedLoad | CamContact) -> list[tuple[str, FloatArray]]:
+    """Return name and row of every point along a train, from the follower on: nodes, rockers' points, behind plays."""
+    model, direction = structure.model, contact.direction
+    if not structure.is_node(contact.follower):
+        return [(contact.follower, structure.row(contact.follower, direction))]
+    nodes = _outward(model, model.mesh.node(contact.follower))
+    for play in model.plays:
+        start, end = (model.mesh.node(name) for name in play.ends)
+        if start in nodes and end not in nodes:
+            nodes += _outward(model, end)
+    found = {model.mesh.node_name(node): structure.dofs.vector(node, direction) for node in nodes}
+    for rocker in model.rockers.values():
+        if rocker.finger or model.mesh.node(rocker.start) not in nodes:
+            continue
+        point = structure.row(rocker.point, np.zeros(6))
+        if not _apart(point, [row for row in found.values() if row.any()]):
+            del found[rocker.start]  # the point moves in proportion to it
+        found[rocker.point] = point
+    return [(name, row) for name, row in found.items() if row.any()]
+
+
+def _outward(model: Model, start: int) -> list[int]:
+    """Return the nodes that members and links connect to a node, nearest first."""
+    pairs = [*model.mesh.elements().tolist(), *_links(model, model.mesh)]
+    reached = [start]
+    for node in reached:  # grows as it goes
+        reached += [b if a == node else a for a, b in pairs if node in (a, b) and not {a, b} <= set(reached)]
+    return list(dict.fromkeys(reached))
+
+
+def _links(model: Model, mesh: Mesh) -> list[list[int]]:
+    points = mesh.points
+    ends = [(one.at, one.to) for one in model.springs.values() if one.link and one.to is not None]
+    return [[mesh.node(a), mesh.node(b)] for a, b in ends if a in points and b in points]

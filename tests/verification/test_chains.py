@@ -1,0 +1,154 @@
+"""Trains condensed to few masses: what condensation keeps is exact, and more masses come closer to the beams.
+
+Guyan's condensation is exact in statics for forces at what is kept (R. J. Guyan, AIAA J. 3 (2), 1965, p. 380), and its
+modes lie above those of the whole: the shapes are Rayleigh's (R. W. Clough and J. Penzien, Dynamics of Structures).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import InputError, build_model, prepare, read_case, run, solve
+from flexcam.fidelity import chain, chain_run
+from flexcam.modal import modes
+from flexcam.train import build_structure, follower_train
+
+ROOT = Path(__file__).parents[2]
+SOURCE = "Chains of masses from the beam model"
+TAYEB = ROOT / "cases/tayeb/model-3-shm.toml"
+LI = ROOT / "cases/li/valve-train.toml"
+ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
+FINE = ["members.pushrod.elements=4"]
+
+
+def frequencies(system):
+    found = modes(system.mass, system.stiffness, free=system.free)
+    return found.frequencies[found.rigid :]
+
+
+@pytest.fixture(scope="module")
+def whole():
+    case = read_case(TAYEB, FINE)
+    return case, prepare(case).problem.system
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_static_stiffness_is_exact(record, whole, count):
+    """A force at the follower: its displacement, and that of the valve."""
+    case, system = whole
+    found = chain(case, count).system
+    tappet = system.names.index("tappet.uy")
+    push, own = np.eye(system.size)[tappet], np.eye(found.size)[0]
+    beams = np.linalg.lstsq(system.stiffness.dense(), push, rcond=None)[0]
+    masses = np.linalg.solve(found.stiffness.dense(), own)
+    record(source=SOURCE, case=f"Tayeb and Sliman, model 3, {count} masses", quantity="stiffness at the follower",
+           unit="N/m", reference=1.0 / beams[tappet], computed=1.0 / masses[0], tolerance=1e-9,
+           reason="static condensation is exact there")  # fmt: skip
+    valve = [next(p for p in one.probes if p.name == "valve").rows[0] for one in (system, found)]
+    assert valve[1] @ masses == pytest.approx(valve[0] @ beams, rel=1e-9)
+
+
+LOADED = {1: 2e-3, 2: 2e-5, 3: 1e-5, 13: 1e-9}
+"""Error of the first mode by the number of masses, above: Rayleigh's quotient of the static shapes."""
+
+
+@pytest.mark.parametrize("count", LOADED)
+def test_first_mode(record, whole, count):
+    case, system = whole
+    found = frequencies(chain(case, count).system)[0]
+    assert found >= frequencies(system)[0] * (1.0 - 1e-10)
+    record(source=SOURCE, case=f"Tayeb and Sliman, model 3, {count} masses", quantity="first mode of the follower",
+           unit="Hz", reference=frequencies(system)[0], computed=found, tolerance=LOADED[count],
+           reason="above it, by what the static shapes miss")  # fmt: skip
+
+
+@pytest.mark.parametrize("lumped", [False, True])
+def test_more_masses_come_closer(record, whole, fitted_order, lumped):
+    """Second mode: the pushrod between tappet and valve, with equal parts; second order, as for any bar."""
+    case, system = whole
+    exact, counts = frequencies(system)[1], (4, 7, 13)
+    errors = [abs(frequencies(chain(case, k, lumped=lumped).system)[1] / exact - 1.0) for k in counts]
+    assert errors[2] < 0.3 * errors[1] < 0.3 * errors[0]
+    if lumped:
+        order = fitted_order([1.0 / (k - 1.0) for k in counts[:2]], errors[:2])
+        assert order > 1.5
+    kind = "uncoupled" if lumped else "condensed"
+    record(source=SOURCE, case=f"Tayeb and Sliman, model 3, 13 {kind} masses", quantity="error of the second mode",
+           unit="1", reference=0.0, computed=errors[2], tolerance=1e-3 if lumped else 1e-9, absolute=True,
+           reason="lumped in place of consistent masses" if lumped else "every node of the train is kept")  # fmt: skip
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 7])
+def test_masses_are_those_of_the_rigid_train(record, whole, count):
+    case, _ = whole
+    structure = build_structure(build_model(case))
+    contact = next(iter(structure.model.driven.values()))
+    found = chain(case, count, lumped=True)
+    rigid = follower_train(structure, contact, "test").mass
+    allowed, reason = (8e-3, "the pushrod yields") if count == 1 else (1e-9, "momentum of the rigid motion")
+    record(source=SOURCE, case=f"Tayeb and Sliman, model 3, {count} uncoupled masses",
+           quantity="their sum, as felt at the follower", unit="kg", reference=rigid, computed=found.masses.sum(),
+           tolerance=allowed, reason=reason)  # fmt: skip
+    series = case.record.materials["steel"].E * np.pi * (0.008**2 - 0.005**2) / 4.0 / 0.25
+    if count > 1:
+        assert 1.0 / np.sum(1.0 / found.stiffnesses) == pytest.approx(series, rel=1e-9)
+
+
+def test_a_lumped_train_is_its_own_chain():
+    case = read_case(LI)
+    found, own = chain(case, 3), prepare(case).problem.system
+    assert found.points == ("tappet", "rocker", "valve")
+    np.testing.assert_allclose(found.system.mass.dense(), own.mass.dense(), atol=1e-15)
+    np.testing.assert_allclose(found.system.stiffness.dense(), own.stiffness.dense(), rtol=1e-9, atol=1e-3)
+    np.testing.assert_allclose(found.masses, [0.25, 0.18, 0.21], rtol=1e-12)
+    np.testing.assert_allclose(found.stiffnesses, 4e6, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("count", "allowed"), [(1, 1e-2), (2, 1e-3)])
+def test_a_run_of_the_chain(record, count, allowed):
+    """The published load at 3000 rpm: displacement of the valve, and the channels of the beam model."""
+    case = read_case(TAYEB)
+    ready, beams = chain_run(case, count), run(case)
+    found = solve(ready.problem, ready.scheme, save=ready.save)
+    assert found.status.ok
+    assert set(found.channels) == set(beams.channels)
+    x = beams["valve"].displacement
+    record(source=SOURCE, case=f"Tayeb and Sliman, model 3, {count} masses, 3000 rpm", quantity="largest difference of "
+           "the valve's displacement from the beams', of its largest", unit="1", reference=0.0,
+           computed=np.abs(found["valve"].displacement - x).max() / np.abs(x).max(), tolerance=allowed, absolute=True,
+           reason="the mode at 67 Hz answers; two revolutions near its resonance")  # fmt: skip
+
+
+def test_an_engine_in_contact(record):
+    """Camshaft, contact, play and seat stay: what contacts sense is kept beside the chain. Below surge and bowing."""
+    case = read_case(ENGINE, ["run.crank_speed=2000rpm", "run.steps_per_revolution=1800"])
+    ready, beams = chain_run(case, 3), run(case)
+    found = solve(ready.problem, ready.scheme, save=ready.save)
+    assert found.status.ok
+    assert ready.problem.system.size < 0.2 * prepare(case).problem.system.size
+    lift = beams["valve"].displacement
+    record(source=SOURCE, case="pushrod engine, 3 masses, 2000 crank rpm", quantity="largest difference of the valve's "
+           "displacement from the beams', of its lift", unit="1", reference=0.0,
+           computed=np.abs(found["valve"].displacement - lift).max() / np.ptp(lift), tolerance=1e-2, absolute=True,
+           reason="surge of the spring and the pushrod's bow are left out")  # fmt: skip
+    energy = found.channels["energy.residual"]
+    assert np.abs(energy).max() < 1e-2 * np.abs(found.channels["energy.work"]).max()
+
+
+def test_starts(whole):
+    """A given start of the beams is seen at what is kept; rest and balance are found anew."""
+    case = read_case(LI, ['run.start={ displacement = { "valve.uy" = "1 mm" }, velocity = { "tappet.uy" = 2 } }'])
+    start = chain_run(case, 3).problem.start
+    np.testing.assert_allclose(start.displacement, [0.0, 0.0, 1e-3], atol=1e-15)
+    np.testing.assert_allclose(start.velocity, [2.0, 0.0, 0.0], atol=1e-12)
+    balanced = chain_run(read_case(LI, ["run.start=equilibrium"]), 2)
+    assert not balanced.problem.start.displacement.any()
+
+
+@pytest.mark.parametrize(("count", "contact", "words"), [(0, None, "1 to"), (99, None, "1 to"), (2, "no", "one of")])
+def test_refused(whole, count, contact, words):
+    with pytest.raises(InputError, match=words):
+        chain(whole[0], count, contact=contact)
