@@ -14,7 +14,7 @@ from flexcam.checks import refuse
 from flexcam.commands.app import CaseFile, Folder, Json, Overrides, Overwrite, app, default_probe, load, running
 from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, write_modes
-from flexcam.response import Status
+from flexcam.response import Cause, Status
 from flexcam.runner import geometry_of, mode_likeness, prepare, result_file
 from flexcam.runner import modes as case_modes
 from flexcam.terminal import out, print_json, progress
@@ -73,7 +73,8 @@ def run(
     as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Solve a case in time and write its result file."""
-    ready = prepare(load(case, overrides))
+    read, choice = _chosen(load(case, overrides))
+    ready = prepare(read)
     sink = result_file(ready, folder, overwrite=overwrite)
     strength = StrengthSink(build_structure(ready.model))
     running.solving = True
@@ -82,6 +83,7 @@ def run(
         response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, stop=running.stopped)
     result = sink.path if response.status.ok else sink.partial
     figures = operation(ready.model, response, ready.revolution)
+    errors = fidelity.estimate(read, default_probe(read)) if read.record.fidelity.estimate else []
     if as_json:
         print_json({
             "status": str(response.status.cause), "message": response.status.text, "remedy": response.status.remedy,
@@ -91,6 +93,8 @@ def run(
             "events": response.stats.events, "periodicity": console.periodicity(response),
             "warnings": console.run_doubts(ready, response, figures),
             "train": {figure.name: figure.value for figure in figures},
+            "errors": [asdict(one) for one in errors],
+            "choice": None if choice is None else console.choice_json(choice),
             "strength": {name: asdict(member) for name, member in strength.members().items()},
         })  # fmt: skip
     else:
@@ -101,12 +105,19 @@ def run(
         if figures:
             out().print()
             out().print(console.operation_table(figures))
+        if errors:
+            out().print()
+            out().print(console.error_table(errors))
+        for sentence in console.choice_words(choice) if choice else []:
+            out().print("\n" + sentence)
         for sentence in console.couplings(ready.case) + console.run_doubts(ready, response, figures):
             out().print("\n" + sentence)
         if response.stats.periodicity >= 0.0:
             out().print(f"\nThe start returns after a revolution within {response.stats.periodicity:.3g} of the motion")
         out().print(f"\n{response.stats.steps} steps of {console.unknowns(response)}; result: {result}")
         out().print(f"Open it in ParaView 5.12 or newer; for older ones: flexcam export {result} --format pvd")
+    if response.status.ok and choice is not None and not choice.met:
+        return Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}", "allow more, or refine the case")
     return response.status
 
 
@@ -208,3 +219,12 @@ def _standing(case: Case) -> Case:
         return case
     still = case.record.model_copy(update={"run": run.model_copy(update={"start": "equilibrium"})})
     return replace(case, record=still)
+
+
+def _chosen(case: Case) -> tuple[Case, fidelity.Choice | None]:
+    """Return the case to run: the cheapest model within the tolerance it asks for, or itself."""
+    if not case.record.fidelity.tolerances:
+        return case, None
+    choice = fidelity.choose(case, default_probe(case), case.record.fidelity.tolerances)
+    estimated = case.record.fidelity.estimate
+    return fidelity.with_fidelity(choice.rung.case, {"estimate": estimated}), choice

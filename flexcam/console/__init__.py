@@ -18,6 +18,7 @@ from flexcam.console.cases import (
 )
 from flexcam.console.doubts import coarse_steps, doubts, run_doubts
 from flexcam.console.fidelity import (
+    choice_json,
     choice_words,
     error_table,
     plus_minus,
@@ -46,6 +47,7 @@ __all__ = [
     "CamFacts",
     "cam_json",
     "cam_table",
+    "choice_json",
     "choice_words",
     "claim_table",
     "coarse_steps",

@@ -188,3 +188,23 @@ def choice_words(choice: Choice) -> list[str]:
         errs = ", ".join(f"{kind} {_percent(error)} %" for kind, error in less.errors.items())
         words.append(f"Cheaper and not good enough: {less.rung}, {less.steps} steps per revolution, {saved}; {errs}")
     return words
+
+
+def choice_json(choice: Choice) -> dict[str, object]:
+    """Return a choice as ``--json`` prints it.
+
+    Parameters
+    ----------
+    choice
+        From `flexcam.fidelity.choose`.
+
+    Returns
+    -------
+    dict
+        The model, whether it meets the tolerance, and the next cheaper one.
+    """
+    cheaper = None if choice.cheaper is None else traded_json(choice.cheaper)
+    return {
+        "met": choice.met, "tried": choice.tried, "why": choice.why, "model": traded_json(choice.found),
+        "cheaper": cheaper,
+    }  # fmt: skip

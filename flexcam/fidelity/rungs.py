@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from flexcam.case import Case
+from flexcam.checks import InputError
 from flexcam.integrate import solve
-from flexcam.response import Response
+from flexcam.response import Response, RunFailedError
 from flexcam.runner import DEFAULT_STEPS_PER_REVOLUTION, Prepared, prepare
 
 _ELEMENTS = (1, 2)
@@ -134,6 +135,15 @@ def with_fidelity(case: Case, changed: Mapping[str, object]) -> Case:
     return replace(case, record=case.record.model_copy(update={"fidelity": fidelity}))
 
 
+def _stands(rung: Rung) -> bool:
+    """Tell whether a case has such a model: a chain is that of one train with nodes enough."""
+    try:
+        rung.prepared()
+    except (InputError, RunFailedError):
+        return False
+    return True
+
+
 def ladder(case: Case) -> tuple[Rung, ...]:
     """Return the models of a case, coarse to fine.
 
@@ -145,7 +155,7 @@ def ladder(case: Case) -> tuple[Rung, ...]:
     Returns
     -------
     tuple
-        The rigid mechanism, few modes of the beams, beams with few elements, the case as it stands, and twice its
+        The rigid mechanism, chains of one and three masses, few modes of the beams, beams with few elements, the case as it stands, and twice its
         elements.
     """
     beams = with_fidelity(case, {"model": "beams", "tolerance": None, "estimate": False, "modes": None})
@@ -161,8 +171,13 @@ def ladder(case: Case) -> tuple[Rung, ...]:
         for n in _MODES
         if 2 * n < unknowns
     ]
+    chains = [
+        Rung("sdof", "one mass for the train", with_fidelity(beams, {"model": "sdof"})),
+        Rung("chain 3", "three masses along the train", with_fidelity(beams, {"model": "chain", "masses": 3})),
+    ]
     return (
         Rung("rigid", "rigid members", with_fidelity(beams, {"model": "rigid"})),
+        *(rung for rung in chains if _stands(rung)),
         *modes,
         *fewer,
         Rung("beams", "the case as it stands", beams),
