@@ -20,7 +20,8 @@ use for completion (for example `#:schema case.schema.json` on the first line). 
 be laid over from the command line: `--set run.speed=4000rpm`.
 
 Directions are a component with an optional sign (`"uy"`, `"-rx"`) or three numbers in global axes. Points are named nodes: of
-the mesh's point groups, or of `[nodes]`; a rocker defines one more. The published cases lie in `cases/tayeb`; a whole case
+the mesh's point groups, or of `[nodes]`; a rocker defines one more. A node on no member moves where a mass at it has inertia, and
+along springs at it; a train of masses and springs alone needs no material, section or member (`cases/li`). The published cases lie in `cases/tayeb`; a whole case
 without a mesh file:
 
 ```toml

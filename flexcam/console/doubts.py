@@ -72,7 +72,23 @@ def run_doubts(ready: Prepared, response: Response, figures: list[Figure]) -> li
     list
         Sentences; none where nothing is doubtful.
     """
-    return [*coarse_steps(ready), *_rounded(ready, response), *_buckled(figures), *_unaccounted(response)]
+    return [
+        *coarse_steps(ready),
+        *_unseen(ready),
+        *_rounded(ready, response),
+        *_buckled(figures),
+        *_unaccounted(response),
+    ]
+
+
+def _unseen(ready: Prepared) -> list[str]:
+    """Return what a model of few masses does not know."""
+    if ready.case.record.fidelity.model not in ("sdof", "chain"):
+        return []
+    return [
+        "Warning: masses in the place of members know nothing of the camshaft but what its contacts feel, of surging "
+        "springs and of bending: its twist, torque and stresses are not to be read off this run"
+    ]
 
 
 def _rounded(ready: Prepared, response: Response) -> list[str]:

@@ -129,9 +129,11 @@ def error_table(errors: Sequence[Error]) -> Table:
         Value and error with as many digits as the error allows.
     """
     rows = [
-        (one.quantity, plus_minus(one), _share(one, one.time), _share(one, one.space), _held(one)) for one in errors
+        (one.quantity, plus_minus(one), *(_share(one, part) for part in (one.time, one.space, one.model)), _held(one))
+        for one in errors
     ]
-    return table("How far the numbers may be off", ("quantity", "largest", "by the steps", "by the elements", ""), rows)
+    heads = ("quantity", "largest", "by the steps", "by the elements", "by the model", "")
+    return table("How far the numbers may be off", heads, rows)
 
 
 def plus_minus(one: Error) -> str:

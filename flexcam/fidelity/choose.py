@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -89,6 +90,10 @@ def choose(case: Case, probe: str, tolerance: Mapping[str, float]) -> Choice:
     return Choice(rung, found, cheaper, against, bool(met), len(met) + len(missed))
 
 
+_NOTHING = 1e-300
+"""In place of a tolerance of zero, which nothing meets: the closest model is still the closest."""
+
+
 def _misses(found: Traded, against: Reference, tolerance: Mapping[str, float]) -> float:
     """Return the largest error over its tolerance, the reference's own counted; infinite for a run that failed."""
     shares: list[float] = []
@@ -96,5 +101,5 @@ def _misses(found: Traded, against: Reference, tolerance: Mapping[str, float]) -
         allowed = tolerance.get(name.partition(" ")[0])
         if allowed is not None:
             error += against.errors[name] / against.size[name]
-            shares.append(error / allowed if allowed > 0.0 else float("inf"))
-    return max(shares, default=float("inf"))
+            shares.append(error / max(allowed, _NOTHING))
+    return max(shares, default=math.inf)

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 from flexcam.case import Case
 from flexcam.fidelity.measure import Measured, distance, measured
-from flexcam.fidelity.rungs import Rung, steps_of, with_elements
+from flexcam.fidelity.rungs import Rung, steps_of, with_elements, with_fidelity
 from flexcam.response import RunFailedError
 
 _COVERS = 2.0
@@ -37,8 +37,9 @@ class Error:
         SI.
     size
         Largest value, of the lift its range.
-    time, space
-        Estimated errors by the steps and by the elements, of the history at its worst instant.
+    time, space, model
+        Estimated errors by the steps, by the elements, and by a model coarser than beams (its distance to them), of the
+        history at its worst instant.
     holds
         Whether runs with shorter steps come together: without that the estimate says nothing.
     """
@@ -48,12 +49,13 @@ class Error:
     size: float
     time: float
     space: float
+    model: float
     holds: bool
 
     @property
     def total(self) -> float:
-        """Both errors together."""
-        return self.time + self.space
+        """All errors together."""
+        return self.time + self.space + self.model
 
 
 def estimate(case: Case, probe: str) -> list[Error]:
@@ -86,7 +88,10 @@ def estimate(case: Case, probe: str) -> list[Error]:
     runs = {n: _run(own.stepped(n), probe) for n in counts}
     longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
     base, better = runs[steps], runs[2 * steps]
-    return _errors(base, distance(base, better), distance(base, _run(finer, probe)), longer, shorter)
+    beams = with_fidelity(own.case, {"model": "beams", "modes": None})
+    coarse = own.case.record.fidelity != beams.record.fidelity
+    model = distance(base, _run(Rung("beams", "", beams), probe)) if coarse else {}
+    return _errors(base, distance(base, better), distance(base, _run(finer, probe)), model, (longer, shorter))
 
 
 def _run(rung: Rung, probe: str) -> Measured:
@@ -97,12 +102,14 @@ def _run(rung: Rung, probe: str) -> Measured:
 
 
 def _errors(
-    base: Measured, step: Mapping[str, float], mesh: Mapping[str, float], longer: Mapping[str, float],
-    shorter: Mapping[str, float],
+    base: Measured, step: Mapping[str, float], mesh: Mapping[str, float], model: Mapping[str, float],
+    halvings: tuple[Mapping[str, float], Mapping[str, float]],
 ) -> list[Error]:  # fmt: skip
+    longer, shorter = halvings
     errors: list[Error] = []
     for name in step:
         size = base.size(name)
         holds = shorter[name] <= max(_CONVERGES * longer[name], _NOTHING * size)
-        errors.append(Error(name, base.unit(name), size, _COVERS * step[name], _COVERS * mesh[name], holds))
+        parts = _COVERS * step[name], _COVERS * mesh[name], model.get(name, 0.0)
+        errors.append(Error(name, base.unit(name), size, *parts, holds))
     return errors

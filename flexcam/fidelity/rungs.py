@@ -155,8 +155,8 @@ def ladder(case: Case) -> tuple[Rung, ...]:
     Returns
     -------
     tuple
-        The rigid mechanism, chains of one and three masses, few modes of the beams, beams with few elements, the case as it stands, and twice its
-        elements.
+        The rigid mechanism, chains of one and three masses, few modes of the beams, beams with few elements, the case
+        as it stands, and twice its elements.
     """
     beams = with_fidelity(case, {"model": "beams", "tolerance": None, "estimate": False, "modes": None})
     own = {one.elements for one in case.record.members.values()}

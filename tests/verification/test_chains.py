@@ -122,6 +122,22 @@ def test_a_run_of_the_chain(record, count, allowed):
            reason="the mode at 67 Hz answers; two revolutions near its resonance")  # fmt: skip
 
 
+@pytest.mark.parametrize("sensed", [0, 1])
+def test_compliance_at_the_contact_is_exact(record, sensed):
+    """What the cam's contact senses under its own force: camshaft and bearings are in it, and twist over tilt."""
+    case = read_case(ENGINE)
+    rows, given = [], []
+    for system in (prepare(case).problem.system, chain(case, 2).system):
+        force = next(one for one in system.local_forces if one.name == "contacts.intake")
+        row = force.sense[0].vectors[sensed]
+        given.append(row)
+        rows.append(row @ np.linalg.lstsq(system.stiffness.dense(), row, rcond=1e-14)[0])
+    quantity, unit = (("compliance along the lift", "m/N"), ("compliance of twist and tilt", "rad/(N m)"))[sensed]
+    record(source=SOURCE, case="pushrod engine, 2 masses, at the cam's contact", quantity=quantity, unit=unit,
+           reference=rows[0], computed=rows[1], tolerance=1e-6,
+           reason="static condensation keeps what contacts sense")  # fmt: skip
+
+
 def test_an_engine_in_contact(record):
     """Camshaft, contact, play and seat stay: what contacts sense is kept beside the chain. Below surge and bowing."""
     case = read_case(ENGINE, ["run.crank_speed=2000rpm", "run.steps_per_revolution=1800"])
