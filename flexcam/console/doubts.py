@@ -72,28 +72,23 @@ def run_doubts(ready: Prepared, response: Response, figures: list[Figure]) -> li
     list
         Sentences; none where nothing is doubtful.
     """
-    return [
-        *coarse_steps(ready),
-        *_unseen(ready),
-        *_rounded(ready, response),
-        *_buckled(figures),
-        *_unaccounted(response),
-    ]
+    found = [*coarse_steps(ready), *_unseen(ready), *_buckled(figures), *_unaccounted(response)]
+    return [*found, *_rounded(ready, response)]
 
 
 def _unseen(ready: Prepared) -> list[str]:
     """Return what a model of few masses does not know."""
     if ready.case.record.fidelity.model not in ("sdof", "chain"):
         return []
+    left = "the camshaft but what its contacts feel, of surging springs and of bending"
     return [
-        "Warning: masses in the place of members know nothing of the camshaft but what its contacts feel, of surging "
-        "springs and of bending: its twist, torque and stresses are not to be read off this run"
+        f"Warning: masses in the place of members know nothing of {left}: do not read twist, torque and stresses off"
     ]
 
 
 def _rounded(ready: Prepared, response: Response) -> list[str]:
     moved = response.fields.displacement
-    if not moved.size:
+    if not moved.size or not ready.problem.system.size:
         return []
     share = share_lost(ready.problem.system.stiffness, moved[int(np.argmax(np.abs(moved).max(axis=1)))])
     if share <= _WORTH_TELLING:
