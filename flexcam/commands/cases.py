@@ -10,15 +10,17 @@ from cyclopts import Parameter
 
 from flexcam import console, fidelity
 from flexcam.case import Case, build_model, read_case
-from flexcam.checks import refuse
+from flexcam.checks import did_you_mean, refuse
 from flexcam.commands.app import CaseFile, Folder, Json, Overrides, Overwrite, app, default_probe, load, running
 from flexcam.integrate import integrated, solve
-from flexcam.io import made_folder, write_modes
-from flexcam.response import Cause, Status
+from flexcam.io import made_folder, read_result, write_modes
+from flexcam.response import Cause, Response, Status
 from flexcam.runner import geometry_of, mode_likeness, prepare, result_file
 from flexcam.runner import modes as case_modes
+from flexcam.runner import run as solve_case
 from flexcam.terminal import out, print_json, progress
 from flexcam.train import StrengthSink, build_structure, member_masses, operation
+from flexcam.units import RPM
 
 Prestress = Annotated[
     Literal["rest", "equilibrium"] | None,
@@ -180,14 +182,23 @@ flexcam compare case.toml
 flexcam compare case.toml --probe valve --set run.speed=4000rpm
 """
 )
-def compare(case: CaseFile, *, probe: str | None = None, overrides: Overrides = None, as_json: Json = False) -> Status:
-    """Compare the flexible mechanism with the rigid one at a probe.
+def compare(
+    case: Annotated[Path, Parameter(help="Case file (TOML), or a result with --against another.")], *,
+    probe: str | None = None,
+    against: Annotated[
+        str | None, Parameter(help="Model of the ladder, other case, or result; rigid if absent.")
+    ] = None,
+    overrides: Overrides = None, as_json: Json = False,
+) -> Status:  # fmt: skip
+    """Compare the flexible mechanism with the rigid one at a probe, or any two models, cases or results.
 
     Parameters
     ----------
     probe
         Point or component to compare at; by default the probe that is a rocker's point, or the first one.
     """
+    if against is not None:
+        return _two(case, against, probe, overrides, as_json)
     read = load(case, overrides)
     at = probe or default_probe(read)
     found = fidelity.deviation(read, at)
@@ -228,3 +239,51 @@ def _chosen(case: Case) -> tuple[Case, fidelity.Choice | None]:
     choice = fidelity.choose(case, default_probe(case), case.record.fidelity.tolerances)
     estimated = case.record.fidelity.estimate
     return fidelity.with_fidelity(choice.rung.case, {"estimate": estimated}), choice
+
+
+def _two(case: Path, against: str, probe: str | None, overrides: Overrides, as_json: bool) -> Status:
+    """Compare two models of a case, two cases or two results."""
+    if case.suffix == _RESULT:
+        one, read = read_result(case).response, None
+        at = probe or one.outline.probes[0][0]
+    else:
+        read = load(case, overrides)
+        one, at = solve_case(read), probe or default_probe(read)
+    other = _other(against, read, overrides)
+    speed = _speed_rpm(one)
+    found = fidelity.between(one, other, at, speed, (case.stem, Path(against).stem))
+    if as_json:
+        print_json({
+            "status": str(found.status.cause), "probe": at, "speed_rpm": speed, "compared": list(found.names),
+            "peak_deviation": found.peak_deviation, "rms_deviation": found.rms_deviation,
+            "peak_acceleration_ratio": found.peak_acceleration_ratio,
+            "deviations": [{**asdict(one), "of_rigid": one.of_rigid} for one in found.deviations],
+        })  # fmt: skip
+        return found.status
+    out().print(console.comparison_table(found))
+    for sentence in console.comparison_words(found, None):
+        out().print("\n" + sentence)
+    return found.status
+
+
+def _other(against: str, read: Case | None, overrides: Overrides) -> Response:
+    """Return what is compared with: a result, another case, or a model of the case's ladder."""
+    path = Path(against)
+    if path.suffix == _RESULT:
+        return read_result(path).response
+    if path.suffix == ".toml":
+        return solve_case(load(path, overrides))
+    rungs = {} if read is None else {rung.name: rung for rung in fidelity.ladder(read)}
+    if against not in rungs:
+        allowed = f"a case, a result, or one of {', '.join(rungs)}" if rungs else "a case or a result"
+        raise refuse("--against", repr(against), allowed, "", did_you_mean(against, list(rungs)))
+    return rungs[against].run()
+
+
+def _speed_rpm(response: Response) -> float:
+    """Return the mean camshaft speed of a run, rpm."""
+    turned, passed = (float(one[-1] - one[0]) for one in (response.angle, response.time))
+    return turned / passed / RPM if passed > 0.0 else 0.0
+
+
+_RESULT = ".vtkhdf"

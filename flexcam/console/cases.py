@@ -233,8 +233,11 @@ def comparison_table(comparison: Comparison) -> Table:
         unit, scale = units[one.quantity]
         figures = [f"{scale * v:.4g}" for v in (one.rigid_peak, one.flexible_peak, one.peak, one.rms)]
         rows.append((f"{one.quantity}, {unit}", *figures, f"{one.of_rigid:.3f}", f"{one.angle_deg:.1f}"))
-    head = ("", "rigid peak", "flexible peak", "peak deviation", "rms deviation", "of rigid peak", "at cam deg")
-    return table(f"Flexible against rigid at {comparison.probe}, {comparison.speed_rpm:g} rpm", head, rows)
+    one, other = comparison.names
+    head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"of {other} peak", "at cam deg")
+    return table(
+        f"{one[:1].upper()}{one[1:]} against {other} at {comparison.probe}, {comparison.speed_rpm:g} rpm", head, rows
+    )
 
 
 def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]:
@@ -255,7 +258,7 @@ def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]
     deviation = (
         f"The {comparison.probe} deviates by up to {comparison.peak_deviation:.3f} of its lift "
         f"(rms {comparison.rms_deviation:.3f}); its peak acceleration is {comparison.peak_acceleration_ratio:.2f} "
-        "times the rigid one."
+        f"times the {comparison.names[1]} one."
     )
     if mode_hz is None:
         return [deviation]

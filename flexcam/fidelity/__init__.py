@@ -7,7 +7,7 @@ A new measure is a file here; the claims of another paper are a file like `claim
 from flexcam.fidelity.chain import chain, chain_run
 from flexcam.fidelity.choose import Choice, choose
 from flexcam.fidelity.claims import Claim, claims, deviation, loaded_mode
-from flexcam.fidelity.compare import Comparison, Deviation, compare
+from flexcam.fidelity.compare import Comparison, Deviation, between, compare
 from flexcam.fidelity.estimate import Error, estimate
 from flexcam.fidelity.measure import Measured, distance, measured
 from flexcam.fidelity.petrescu import OneMass, Setting, setting
@@ -27,6 +27,7 @@ __all__ = [
     "Rung",
     "Setting",
     "Traded",
+    "between",
     "chain",
     "chain_run",
     "choose",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,6 +56,8 @@ class Comparison:
         Of displacement, velocity and acceleration.
     status
         How the flexible run ended; figures of an incomplete run cover the finished part.
+    names
+        What is compared with what: the first stands for the flexible system, the second for the rigid one.
     """
 
     probe: str
@@ -63,6 +65,7 @@ class Comparison:
     lift: float
     deviations: tuple[Deviation, Deviation, Deviation]
     status: Status
+    names: tuple[str, str] = ("flexible", "rigid")
 
     @property
     def peak_deviation(self) -> float:
@@ -116,10 +119,53 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
         raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in moved.components))
     lift = float(np.ptp(still.displacement))
     if lift == 0.0:
-        raise refuse("probe", repr(probe), "a point that the cam moves", "the rigid system does not move it")
+        raise refuse("probe", repr(probe), "a point that the cam moves", "nothing moves it in what is compared with")
     pairs = ("displacement", "velocity", "acceleration")
     found = [_deviation(name, getattr(moved, name), getattr(still, name)[:count], flexible.angle) for name in pairs]
     return Comparison(probe, speed_rpm, lift, (found[0], found[1], found[2]), flexible.status)
+
+
+def between(one: Response, other: Response, probe: str, speed_rpm: float, names: tuple[str, str]) -> Comparison:
+    """Compare two responses over the time that both have, at the instants of the first.
+
+    Parameters
+    ----------
+    one, other
+        Any two responses of the same cam motion; the steps need not be the same.
+    probe
+        Name of a probe of one scalar that both have.
+    speed_rpm
+        Camshaft speed, rpm, for the record.
+    names
+        Of both.
+
+    Returns
+    -------
+    Comparison
+        The first against the second.
+
+    Raises
+    ------
+    InputError
+        If they have no time in common, the cam stands elsewhere at the same time, or the probe does not fit.
+
+    Examples
+    --------
+    ``between(run(coarse), run(fine), "valve", 3000.0, ("coarse", "fine")).peak_deviation``
+    """
+    first, last = max(one.time[0], other.time[0]), min(one.time[-1], other.time[-1])
+    times = one.time[(one.time >= first) & (one.time <= last)]
+    if len(times) < _FEWEST:
+        raise refuse("responses", "no time in common", "runs that overlap", "they are compared instant by instant")
+    both = one.at(times), other.at(times)
+    if np.abs(both[0].angle - both[1].angle).max() > _SAME_ANGLE:
+        raise refuse("responses", "the cam at different angles", "runs at one speed", "they are compared at one time")
+    return replace(compare(*both, probe, speed_rpm), names=names)
+
+
+_FEWEST = 2
+_SAME_ANGLE = 1e-6
+"""rad."""
 
 
 def _deviation(quantity: str, flexible: FloatArray, rigid: FloatArray, angle: FloatArray) -> Deviation:
