@@ -12,6 +12,7 @@ from flexcam.view.curves import (
     profile_figure,
     spectrum_figure,
 )
+from flexcam.view.methods import method_figure
 from flexcam.view.speeds import force_figure, growth_figure
 from flexcam.view.trade import work_precision_figure
 
@@ -20,6 +21,7 @@ __all__ = [
     "growth_figure",
     "law_figure",
     "lift_figure",
+    "method_figure",
     "pressure_figure",
     "profile_figure",
     "save_figure",

@@ -1,0 +1,95 @@
+"""Make docs/trade.md: what cheaper models of the published cases and of the flagship cost in error.
+
+Run it after a change of the models or of the integration; it takes some minutes. Work and errors are the same on every
+machine, processor times are not.
+"""
+
+from __future__ import annotations
+
+import platform
+from pathlib import Path
+
+from flexcam import read_case
+from flexcam.case import Case
+from flexcam.fidelity import Reference, Traded, trade
+
+ROOT = Path(__file__).parents[1]
+PUBLISHED = [f"cases/tayeb/model-{n}-{law}.toml" for n in (1, 2, 3) for law in ("shm", "parabolic", "cycloidal")]
+FLAGSHIP = "cases/pushrod-engine/intake.toml"
+SHORTER = ["run.crank_speed=4000rpm", "run.steps_per_revolution=1440", "run.revolutions=1"]
+TOLERANCES = (0.1, 0.01, 0.001)
+KINDS = ("lift", "velocity", "acceleration")
+
+
+def main() -> None:
+    """Write the page."""
+    lines = [*HEAD, *_cheapest(), *_ladder("cases/tayeb/model-3-shm.toml", []), *_ladder(FLAGSHIP, SHORTER), ""]
+    (ROOT / "docs" / "trade.md").write_text("\n".join(lines), encoding="utf-8")
+
+
+HEAD = [
+    "# What a cheaper model costs",
+    "",
+    "Made by `docs/make_trade.py` on " + platform.machine() + ", Python " + platform.python_version() + ".",
+    "`flexcam trade CASE` makes the same table of any case. Errors are root mean squares over the run, as parts of the",
+    "largest value (of the lift, of its range), against a run of three times the elements and four times the steps of the",
+    "case; work is unknowns times steps.",
+    "",
+    "## The cheapest model within a tolerance of the lift",
+    "",
+    "| case | reference's own error | " + " | ".join(f"within {100 * t:g} %" for t in TOLERANCES) + " |",
+    "|---|---|" + "---|" * len(TOLERANCES),
+]
+
+
+def _traded(path: str, overrides: list[str]) -> tuple[Case, Reference, list[Traded]]:
+    case = read_case(ROOT / path, overrides)
+    return case, *trade(case, "valve", repeats=3)
+
+
+def _cheapest() -> list[str]:
+    rows: list[str] = []
+    for path, overrides in [*((path, list[str]()) for path in PUBLISHED), (FLAGSHIP, SHORTER)]:
+        case, against, found = _traded(path, overrides)
+        own = against.errors["lift"] / against.size["lift"]
+        cells = [_first(found, tolerance - own) for tolerance in TOLERANCES]
+        rows.append(f"| {case.name} | {100 * own:.1g} % | {' | '.join(cells)} |")
+    return [*rows, ""]
+
+
+def _first(found: list[Traded], tolerance: float) -> str:
+    for one in found:
+        if one.errors.get("lift", 1.0) <= tolerance:
+            return f"{one.rung}, {one.steps} steps, {one.unknowns} unknowns: {100 * one.errors['lift']:.2g} %"
+    return "none"
+
+
+def _ladder(path: str, overrides: list[str]) -> list[str]:
+    case, against, found = _traded(path, overrides)
+    kinds = [*KINDS, *(kind for kind in against.errors if kind not in KINDS)]
+    rows = [
+        f"| {'**' if one.best else ''}{one.rung}{'**' if one.best else ''} | {one.steps} | {one.unknowns} | {one.work:.3g} | "
+        f"{one.seconds:.2g} | {' | '.join(_percent(one.errors.get(kind)) for kind in kinds)} |"
+        for one in found
+    ]
+    own = " | ".join(_percent(against.errors[kind] / against.size[kind]) for kind in kinds)
+    given = f" with {', '.join(f'`{one}`' for one in overrides)}" if overrides else ""
+    return [
+        f"## {case.record.title}",
+        "",
+        f"`{path}`{given}. Models that no other beats in both work and error are bold; errors in %.",
+        "",
+        "| model | steps/rev | unknowns | work | cpu s | " + " | ".join(kinds) + " |",
+        "|---|---|---|---|---|" + "---|" * len(kinds),
+        *rows,
+        f"| reference | {against.steps} | | | | {own} |",
+        "",
+    ]
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100.0 * share:.2g}"
+
+
+if __name__ == "__main__":
+    main()
