@@ -127,11 +127,33 @@ def _row(one: Stability, scale: float) -> list[str]:
 
 
 def growths(found: Sequence[Stability]) -> FloatArray:
-    """Return the growth rates of several speeds, 1/s, shape (m,); NaN where no periodic motion was found."""
+    """Return the growth rates of several speeds.
+
+    Parameters
+    ----------
+    found
+        As for `growth_table`.
+
+    Returns
+    -------
+    ndarray
+        1/s, shape (m,); NaN where no periodic motion was found.
+    """
     return np.array([math.nan if one.floquet is None else one.floquet.growth for one in found])
 
 
 def dangers(found: Sequence[Stability]) -> dict[str, NDArray[np.bool_]]:
-    """Return which of several speeds each cause endangers, shape (m,) each."""
+    """Return which of several speeds each cause endangers.
+
+    Parameters
+    ----------
+    found
+        As for `growth_table`.
+
+    Returns
+    -------
+    dict
+        Cause to an array, shape (m,).
+    """
     named = {cause: np.array([cause in one.verdict for one in found]) for cause in _WORDS}
     return {**named, "chatter": np.array([one.chatters for one in found])}

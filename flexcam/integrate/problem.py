@@ -23,12 +23,12 @@ class State:
         s.
     inner
         Internal states of the local forces, one after the other, shape (s,); None for those at rest.
+    periodicity
+        Of a state that should return after a revolution: by how much it misses, as a part of the motion; else None.
     acceleration
         Shape (n,), where a run goes on: of some schemes it is no function of the rest. None to balance the forces.
     taken
         Steps of the problem's length that led here: instants are counted from before them.
-    periodicity
-        Of a state that should return after a revolution: by how much it misses, as a part of the motion; else None.
     """
 
     displacement: FloatArray
