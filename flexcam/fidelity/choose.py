@@ -43,7 +43,9 @@ class Choice:
         """Why no model meets the tolerance; empty where one does."""
         if self.met:
             return ""
-        own = max((error / self.against.size[name] for name, error in self.against.errors.items()), default=0.0)
+        sizes = self.against.size
+        shares = [error / sizes[name] for name, error in self.against.errors.items() if sizes[name] > 0.0]
+        own = max(shares, default=0.0)
         return (
             f"the closest of {self.tried} models is off by {100.0 * self.found.worst:.2g} %, and the reference itself "
             f"by up to {100.0 * own:.2g} %"

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from flexcam.case import Case
 from flexcam.fidelity.measure import Measured, distance, measured
 from flexcam.fidelity.rungs import Rung, ladder, steps_of, with_elements
-from flexcam.integrate import solve
+from flexcam.integrate import integrated, solve
 from flexcam.response import Response, RunFailedError, Status
 from flexcam.runner import Prepared
 
@@ -145,7 +145,7 @@ def candidates(case: Case) -> list[Rung]:
 
 
 def _size(ready: Prepared) -> int:
-    return ready.problem.system.size * ready.problem.steps
+    return integrated(ready.problem) * ready.problem.steps
 
 
 def tried(rung: Rung, probe: str, against: Reference, *, repeats: int = 1) -> Traded:

@@ -209,6 +209,7 @@ def test_an_adjuster_between_nodes():
     assert np.ptp(found["contacts.play.leak_down"]) > 0.0
 
 
+TOLERANCES = '{ lift = "1 %", velocity = "2 %", acceleration = "5 %", force = "5 %" }'
 PAPERS = ("checks/mathieu.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
 
 
@@ -226,6 +227,8 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.adaptive={ tolerance = 1e-5, smallest = "1 ns" }']),
         (CHECKS / "mathieu.toml", []),
         (DATA / "every-key.toml", ['run.integrator={ method = "bathe" }', "fidelity.modes=20"]),
+        (DATA / "every-key.toml", ['fidelity={ model = "chain", masses = 2, estimate = true }']),
+        (DATA / "every-key.toml", [f"fidelity.tolerance={TOLERANCES}"]),
         (DATA / "every-key.toml", ['run.start={ result = "any.vtkhdf" }']),
         (DATA / "every-key.toml", ["members.pushrod.section=flat", "members.camshaft.section=own"]),
         (DATA / "every-key.toml", ['run.integrator={ method = "dop853", tolerance = 1e-8 }']),
