@@ -1,0 +1,33 @@
+"""What leaving out and reducing gains on published model 3: one run in all, in the reached, in few unknowns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import prepare, read_case
+from flexcam.integrate import solve
+
+MODEL = Path(__file__).parents[1] / "cases" / "tayeb" / "model-3-shm.toml"
+WAYS = {
+    "all 47 unknowns": (["fidelity.prune=false"], 47), "24 that move": ([], 24),
+    "3 modes": (["fidelity.modes=3"], None), "one mass": (["fidelity.model=sdof"], 1),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_unknowns(benchmark, way):
+    overrides, unknowns = WAYS[way]
+    ready = prepare(read_case(MODEL, overrides))
+    response = benchmark(solve, ready.problem, ready.scheme, save=ready.save)
+    assert response.status.ok
+    assert unknowns in (None, response.stats.unknowns)
+
+
+@pytest.mark.parametrize("method", ["newmark", "hht", "bathe", "exact"])
+def test_methods(benchmark, method):
+    ready = prepare(read_case(MODEL, [f'run.integrator.method="{method}"']))
+    response = benchmark(solve, ready.problem, ready.scheme, save=ready.save)
+    assert np.isfinite(response["valve"].displacement).all()
