@@ -125,6 +125,9 @@ def prepare(case: Case, *, rigid: bool = False) -> Prepared:
 _CHAINS = {"sdof": 1, "chain": None}
 """Models of few masses, and how many where that is no choice."""
 
+_KEYS = {"count": "fidelity.masses", "contact": "fidelity.model"}
+"""What is asked of a chain, and the keys of a case that ask it."""
+
 
 def _basis(case: Case, model: Model, problem: Problem, kind: str) -> Basis | None:
     """Return what a case is integrated in; None for its own unknowns."""
@@ -132,7 +135,11 @@ def _basis(case: Case, model: Model, problem: Problem, kind: str) -> Basis | Non
     if not problem.system.size:
         return None
     if kind in _CHAINS:
-        found = chain_of(model, case.speed, _CHAINS[kind] or fidelity.masses)
+        try:
+            found = chain_of(model, case.speed, _CHAINS[kind] or fidelity.masses)
+        except InputError as refusal:
+            named = InputError(replace(one, where=_KEYS.get(one.where, one.where)) for one in refusal.faults)
+            raise _placed(case, named) from None
         return Shapes(found.shapes, found.system.names)
     return None if fidelity.modes is None else modal_basis(problem, fidelity.modes)
 

@@ -67,6 +67,8 @@ class Unit:
         Negative values are allowed.
     most
         Largest value, SI; None without.
+    noise
+        A number too small for its kind is zero, as it always is where negative values are allowed.
 
     Examples
     --------
@@ -79,6 +81,7 @@ class Unit:
     above: bool = False
     signed: bool = False
     most: float | None = None
+    noise: bool = False
 
     def validate(self, value: Any) -> float:  # noqa: ANN401 - whatever stands in the file
         """Return the SI number.
@@ -89,7 +92,7 @@ class Unit:
             If it is no such quantity.
         """
         try:
-            number = parse(value, self.dimension, noise=self.signed)
+            number = parse(value, self.dimension, noise=self.signed or self.noise)
         except InputError as refusal:
             raise passed_on(refusal) from None
         if number < 0.0 and not self.signed:
@@ -179,5 +182,6 @@ Speed = Annotated[float, Unit("speed", above=True)]
 Velocity = Annotated[float, Unit("velocity", above=True)]
 Time = Annotated[float, Unit("time", above=True)]
 Ratio = Annotated[float, Unit("number")]
+Tolerance = Annotated[float, Unit("number", noise=True)]
 PositiveNumber = Annotated[float, Unit("number", above=True)]
 SignedNumber = Annotated[float, Unit("number", signed=True)]

@@ -77,7 +77,9 @@ def run_doubts(ready: Prepared, response: Response, figures: list[Figure]) -> li
 
 
 def _unseen(ready: Prepared) -> list[str]:
-    """Return what a model of few masses does not know."""
+    """Return what a rigid model or one of few masses does not know."""
+    if ready.case.record.fidelity.model == "rigid":
+        return ["Warning: rigid members know nothing of what they bear: do not read stresses and section forces off"]
     if ready.case.record.fidelity.model not in ("sdof", "chain"):
         return []
     left = "the camshaft but what its contacts feel, of surging springs and of bending"

@@ -13,6 +13,12 @@ from flexcam.fidelity import Choice, Error, Reference, Traded
 from flexcam.terminal import table
 
 _SHOWN = {"m": (1e3, "mm"), "m/s": (1.0, "m/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
+_ROUNDING = 1e-12
+"""Part of a number below which an error is that of its last bits."""
+
+_DIGITS = 12
+"""Behind the point."""
+
 _KINDS = ("lift", "velocity", "acceleration")
 
 
@@ -147,14 +153,16 @@ def plus_minus(one: Error) -> str:
     Returns
     -------
     str
-        Two digits of the error.
+        Two digits of the error; none where it is rounding.
     """
     factor, unit = _SHOWN[one.unit]
     value, error = factor * one.size, factor * one.total
-    if not error > 0.0:
+    if not error > _ROUNDING * value:
         return f"{value:.10g} {unit}"
     digits = max(1 - math.floor(math.log10(error)), 0)
-    return f"{value:.{min(digits, 12)}f} ± {error:.{min(digits, 12)}f} {unit}"
+    if digits > _DIGITS:
+        return f"{value:.{_DIGITS}g} ± {error:.2g} {unit}"
+    return f"{value:.{digits}f} ± {error:.{digits}f} {unit}"
 
 
 def _share(one: Error, error: float) -> str:

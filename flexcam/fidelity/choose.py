@@ -29,6 +29,8 @@ class Choice:
         Whether the tolerance is met, the reference's own error counted.
     tried
         How many models were.
+    tolerance
+        What was asked, by quantity.
     """
 
     rung: Rung
@@ -37,19 +39,20 @@ class Choice:
     against: Reference
     met: bool
     tried: int
+    tolerance: Mapping[str, float]
 
     @property
     def why(self) -> str:
         """Why no model meets the tolerance; empty where one does."""
         if self.met:
             return ""
-        sizes = self.against.size
-        shares = [error / sizes[name] for name, error in self.against.errors.items() if sizes[name] > 0.0]
-        own = max(shares, default=0.0)
-        return (
-            f"the closest of {self.tried} models is off by {100.0 * self.found.worst:.2g} %, and the reference itself "
-            f"by up to {100.0 * own:.2g} %"
-        )
+        sizes, own = self.against.size, self.against.errors
+        asked = {name: error for name, error in self.found.errors.items() if name.partition(" ")[0] in self.tolerance}
+        said = [f"{name} {_percent(error)} (the reference {_percent(own[name] / sizes[name])})"
+                for name, error in asked.items()]  # fmt: skip
+        if not said:
+            return f"none of {self.tried} models has all of {', '.join(self.tolerance)}"
+        return f"the closest of {self.tried} models is off by {', '.join(said)}"
 
 
 def choose(case: Case, probe: str, tolerance: Mapping[str, float]) -> Choice:
@@ -89,7 +92,11 @@ def choose(case: Case, probe: str, tolerance: Mapping[str, float]) -> Choice:
     missed.sort(key=lambda one: _misses(one[1], against, tolerance))
     rung, found = (met or missed)[0]
     cheaper = missed[0][1] if met and missed else None
-    return Choice(rung, found, cheaper, against, bool(met), len(met) + len(missed))
+    return Choice(rung, found, cheaper, against, bool(met), len(met) + len(missed), tolerance)
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %"
 
 
 _NOTHING = 1e-300

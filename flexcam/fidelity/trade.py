@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from flexcam.case import Case
 from flexcam.fidelity.measure import Measured, distance, measured
-from flexcam.fidelity.rungs import Rung, ladder, steps_of, with_elements
+from flexcam.fidelity.rungs import Rung, ladder, steps_of, with_elements, with_fidelity
 from flexcam.integrate import integrated, solve
 from flexcam.response import Response, RunFailedError, Status
 from flexcam.runner import Prepared
@@ -100,7 +100,7 @@ def reference(case: Case, probe: str) -> Reference:
     Returns
     -------
     Reference
-        Of three times the elements and four times the steps of the case.
+        Of flexible members, three times the elements and four times the steps of the case, whatever model it asks for.
 
     Raises
     ------
@@ -108,8 +108,9 @@ def reference(case: Case, probe: str) -> Reference:
         If it ends early.
     """
     steps = steps_of(case)
+    beams = with_fidelity(case, {"model": "beams", "modes": None})
     finest, coarser = (
-        _run(Rung("reference", "", with_elements(case, factor=elements)).stepped(n * steps), probe)
+        _run(Rung("reference", "", with_elements(beams, factor=elements)).stepped(n * steps), probe)
         for elements, n in ((_FINER, _REFINED), (_FINER - 1, _REFINED // 2))
     )
     errors = {name: _COVERS * value for name, value in distance(finest, coarser, rms=True).items()}

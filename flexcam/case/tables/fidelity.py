@@ -13,10 +13,10 @@ from flexcam.case.tables.base import Record
 class ToleranceRecord(Record):
     """Root mean square error by quantity, as a part of its largest value; what is not named may err as it likes."""
 
-    lift: q.Ratio | None = None
-    velocity: q.Ratio | None = None
-    acceleration: q.Ratio | None = None
-    force: q.Ratio | None = Field(None, description="of every contact")
+    lift: q.Tolerance | None = None
+    velocity: q.Tolerance | None = None
+    acceleration: q.Tolerance | None = None
+    force: q.Tolerance | None = Field(None, description="of every contact")
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> Self:
@@ -37,7 +37,7 @@ class FidelityRecord(Record):
         "beams", description="flexible members, rigid ones, one mass for the train, or a chain of masses"
     )
     masses: int = Field(3, ge=1, le=1000, strict=True, description="of a chain, at nodes along its train")
-    tolerance: q.Ratio | ToleranceRecord | None = Field(
+    tolerance: q.Tolerance | ToleranceRecord | None = Field(
         None,
         description='run the cheapest model whose lift is within it, such as "1 %", or a table by quantity',
         union_mode="left_to_right",

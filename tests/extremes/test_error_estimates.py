@@ -1,0 +1,140 @@
+"""Random trains the estimate was not made for: it covers the true error of the lift, and is not far above it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexcam import read_case
+from flexcam.fidelity import distance, estimate, measured
+from flexcam.fidelity.rungs import Rung, steps_of, with_elements
+
+TRAIN = """\
+format = 1
+title = "Random train {seed}"
+
+[nodes]
+drive = [0, 0, 0]
+cam = [{shaft}, 0, 0]
+rear = [{rear}, 0, 0]
+tappet = [{shaft}, 0.024, 0]
+top = [{shaft}, {top}, 0]
+
+[materials.steel]
+E = 207e9
+nu = 0.29
+density = 7800
+
+[sections]
+shaft = {{ shape = "circle", diameter = {diameter} }}
+tube = {{ shape = "tube", outer_diameter = {outer}, inner_diameter = {inner} }}
+
+[members]
+camshaft = {{ nodes = ["drive", "cam", "rear"], elements = {elements}, material = "steel", section = "shaft" }}
+pushrod = {{ nodes = ["tappet", "top"], elements = {elements}, material = "steel", section = "tube" }}
+
+[supports]
+drive = ["ux", "uy", "uz", "rx"]
+rear = ["uy", "uz"]
+tappet = ["ux", "uz", "rx", "ry"]
+top = ["ux", "uz"]
+
+[masses]
+lobe = {{ at = "cam", mass = {lobe} }}
+follower = {{ at = "tappet", mass = {follower} }}
+valve = {{ at = "valve", mass = {valve} }}
+
+[rockers.rocker]
+model = "lumped"
+from = "top"
+to = "valve"
+arms = [0.025, {arm}]
+inertia = {inertia}
+
+[springs.valve]
+at = "valve"
+direction = "uy"
+stiffness = {stiffness}
+installed_force = {installed}
+mass = {surging}
+elements = {parts}
+
+[cams.intake]
+at = "cam"
+law = "{law}"
+lift = {lift}
+rise = {rise}
+return = {back}
+
+[contacts]
+intake = {{ cam = "intake", follower = "tappet", {contact} }}
+
+[run]
+speed = "{rpm} rpm"
+revolutions = 0.25
+steps_per_revolution = {steps}
+start = "{start}"
+damping = {{ beta = {beta} }}
+
+[output]
+probes = ["valve"]
+"""
+
+CONTACTS = ('model = "published-load"', 'model = "bilateral", stiffness = {k}', 'model = "unilateral", stiffness = {k}')
+
+
+def text(seed):
+    """Return a train: each number within half or one decade of what engines have."""
+    random = np.random.default_rng(seed)
+
+    def about(value, decades=0.5):
+        return float(value * 10.0 ** random.uniform(-decades, decades))
+
+    shaft, outer = random.uniform(0.03, 0.2), random.uniform(6e-3, 14e-3)
+    return TRAIN.format(
+        seed=seed, shaft=shaft, rear=shaft + random.uniform(0.03, 0.2), top=0.024 + random.uniform(0.05, 0.4),
+        diameter=random.uniform(0.015, 0.04), outer=outer, inner=outer * random.uniform(0.0, 0.8),
+        elements=random.integers(1, 4), lobe=about(0.15), follower=about(0.08), valve=about(0.1),
+        arm=random.uniform(0.025, 0.045), inertia=about(5e-5), stiffness=about(40e3), installed=about(400.0),
+        law=random.choice(["shm", "cycloidal", "parabolic", "4-5-6-7", "3-4-5"]), lift=random.uniform(2e-3, 9e-3),
+        rise=np.radians(random.uniform(35.0, 90.0)), back=np.radians(random.uniform(35.0, 90.0)),
+        contact=random.choice(CONTACTS).format(k=about(2e7)), rpm=about(1500.0),
+        steps=round(180 * 8.0 ** random.random()), surging=about(0.04), parts=random.integers(1, 7),
+        start=random.choice(["rest", "equilibrium"]), beta=random.choice([0.0, about(1e-6, 1.0)]),
+    )  # fmt: skip
+
+
+def errors(seed, folder):
+    """Return estimated and true error of the lift, m, and whether the estimate holds."""
+    path = folder / f"random-{seed}.toml"
+    path.write_text(text(seed), encoding="utf-8")
+    case = read_case(path)
+    steps = steps_of(case)
+    one = next(error for error in estimate(case, "valve") if error.quantity == "lift")
+    own, best = (
+        measured(Rung("", "", with_elements(case, factor=finer)).stepped(times * steps).run(), "valve")
+        for finer, times in ((1, 1), (4, 8))
+    )
+    return one.total, distance(own, best)["lift"], one.holds
+
+
+def check(count, folder):
+    """Nine estimates of ten hold, of these 19 of 20 cover the true error, and half are less than five times as large.
+
+    The true error is that against four times the elements and eight times the steps: of second order, 1/16 and 1/64 of
+    it are left in there. What is doubled is 3/4 of it, so that 1.5 times the truth is to be expected.
+    """
+    found = [errors(seed, folder) for seed in range(count)]
+    holding = [(estimated, true) for estimated, true, holds in found if holds]
+    assert len(holding) >= 0.9 * count
+    assert sum(estimated >= true for estimated, true in holding) >= 0.95 * len(holding)
+    assert np.median([estimated / true for estimated, true in holding]) < 5.0
+
+
+def test_twenty_trains(tmp_path):
+    check(20, tmp_path)
+
+
+@pytest.mark.slow
+def test_two_hundred_trains(tmp_path):
+    check(200, tmp_path)

@@ -1,0 +1,226 @@
+"""Distances of runs, Pareto front, ladder, numbers with their errors, the estimate on a smooth case and in chatter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from flexcam import InputError, read_case
+from flexcam.console import choice_words, plus_minus
+from flexcam.fidelity import Choice, Error, Measured, Reference, Traded, distance, estimate, ladder, measured
+from flexcam.fidelity.rungs import Rung, steps_of, with_elements, with_fidelity, with_run
+from flexcam.fidelity.trade import candidates, front
+from flexcam.integrate import integrated
+from flexcam.response import Cause, Status
+
+ROOT = Path(__file__).parents[2]
+INLINE = ROOT / "tests/data/inline.toml"
+ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
+
+
+def history(steps, *values, **more):
+    """Return a run over one second; a value is that of every instant of time."""
+    time = np.linspace(0.0, 1.0, steps + 1)
+    one = {name: value(time) for name, value in more.items()}
+    return Measured(time, one | {f"force {i}": value(time) for i, value in enumerate(values)})
+
+
+class TestDistance:
+    def test_largest_and_root_mean_square(self):
+        one, other = history(4, lift=lambda t: 0.0 * t), history(4, lift=lambda t: np.where(t == 0.5, -3.0, 1.0))
+        assert distance(one, other) == {"lift": 3.0}
+        assert distance(one, other, rms=True)["lift"] == pytest.approx(np.sqrt((9.0 + 4.0) / 5.0), rel=1e-15)
+
+    def test_at_the_instants_both_have(self):
+        """The finer run is off between the instants of the coarser one only."""
+        fine = history(8, lift=lambda t: t + np.where(np.arange(len(t)) % 2 == 1, 7.0, 0.0))
+        coarse = history(4, lift=lambda t: t)
+        assert distance(fine, coarse)["lift"] == distance(coarse, fine)["lift"] == 0.0
+        assert distance(coarse, history(8, lift=lambda t: t + 7.0))["lift"] == 7.0
+
+    @pytest.mark.parametrize("steps", [5, 7, 11])
+    def test_steps_that_do_not_divide(self, steps):
+        with pytest.raises(InputError, match="do not meet"):
+            distance(history(4, lift=lambda t: t), history(steps, lift=lambda t: t))
+
+    def test_quantities_of_one_run_only(self):
+        one, other = history(4, lift=lambda t: t), history(4, lambda t: t, lift=lambda t: t + 1.0)
+        assert distance(one, other) == distance(other, one) == {"lift": 1.0}
+
+    def test_sizes(self):
+        """Of a lift its range, of the rest the largest value."""
+        one = history(4, lift=lambda t: 5.0 + 2.0 * t, velocity=lambda t: -3.0 - t)
+        assert (one.size("lift"), one.size("velocity")) == (2.0, 4.0)
+        assert (one.unit("lift"), one.unit("velocity"), one.unit("force intake")) == ("m", "m/s", "N")
+
+    def test_a_probe_of_several_scalars(self):
+        response = Rung("", "", read_case(INLINE, ["run.revolutions=0.01"])).run()
+        with pytest.raises(InputError, match="one scalar"):
+            measured(response, "cam")
+
+
+def rung(work, worst, steps=100):
+    errors = {} if worst is None else {"lift": worst, "velocity": worst / 2.0}
+    return Traded("any", "", steps, work // steps, work, 0.0, errors, Status(Cause.DONE))
+
+
+class TestFront:
+    def test_marks_what_no_other_beats(self):
+        given = [rung(400, 0.02), rung(100, 0.5), rung(200, 0.6), rung(300, 0.1), rung(500, 0.02), rung(600, 0.01)]
+        found = front(given)
+        assert [one.work for one in found] == [100, 200, 300, 400, 500, 600]
+        assert [one.best for one in found] == [True, False, True, True, False, True]
+        assert not any(one.best for one in given)
+
+    def test_of_equal_work_fewer_steps_come_first(self):
+        assert [one.best for one in front([rung(400, 0.2, 200), rung(400, 0.2, 100)])] == [True, False]
+
+    def test_runs_that_ended_early_are_never_best(self):
+        assert [one.best for one in front([rung(100, None), rung(200, 0.3)])] == [False, True]
+
+
+class TestLadder:
+    def test_models_of_a_case(self):
+        names = [one.name for one in ladder(read_case(INLINE))]
+        assert names == ["rigid", "sdof", "modes 3", "modes 10", "beams", "beams x2"]
+        finer = ladder(read_case(INLINE, ["members.pushrod.elements=4", "members.camshaft.elements=4"]))
+        assert [one.name for one in finer] == [
+            "rigid", "sdof", "chain 3", "modes 3", "modes 10", "modes 30", "beams 1", "beams 2", "beams", "beams x2",
+        ]  # fmt: skip
+
+    def test_each_is_derived_from_the_case(self):
+        by_name = {one.name: one for one in ladder(read_case(INLINE, ["members.pushrod.elements=3"]))}
+        unknowns = {name: integrated(one.prepared().problem) for name, one in by_name.items()}
+        assert (unknowns["rigid"], unknowns["sdof"]) == (0, 1)
+        assert by_name["beams x2"].case.record.members["pushrod"].elements == 6
+        assert by_name["beams x2"].case.record.members["camshaft"].elements == 2
+        assert by_name["beams"].case.record.fidelity.model == "beams"
+        assert unknowns["modes 3"] < unknowns["beams"] < unknowns["beams x2"]
+
+    def test_what_the_case_asks_for_is_left_out(self):
+        asked = read_case(INLINE, ['fidelity={ tolerance = "1 %", modes = 3, estimate = true }'])
+        for one in ladder(asked):
+            assert one.case.record.fidelity.tolerance is None
+            assert not one.case.record.fidelity.estimate
+        assert ladder(asked)[-2].case.record.fidelity.modes is None
+
+    def test_candidates_begin_with_the_least_work(self):
+        """By what is integrated: one mass at many steps costs less than the beams at few."""
+        found = candidates(read_case(INLINE, ["run.steps_per_revolution=480"]))
+        work = [integrated(ready.problem) * ready.problem.steps for ready in (one.prepared() for one in found)]
+        assert work == sorted(work)
+        assert {steps_of(one.case) for one in found} == {60, 120, 240, 480}
+
+    @pytest.mark.parametrize(("steps", "counts"), [(100, {100}), (243, {243}), (120, {60, 120}), (250, {125, 250})])
+    def test_steps_that_divide(self, steps, counts):
+        """Half as often, down to 60 per revolution, and whole numbers only."""
+        found = candidates(read_case(INLINE, [f"run.steps_per_revolution={steps}"]))
+        assert {steps_of(one.case) for one in found} == counts
+
+
+def test_derived_cases_leave_the_given_one():
+    case = read_case(ENGINE)
+    before = case.record.model_dump_json()
+    members, springs = (with_elements(case, factor=3).record.members, with_elements(case, factor=3).record.springs)
+    assert (members["pushrod"].elements, members["camshaft"].elements) == (12, 6)
+    assert (springs["valve"].elements, springs["tappet"].elements) == (24, 1)  # what does not surge stays one
+    each = with_elements(case, each=5).record
+    assert {one.elements for one in each.members.values()} == {5}
+    assert each.springs["valve"].elements == 8
+    assert with_run(case, {"revolutions": 7.0}).record.run.revolutions == 7.0
+    assert with_fidelity(case, {"model": "rigid"}).record.fidelity.model == "rigid"
+    assert Rung("", "", case).stepped(90).case.record.run.steps_per_revolution == 90
+    assert case.record.model_dump_json() == before
+
+
+def test_steps_of_a_case():
+    assert steps_of(read_case(INLINE)) == 720
+    given = read_case(INLINE)
+    # 3000 rpm turn once in 20 ms; a step of 30 us divides it 666.7 times.
+    assert steps_of(with_run(given, {"steps_per_revolution": None, "step": 30e-6})) == 667
+    assert steps_of(with_run(given, {"steps_per_revolution": None})) == 3600
+
+
+def error(size, total, unit="m"):
+    return Error("lift", unit, size, total, 0.0, 0.0, True)
+
+
+@pytest.mark.parametrize(
+    ("one", "said"),
+    [
+        (error(0.010431, 2e-5), "10.431 ± 0.020 mm"),
+        (error(0.010431, 2.04e-3), "10.4 ± 2.0 mm"),
+        (error(0.010431, 0.15), "10 ± 150 mm"),
+        (error(1234.4, 12345.6, "N"), "1234 ± 12346 N"),
+        (error(1038.096023574891, 3.8e-11, "N"), "1038.096024 N"),  # rounding is no error
+        (error(0.006, 0.0), "6 mm"),
+        (error(0.0, 0.0), "0 mm"),
+        (error(0.0, 1e-20), "0 ± 1e-17 mm"),
+        (error(1e-16, 2e-20), "1e-13 ± 2e-17 mm"),
+    ],
+)
+def test_numbers_with_their_errors(one, said):
+    assert plus_minus(one) == said
+
+
+def test_all_errors_count():
+    assert Error("lift", "m", 1.0, 1e-3, 2e-3, 4e-3, True).total == pytest.approx(7e-3, rel=1e-15)
+
+
+def test_why_names_what_was_asked():
+    """Not the worst of all quantities; one of no size has no share."""
+    found = replace(rung(100, 0.4), errors={"lift": 0.02, "velocity": 0.4})
+    own, size = {"lift": 1e-5, "velocity": 1e-3, "force c": 0.0}, {"lift": 1e-2, "velocity": 1.0, "force c": 0.0}
+    against = Reference(history(4), own, size, 400)
+    choice = Choice(Rung("any", "", SimpleNamespace()), found, None, against, False, 5, {"lift": 0.01})
+    assert choice.why == "the closest of 5 models is off by lift 2 % (the reference 0.1 %)"
+    assert "40" not in choice.why
+    assert "The tolerance is not met" in choice_words(choice)[0]
+    assert replace(choice, met=True).why == ""
+    assert "has all of force" in replace(choice, tolerance={"force": 0.1}).why
+
+
+def lift_of(case, steps):
+    return measured(Rung("", "", case).stepped(steps).run(), "valve")
+
+
+class TestEstimate:
+    @pytest.mark.parametrize("steps", [60, 61, 90, 125])
+    def test_the_error_of_the_steps_of_a_smooth_case(self, steps):
+        """Of second order: 3/4 of it goes with half the step, and that is doubled: 1.5 times the truth.
+
+        10 % for the next order of the step at 60 steps per revolution.
+        """
+        case = read_case(INLINE, [f"run.steps_per_revolution={steps}"])
+        found = {one.quantity: one for one in estimate(case, "valve")}
+        true = distance(lift_of(case, steps), lift_of(case, 32 * steps))
+        for quantity in ("lift", "velocity"):
+            assert found[quantity].time == pytest.approx(1.5 * true[quantity], rel=0.1)
+            assert found[quantity].holds
+        assert found["lift"].model == 0.0
+        assert found["lift"].size == lift_of(case, steps).size("lift")
+
+    def test_the_error_of_the_elements(self):
+        """Against eight times the elements at the same steps: covered, and at most twice as large."""
+        case = read_case(INLINE, ["run.steps_per_revolution=180", "run.speed=9000rpm"])
+        found = {one.quantity: one for one in estimate(case, "valve")}
+        true = distance(lift_of(case, 180), lift_of(with_elements(case, factor=8), 180))
+        assert true["lift"] <= found["lift"].space <= 2.0 * true["lift"]
+
+    def test_chatter_has_none(self):
+        """At 9000 crank rpm the valve bounces, and shorter steps bounce elsewhere."""
+        case = read_case(ENGINE, ["run.crank_speed=9000rpm", "run.revolutions=1", "run.steps_per_revolution=180"])
+        by_quantity = {one.quantity: one for one in estimate(case, "valve")}
+        assert not by_quantity["acceleration"].holds
+
+    def test_of_a_rigid_model_it_is_the_distance_to_beams(self):
+        case = read_case(INLINE, ['fidelity.model="rigid"', "run.steps_per_revolution=180"])
+        found = estimate(case, "valve")[0]
+        beams = with_fidelity(case, {"model": "beams"})
+        assert (found.time, found.space) == (0.0, 0.0)
+        assert found.model == distance(lift_of(case, 180), lift_of(beams, 180))["lift"]
+        assert found.model > 1e-3
