@@ -147,3 +147,19 @@ def test_at_its_own_instants_a_response_is_itself(pair):
 def test_times_outside_the_run_are_refused(pair, times):
     with pytest.raises(InputError, match="times"):
         run(pair(), newmark(), 40).at(np.array(times))
+
+
+def test_the_error_is_that_of_the_source(system_of):
+    """h^2 (beta - 1/6) (a1 - a0) of Newmark's step, against the size of the motion; just above it stands."""
+    h, omega = 0.1, 2.0
+    system = system_of([[1.0]], [[0.0]], [[omega**2]])
+    problem = Problem(system, ConstantSpeed(1.0), h, 200, State(np.ones(1), np.zeros(1)))
+    plain = solve(problem, newmark())
+    accelerations = plain["all"].acceleration
+    largest = h**2 * (1 / 4 - 1 / 6) * np.abs(np.diff(accelerations[:64])).max()
+    moved = np.abs(plain["all"].displacement[:64] - 1.0).max()  # from the start, within the first revolution
+    share = largest / moved
+    whole = solve(replace(problem, steps=63, adaptive=Adaptive(1.02 * share)), newmark()).stats
+    cut = solve(replace(problem, steps=63, adaptive=Adaptive(0.98 * share)), newmark()).stats
+    assert whole.rejected == 0
+    assert cut.rejected > 0

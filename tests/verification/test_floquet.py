@@ -80,3 +80,26 @@ def test_the_product_is_what_damping_leaves():
     """Liouville: the determinant is exp(-c T)."""
     found = multipliers(1.7, 0.4, damping=0.2)
     assert abs(np.prod(found)) == pytest.approx(math.exp(-0.2 * math.pi), rel=1e-6)
+
+
+class Spring:
+    """f = 3 gamma, whatever the angle."""
+
+    start_state = np.zeros(0)
+
+    def respond(self, gap, rate, state, angle):
+        return Reaction(3.0 * gap, np.array([[3.0]]), np.zeros((1, 1)), np.zeros(0))
+
+
+def test_a_local_spring_adds_its_stiffness(record):
+    """1 + 3: the disturbance turns by 2 rad per second. A tangent of the wrong sign would make it grow."""
+    one, row = Triplets.from_dense([[1.0]]), np.array([1.0])
+    force = LocalForce(
+        "spring", (AngleVector.constant(row),), (AngleVector.constant(-row),), Spring(), (constant(0.0),)
+    )
+    system = System(one, Triplets.zeros(1), one, ("x",), (), (force,))
+    found = floquet(Problem(system, ConstantSpeed(1.0), 0.001, 500)).multipliers
+    case = "mass between a spring of 1 and a local one of 3, over 0.5 s"
+    record(source=SOURCE, case=case, quantity="turn", unit="rad", reference=1.0, computed=abs(np.angle(found[0])),
+           tolerance=1e-6, reason="period error (w dt)^2/12")  # fmt: skip
+    assert abs(found[0]) == pytest.approx(1.0, abs=1e-9)
