@@ -10,11 +10,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from cyclopts import App, Parameter
 
 from flexcam import __version__
 from flexcam.case import Case, read_case
 from flexcam.checks import refuse
+from flexcam.fem import COMPONENTS
+from flexcam.runner import prepare
 from flexcam.units import parse
 
 
@@ -81,6 +84,28 @@ def quantity(where: str, text: str, dimension: str, unit: str) -> float:
 def load(path: Path, overrides: Sequence[str] | None) -> Case:
     """Read a case with the values of ``--set`` laid over it."""
     return read_case(path, overrides or ())
+
+
+def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
+    """Read a case for a command that asks its beams; a case that asks for a coarser model is refused."""
+    case = load(path, overrides)
+    asked = case.record.fidelity
+    for key, given, allowed in (("model", asked.model, "beams"), ("modes", asked.modes, None)):
+        if given != allowed:
+            why, remedy = "this is asked of all unknowns of the members", f"leave fidelity.{key} out"
+            raise refuse(case.place(("fidelity", key)), str(given), "beams with every unknown", why, remedy)
+    return case
+
+
+def scalar_probe(case: Case) -> str:
+    """Return the default probe, or its component along the follower's direction where it has several."""
+    ready, name = prepare(case), default_probe(case)
+    components = next(probe.components for probe in ready.problem.system.probes if probe.name == name)
+    if len(components) == 1:
+        return name
+    contact = next(iter(ready.model.driven.values()), None)
+    along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
+    return f"{name}.{along if along in components else components[0]}"
 
 
 def default_probe(case: Case) -> str:

@@ -10,11 +10,24 @@ from cyclopts import Parameter
 
 from flexcam import console, fidelity
 from flexcam.case import Case, build_model, read_case
+from flexcam.case.tables.run import ResultStartRecord
 from flexcam.checks import did_you_mean, refuse
-from flexcam.commands.app import CaseFile, Folder, Json, Overrides, Overwrite, app, default_probe, load, running
+from flexcam.commands.app import (
+    CaseFile,
+    Folder,
+    Json,
+    Overrides,
+    Overwrite,
+    app,
+    default_probe,
+    load,
+    load_beams,
+    running,
+    scalar_probe,
+)  # fmt: skip
 from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, read_result, write_modes
-from flexcam.response import Cause, Response, Status
+from flexcam.response import Cause, Response, RunFailedError, Status
 from flexcam.runner import geometry_of, mode_likeness, prepare, result_file
 from flexcam.runner import modes as case_modes
 from flexcam.runner import run as solve_case
@@ -76,6 +89,7 @@ def run(
 ) -> Status:  # fmt: skip
     """Solve a case in time and write its result file."""
     read, choice = _chosen(load(case, overrides))
+    probe = scalar_probe(read) if read.record.fidelity.estimate else ""
     ready = prepare(read)
     sink = result_file(ready, folder, overwrite=overwrite)
     strength = StrengthSink(build_structure(ready.model))
@@ -85,7 +99,9 @@ def run(
         response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, stop=running.stopped)
     result = sink.path if response.status.ok else sink.partial
     figures = operation(ready.model, response, ready.revolution)
-    errors = fidelity.estimate(read, default_probe(read)) if read.record.fidelity.estimate else []
+    errors, doubt = _estimated(read, probe) if probe and response.status.ok else ([], [])
+    doubts = console.run_doubts(ready, response, figures) + doubt
+    stressed = strength.members() if read.record.fidelity.model == "beams" else {}
     if as_json:
         print_json({
             "status": str(response.status.cause), "message": response.status.text, "remedy": response.status.remedy,
@@ -93,17 +109,17 @@ def run(
             "integrated": response.stats.unknowns,
             "seconds": response.stats.seconds,
             "events": response.stats.events, "periodicity": console.periodicity(response),
-            "warnings": console.run_doubts(ready, response, figures),
+            "warnings": doubts,
             "train": {figure.name: figure.value for figure in figures},
             "errors": [asdict(one) for one in errors],
             "choice": None if choice is None else console.choice_json(choice),
-            "strength": {name: asdict(member) for name, member in strength.members().items()},
+            "strength": {name: asdict(member) for name, member in stressed.items()},
         })  # fmt: skip
     else:
         out().print(console.run_table(ready.case, response))
-        if ready.model.members:
+        if stressed:
             out().print()
-            out().print(console.strength_table(strength.members()))
+            out().print(console.strength_table(stressed))
         if figures:
             out().print()
             out().print(console.operation_table(figures))
@@ -112,7 +128,7 @@ def run(
             out().print(console.error_table(errors))
         for sentence in console.choice_words(choice) if choice else []:
             out().print("\n" + sentence)
-        for sentence in console.couplings(ready.case) + console.run_doubts(ready, response, figures):
+        for sentence in console.couplings(ready.case) + doubts:
             out().print("\n" + sentence)
         if response.stats.periodicity >= 0.0:
             out().print(f"\nThe start returns after a revolution within {response.stats.periodicity:.3g} of the motion")
@@ -199,12 +215,12 @@ def compare(
     """
     if against is not None:
         return _two(case, against, probe, overrides, as_json)
-    read = load(case, overrides)
+    read = load_beams(case, overrides)
     at = probe or default_probe(read)
     found = fidelity.deviation(read, at)
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
     mode_hz = fidelity.loaded_mode(read)[0] if published else None
-    claims = fidelity.claims(read, at, found) if read.record.paper else []
+    claims = fidelity.claims(read, at, found) if read.record.paper and found.status.ok else []
     if as_json:
         print_json({
             "status": str(found.status.cause), "probe": at, "speed_rpm": found.speed_rpm,
@@ -236,9 +252,22 @@ def _chosen(case: Case) -> tuple[Case, fidelity.Choice | None]:
     """Return the case to run: the cheapest model within the tolerance it asks for, or itself."""
     if not case.record.fidelity.tolerances:
         return case, None
-    choice = fidelity.choose(case, default_probe(case), case.record.fidelity.tolerances)
+    if isinstance(case.record.run.start, ResultStartRecord):
+        why, remedy = "a result fits one mesh, and others are tried", "leave one of them out"
+        raise refuse(case.place(("fidelity", "tolerance")), "a start from a result", "another start", why, remedy)
+    choice = fidelity.choose(case, scalar_probe(case), case.record.fidelity.tolerances)
     estimated = case.record.fidelity.estimate
     return fidelity.with_fidelity(choice.rung.case, {"estimate": estimated}), choice
+
+
+def _estimated(case: Case, probe: str) -> tuple[list[fidelity.Error], list[str]]:
+    """Return how far the numbers may be off, or a sentence why that is not known."""
+    try:
+        return fidelity.estimate(case, probe), []
+    except RunFailedError as failure:
+        return [], [
+            f"Warning: no error is estimated, as a run with other steps or elements ended: {failure.status.text}"
+        ]
 
 
 def _two(case: Path, against: str, probe: str | None, overrides: Overrides, as_json: bool) -> Status:

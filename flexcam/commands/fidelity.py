@@ -9,8 +9,8 @@ from cyclopts import Parameter
 
 from flexcam import console, fidelity
 from flexcam.checks import refuse
-from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, default_probe, load
-from flexcam.io import write_text
+from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load, scalar_probe
+from flexcam.io import free_to_write, write_text
 from flexcam.terminal import out, print_json
 
 
@@ -32,7 +32,13 @@ def trade(
     if repeats < 1:
         raise refuse("--repeats", repeats, "a whole number from 1")
     read = load(case, overrides)
-    against, found = fidelity.trade(read, probe or default_probe(read), repeats=repeats)
+    if csv is not None:
+        free_to_write("output", csv, overwrite=overwrite)
+    if plot is not None:
+        from flexcam.view import free_for_picture
+
+        free_for_picture(plot, overwrite=overwrite)
+    against, found = fidelity.trade(read, probe or scalar_probe(read), repeats=repeats)
     if csv is not None:
         write_text(csv, console.trade_csv(against, found), overwrite=overwrite)
     if plot is not None:

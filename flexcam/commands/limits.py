@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from flexcam import console
 from flexcam.checks import refuse
-from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load, quantity
+from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load_beams, quantity
 from flexcam.limits import find_limits
 from flexcam.parting import parting as compare_models
 from flexcam.stability import over_speeds
@@ -37,7 +37,7 @@ def limits(
 
     Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
     """
-    read = load(case, overrides)
+    read = load_beams(case, overrides)
     scale = 2.0 if read.record.run.speed is None else 1.0
     low = 0.5 * read.speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
     high = 2.0 * read.speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
@@ -70,7 +70,7 @@ def parting(
 
     Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
     """
-    read = load(case, overrides)
+    read = load_beams(case, overrides)
     scale = 2.0 if read.record.run.speed is None else 1.0
     low, high = _range(lowest, highest, count, read.speed, scale)
     part = parse(tolerance, "number")
@@ -106,7 +106,7 @@ def stability(
 
     Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
     """
-    read = load(case, overrides)
+    read = load_beams(case, overrides)
     scale = 2.0 if read.record.run.speed is None else 1.0
     if lowest is None and highest is None and plot is None:
         found = find_causes(read)

@@ -16,6 +16,7 @@ from flexcam.terminal import facts, table
 _SHOWN = 5
 
 _WORDS = {
+    "broken off": "the run at this speed ended early, so contacts are judged by what there is of it",
     "numerical": "the time integration itself grows: take a smaller step or an unconditionally stable integrator",
     "parametric": "disturbances of the periodic motion grow from revolution to revolution",
     "resonance": "a harmonic of the cam meets a mode",
@@ -43,14 +44,20 @@ def stability_table(found: Stability, scale: float) -> Table:
         ("periodic motion", _grows(found)),
         ("off the cam", f"{math.degrees(found.open_on_the_lift):.3g} deg of the lift"),
         *((f"harmonic {one.harmonic}", _met(one, scale)) for one in found.resonances[:_SHOWN]),
-        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in found.verdict) or "nothing endangers this speed"),
+        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in found.verdict) or _calm(found)),
     ]  # fmt: skip
     return facts(f"Stability at {scale * found.rpm:.6g} rpm", rows)
 
 
+def _calm(found: Stability) -> str:
+    skipped = [] if found.discrete.looked_at else ["the integrator"]
+    skipped += ["the growth of disturbances"] if found.floquet is None else []
+    return "nothing endangers this speed" + (f", but {' and '.join(skipped)} could not be looked at" if skipped else "")
+
+
 def _integrated(found: Discrete) -> str:
-    if not found.moving:
-        return "not looked at: too many unknowns"
+    if not found.looked_at:
+        return "not looked at"
     words = f"spectral radius {found.radius:.9g}, largest at {found.frequency:.5g} Hz ({', '.join(found.moving)})"
     return words + (f"; steps up to {found.critical_step:.4g} s" if math.isfinite(found.critical_step) else "")
 
@@ -85,7 +92,7 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
     """
     multipliers = [] if found.floquet is None else [[one.real, one.imag] for one in found.floquet.multipliers.tolist()]
     return {
-        "rpm": scale * found.rpm, "spectral_radius": found.discrete.radius,
+        "rpm": scale * found.rpm, "run": str(found.status.cause), "spectral_radius": found.discrete.radius,
         "endangered_mode_hz": found.discrete.frequency, "endangered_moves": list(found.discrete.moving),
         "critical_step_s": found.discrete.critical_step if math.isfinite(found.discrete.critical_step) else None,
         "multipliers": multipliers, "growth": None if found.floquet is None else found.floquet.growth,

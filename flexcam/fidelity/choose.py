@@ -106,9 +106,9 @@ _NOTHING = 1e-300
 def _misses(found: Traded, against: Reference, tolerance: Mapping[str, float]) -> float:
     """Return the largest error over its tolerance, the reference's own counted; infinite for a run that failed."""
     shares: list[float] = []
-    for name, error in found.errors.items():
+    for name, own in against.errors.items():
         allowed = tolerance.get(name.partition(" ")[0])
-        if allowed is not None:
-            error += against.errors[name] / against.size[name]
+        if allowed is not None and against.size[name] > 0.0:  # what a model does not know it gets wrong
+            error = found.errors.get(name, math.inf) + own / against.size[name]
             shares.append(error / max(allowed, _NOTHING))
     return max(shares, default=math.inf)

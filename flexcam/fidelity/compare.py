@@ -37,7 +37,7 @@ class Deviation:
     @property
     def of_rigid(self) -> float:
         """Largest difference as a fraction of the rigid peak."""
-        return self.peak / self.rigid_peak
+        return self.peak / self.rigid_peak if self.rigid_peak > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,8 @@ class Comparison:
     @property
     def peak_acceleration_ratio(self) -> float:
         """Largest acceleration of the flexible system by that of the rigid one."""
-        return self.deviations[2].flexible_peak / self.deviations[2].rigid_peak
+        still = self.deviations[2].rigid_peak
+        return self.deviations[2].flexible_peak / still if still > 0.0 else 0.0
 
 
 def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -> Comparison:

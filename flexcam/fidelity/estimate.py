@@ -14,7 +14,7 @@ from itertools import pairwise
 
 from flexcam.case import Case
 from flexcam.fidelity.measure import Measured, distance, measured
-from flexcam.fidelity.rungs import Rung, steps_of, with_elements, with_fidelity
+from flexcam.fidelity.rungs import Rung, as_beams, steps_of, with_elements
 from flexcam.response import RunFailedError
 
 _COVERS = 2.0
@@ -88,8 +88,9 @@ def estimate(case: Case, probe: str) -> list[Error]:
     runs = {n: _run(own.stepped(n), probe) for n in counts}
     longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
     base, better = runs[steps], runs[2 * steps]
-    beams = with_fidelity(own.case, {"model": "beams", "modes": None})
-    coarse = own.case.record.fidelity != beams.record.fidelity
+    beams = as_beams(own.case)
+    asked = own.case.record.fidelity
+    coarse = asked.model != "beams" or asked.modes is not None
     model = distance(base, _run(Rung("beams", "", beams), probe)) if coarse else {}
     return _errors(base, distance(base, better), distance(base, _run(finer, probe)), model, (longer, shorter))
 

@@ -94,9 +94,9 @@ def distance(one: Measured, other: Measured, *, rms: bool = False) -> dict[str, 
         If the instants of the one are not among those of the other.
     """
     fine, coarse = (one, other) if len(one.time) >= len(other.time) else (other, one)
-    every = max(round((len(fine.time) - 1) / max(len(coarse.time) - 1, 1)), 1)
+    step, shorter = _step(coarse), _step(fine)
+    every = max(round(step / shorter), 1) if shorter > 0.0 else 1
     count = min(len(coarse.time), (len(fine.time) - 1) // every + 1)
-    step = float(coarse.time[-1] - coarse.time[0]) / max(len(coarse.time) - 1, 1)
     if np.abs(fine.time[::every][:count] - coarse.time[:count]).max(initial=0.0) > _SAME * step:
         raise refuse("responses", "instants that do not meet", "steps that divide each other")
     return {
@@ -104,6 +104,10 @@ def distance(one: Measured, other: Measured, *, rms: bool = False) -> dict[str, 
         for name, values in coarse.values.items()
         if name in fine.values
     }
+
+
+def _step(one: Measured) -> float:
+    return float(one.time[-1] - one.time[0]) / (len(one.time) - 1) if len(one.time) > 1 else 0.0
 
 
 def _size(values: FloatArray, rms: bool) -> float:

@@ -135,6 +135,22 @@ def with_fidelity(case: Case, changed: Mapping[str, object]) -> Case:
     return replace(case, record=case.record.model_copy(update={"fidelity": fidelity}))
 
 
+def as_beams(case: Case) -> Case:
+    """Return a case with all unknowns of its beams, whatever model it asks for.
+
+    Parameters
+    ----------
+    case
+        The case.
+
+    Returns
+    -------
+    Case
+        Its text is that of the old one.
+    """
+    return with_fidelity(case, {"model": "beams", "tolerance": None, "estimate": False, "modes": None})
+
+
 def _stands(rung: Rung) -> bool:
     """Tell whether a case has such a model: a chain is that of one train with nodes enough."""
     try:
@@ -158,7 +174,7 @@ def ladder(case: Case) -> tuple[Rung, ...]:
         The rigid mechanism, chains of one and three masses, few modes of the beams, beams with few elements, the case
         as it stands, and twice its elements.
     """
-    beams = with_fidelity(case, {"model": "beams", "tolerance": None, "estimate": False, "modes": None})
+    beams = as_beams(case)
     own = {one.elements for one in case.record.members.values()}
     unknowns = prepare(beams).problem.system.size
     fewer = [

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from flexcam.case import Case
 from flexcam.fidelity.measure import Measured, distance, measured
-from flexcam.fidelity.rungs import Rung, ladder, steps_of, with_elements, with_fidelity
+from flexcam.fidelity.rungs import Rung, as_beams, ladder, steps_of, with_elements
 from flexcam.integrate import integrated, solve
 from flexcam.response import Response, RunFailedError, Status
 from flexcam.runner import Prepared
@@ -108,7 +108,7 @@ def reference(case: Case, probe: str) -> Reference:
         If it ends early.
     """
     steps = steps_of(case)
-    beams = with_fidelity(case, {"model": "beams", "modes": None})
+    beams = as_beams(case)
     finest, coarser = (
         _run(Rung("reference", "", with_elements(beams, factor=elements)).stepped(n * steps), probe)
         for elements, n in ((_FINER, _REFINED), (_FINER - 1, _REFINED // 2))

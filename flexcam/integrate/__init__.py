@@ -4,7 +4,7 @@ Knows no beam and no cam; may import `system`, `response`, `linalg` and `checks`
 A new scheme of the family is a constructor in `scheme`; another kind of integrator is a file beside `step`.
 """
 
-from flexcam.integrate.central import CentralDifference, central_difference
+from flexcam.integrate.central import CentralDifference, central_difference, highest_frequency
 from flexcam.integrate.composite import Bathe, bathe
 from flexcam.integrate.exact import Exact, exact
 from flexcam.integrate.floquet import Floquet, floquet
@@ -41,6 +41,7 @@ __all__ = [
     "floquet",
     "generalized_alpha",
     "hht",
+    "highest_frequency",
     "integrated",
     "newmark",
     "outline",

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexcam.integrate import Method, Tangents
+from flexcam.integrate import Method, Tangents, highest_frequency
 from flexcam.linalg import FloatArray
 from flexcam.response import Response
 from flexcam.runner import Prepared
 
 MOST = 400
-"""Unknowns up to which the system is linearized about its motion; above it is taken without its contacts."""
+"""Unknowns up to which the system is linearized about its motion; above it its highest mode is, without contacts."""
 
 _LOOKS = 24
 """Instants of the last revolution that are looked at: contacts open and close, and their stiffness changes."""
@@ -49,6 +49,11 @@ class Discrete:
     angle: float
     critical_step: float
 
+    @property
+    def looked_at(self) -> bool:
+        """Whether there was a mode to look at."""
+        return bool(self.moving)
+
 
 @dataclass(frozen=True, eq=False)
 class _Swings:
@@ -77,6 +82,8 @@ def discrete(ready: Prepared, method: Method, response: Response) -> Discrete:
         At the instant and the mode of the largest spectral radius; of equals, that of the highest frequency.
     """
     step, names = ready.problem.step, ready.problem.system.names
+    if ready.problem.system.size > MOST:
+        return _of_the_highest(ready, method)
     worst, critical = Discrete(0.0, 0.0, 0.0, (), 0.0, math.inf), math.inf
     limited = method.stable_to() < math.inf
     for angle, swings in _along(ready, response):
@@ -95,6 +102,13 @@ def discrete(ready: Prepared, method: Method, response: Response) -> Discrete:
         if (round(here.radius, 9), here.frequency) > (round(worst.radius, 9), worst.frequency):
             worst = here
     return Discrete(worst.radius, worst.frequency, worst.damping, worst.moving, worst.angle, critical)
+
+
+def _of_the_highest(ready: Prepared, method: Method) -> Discrete:
+    """Return the growth of the highest mode without contacts: methods that have a limit have it there."""
+    omega, moving = highest_frequency(ready.problem.system)
+    radius, limit = method.spectral_radius(omega * ready.problem.step), method.stable_to()
+    return Discrete(radius, omega / (2.0 * math.pi), 0.0, tuple(moving), 0.0, limit / omega if omega else math.inf)
 
 
 def _along(ready: Prepared, response: Response) -> list[tuple[float, _Swings]]:

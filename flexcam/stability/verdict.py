@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from flexcam.case import Case
 from flexcam.checks import InputError
 from flexcam.integrate import Floquet, floquet, periodic, solve
-from flexcam.response import Response, RunFailedError
+from flexcam.response import Response, RunFailedError, Status
 from flexcam.runner import Prepared, prepare
 from flexcam.stability.discrete import Discrete, discrete
 from flexcam.stability.resonance import Resonance, resonances
@@ -46,6 +46,8 @@ class Stability:
         Nearest to the case's speed first.
     open_on_the_lift
         Cam angle over which a follower is off its cam on the main lift, or would have to be pulled, rad.
+    status
+        How the run ended that contacts, modes and the integrator are judged by.
     """
 
     rpm: float
@@ -54,6 +56,7 @@ class Stability:
     why_not: str
     resonances: tuple[Resonance, ...]
     open_on_the_lift: float
+    status: Status
 
     @property
     def resonant(self) -> tuple[Resonance, ...]:
@@ -67,8 +70,11 @@ class Stability:
 
     @property
     def verdict(self) -> tuple[str, ...]:
-        """What endangers the speed: ``numerical``, ``parametric``, ``resonance``, ``contact loss``, in this order."""
-        found: list[str] = []
+        """What endangers the speed, in this order.
+
+        ``broken off`` (the run ended early), ``numerical``, ``parametric``, ``resonance``, ``contact loss``.
+        """
+        found: list[str] = [] if self.status.ok else ["broken off"]
         if self.discrete.radius > _GROWS:
             found.append("numerical")
         if self.floquet is not None and not self.floquet.stable() and not self.floquet.events:
@@ -104,7 +110,9 @@ def stability(case: Case) -> Stability:
     method = case.record.run.integrator.made()
     limited = method.stable_to() < math.inf
     ready = prepare(case.with_average_acceleration() if limited else case)
-    response = solve(ready.problem, ready.scheme, save=ready.save)
+    whole = math.ceil(ready.revolution / ready.problem.step)
+    problem = replace(ready.problem, steps=max(ready.problem.steps, whole))  # causes are asked of whole revolutions
+    response = solve(problem, ready.scheme, save=ready.save)
     opened = _open(ready, response)
     why_not = "the follower leaves its cam, and what impacts follow need not repeat"
     multipliers, why_not = _multipliers(ready) if opened == 0.0 else (None, why_not)
@@ -115,6 +123,7 @@ def stability(case: Case) -> Stability:
         why_not=why_not,
         resonances=resonances(ready, response),
         open_on_the_lift=opened,
+        status=response.status,
     )
 
 

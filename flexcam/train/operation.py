@@ -119,8 +119,9 @@ def operation(model: Model, response: Response, period: float) -> list[Figure]:
         if isinstance(contact, CamContact) and contact.unilateral:
             angle = separation(model, response, name, last)
             figures.append(Figure(f"contacts.{name}.open_on_the_lift", angle, "rad"))
-    for name in (name for name, one in model.contacts.items() if isinstance(one, Seat)):
-        figures += _seat(response, f"contacts.{name}", last)
+    for name, contact in model.contacts.items():
+        if isinstance(contact, Seat) and f"contacts.{name}.gap" in response.channels:  # a rigid train knows no seat
+            figures += _seat(response, f"contacts.{name}", last)
     for channel, unit in response.outline.channels:
         end = channel.rpartition(".")[2]
         values = response.channels[channel][last]

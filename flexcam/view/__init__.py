@@ -4,7 +4,7 @@ May import `cam`, `motion` and what is below them; owns matplotlib, of which onl
 A new picture is a function that draws into given axes, and one that makes its figure.
 """
 
-from flexcam.view.axes import save_figure
+from flexcam.view.axes import free_for_picture, save_figure
 from flexcam.view.curves import (
     law_figure,
     lift_figure,
@@ -18,6 +18,7 @@ from flexcam.view.trade import work_precision_figure
 
 __all__ = [
     "force_figure",
+    "free_for_picture",
     "growth_figure",
     "law_figure",
     "lift_figure",

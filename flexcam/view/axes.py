@@ -49,12 +49,28 @@ def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
     InputError
         If the ending is another, or the file exists and may not be replaced.
     """
-    if path.suffix not in _FORMATS:
-        raise refuse("picture", str(path), f"a name that ends in {', '.join(_FORMATS)}")
-    free_to_write("picture", path, overwrite=overwrite)
+    free_for_picture(path, overwrite=overwrite)
     made_folder(path.parent)
     figure.savefig(path, dpi=150)
     return path
+
+
+def free_for_picture(path: Path, *, overwrite: bool = False) -> None:
+    """Refuse a path that a picture cannot be written to.
+
+    Parameters
+    ----------
+    path, overwrite
+        As for `save_figure`.
+
+    Raises
+    ------
+    InputError
+        If the ending is another, or the file exists and may not be replaced.
+    """
+    if path.suffix not in _FORMATS:
+        raise refuse("picture", str(path), f"a name that ends in {', '.join(_FORMATS)}")
+    free_to_write("picture", path, overwrite=overwrite)
 
 
 def looks() -> Iterator[tuple[str, str]]:

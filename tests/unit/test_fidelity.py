@@ -212,10 +212,11 @@ class TestEstimate:
         assert true["lift"] <= found["lift"].space <= 2.0 * true["lift"]
 
     def test_chatter_has_none(self):
-        """At 9000 crank rpm the valve bounces, and shorter steps bounce elsewhere."""
-        case = read_case(ENGINE, ["run.crank_speed=9000rpm", "run.revolutions=1", "run.steps_per_revolution=180"])
-        by_quantity = {one.quantity: one for one in estimate(case, "valve")}
-        assert not by_quantity["acceleration"].holds
+        """At 9000 crank rpm the tappet comes down on its cam again and again, with shorter steps at other moments."""
+        fast = ["run.crank_speed=9000rpm", "run.revolutions=0.6", "run.steps_per_revolution=180"]
+        case = read_case(ENGINE, [*fast, "springs.valve.elements=2", "members.pushrod.geometric_stiffness=false",
+                                  "members.pushrod.bow=0"])  # fmt: skip
+        assert not {one.quantity: one for one in estimate(case, "valve")}["force intake"].holds
 
     def test_of_a_rigid_model_it_is_the_distance_to_beams(self):
         case = read_case(INLINE, ['fidelity.model="rigid"', "run.steps_per_revolution=180"])
