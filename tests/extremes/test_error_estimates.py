@@ -124,7 +124,7 @@ ROUNDING = 1e-10
 
 
 def check(count, folder):
-    """Nine lifts of ten have an estimate, 19 of 20 of these cover the true error, half are less than five times as large.
+    """Nine lifts of ten have an estimate, 19 of 20 of these cover the true error, half are within five times of it.
 
     The true error is that against four times the elements and eight times the steps: of second order, 1/16 and 1/64 of
     it are left in there. What is doubled is 3/4 of it, so that 1.5 times the truth is to be expected.
