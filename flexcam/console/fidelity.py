@@ -13,8 +13,8 @@ from flexcam.fidelity import Choice, Error, Reference, Traded
 from flexcam.terminal import table
 
 _SHOWN = {"m": (1e3, "mm"), "m/s": (1.0, "m/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
-_ROUNDING = 1e-12
-"""Part of a number below which an error is that of its last bits."""
+_ROUNDING = 1e-10
+"""Part of a number below which an error is rounding: of the stiffness of many elements it leaves some 1e-11."""
 
 _DIGITS = 12
 """Behind the point."""

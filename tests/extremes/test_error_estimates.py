@@ -1,4 +1,4 @@
-"""Random trains the estimate was not made for: it covers the true error of the lift, and is not far above it."""
+"""Random trains the estimate was not made for: it covers the true error, and is not far above it."""
 
 from __future__ import annotations
 
@@ -105,30 +105,39 @@ def text(seed):
 
 
 def errors(seed, folder):
-    """Return estimated and true error of the lift, m, and whether the estimate holds."""
+    """Return by quantity: estimated and true error, as parts of its size, and whether the estimate holds."""
     path = folder / f"random-{seed}.toml"
     path.write_text(text(seed), encoding="utf-8")
     case = read_case(path)
     steps = steps_of(case)
-    one = next(error for error in estimate(case, "valve") if error.quantity == "lift")
     own, best = (
         measured(Rung("", "", with_elements(case, factor=finer)).stepped(times * steps).run(), "valve")
         for finer, times in ((1, 1), (4, 8))
     )
-    return one.total, distance(own, best)["lift"], one.holds
+    true = distance(own, best)
+    return {one.quantity: (one.total / one.size, true[one.quantity] / one.size, one.holds)
+            for one in estimate(case, "valve")}  # fmt: skip
+
+
+ROUNDING = 1e-10
+"""A published load knows neither steps nor elements: what its runs differ by is rounding, up to some 1e-11."""
 
 
 def check(count, folder):
-    """Nine estimates of ten hold, of these 19 of 20 cover the true error, and half are less than five times as large.
+    """Nine lifts of ten have an estimate, 19 of 20 of these cover the true error, half are within five times of it.
 
     The true error is that against four times the elements and eight times the steps: of second order, 1/16 and 1/64 of
     it are left in there. What is doubled is 3/4 of it, so that 1.5 times the truth is to be expected.
+    Accelerations and forces after an impact or a jump of the law come together later than lifts do: of them every other
+    estimate is to hold.
     """
     found = [errors(seed, folder) for seed in range(count)]
-    holding = [(estimated, true) for estimated, true, holds in found if holds]
-    assert len(holding) >= 0.9 * count
-    assert sum(estimated >= true for estimated, true in holding) >= 0.95 * len(holding)
-    assert np.median([estimated / true for estimated, true in holding]) < 5.0
+    for quantity in ("lift", "velocity", "acceleration", "force intake"):
+        ones = [one[quantity] for one in found if one[quantity][1] > ROUNDING]
+        holding = [(estimated, true) for estimated, true, holds in ones if holds]
+        assert len(holding) >= (0.9 if quantity == "lift" else 0.5) * len(ones), quantity
+        assert sum(estimated >= true for estimated, true in holding) >= 0.95 * len(holding), quantity
+        assert np.median([estimated / true for estimated, true in holding]) < 5.0, quantity
 
 
 def test_twenty_trains(tmp_path):
