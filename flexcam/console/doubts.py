@@ -80,12 +80,7 @@ def _unseen(ready: Prepared) -> list[str]:
     """Return what a rigid model or one of few masses does not know."""
     if ready.case.record.fidelity.model == "rigid":
         return ["Warning: rigid members know nothing of what they bear: do not read stresses and section forces off"]
-    model = ready.case.record.fidelity.model
-    if model == "rigid":
-        return [
-            "Warning: rigid members know no stress, no twist, and no valve seat: contact forces are those of the lift"
-        ]
-    if model == "beams":
+    if ready.case.record.fidelity.model == "beams":
         return []
     left = "the camshaft but what its contacts feel, of surging springs and of bending"
     return [
