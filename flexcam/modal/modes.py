@@ -116,7 +116,9 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
     shapes = np.concatenate([rigid, shapes], axis=1)
     wanted = len(omegas) if count is None else min(count, len(omegas))
     taken = np.concatenate([np.zeros(rigid.shape[1]), 0.5 * shares])  # omega is the root of what is rounded
-    return Modes(omegas[:wanted], _signed(shapes[:, :wanted]), int(min(rigid.shape[1], wanted)), lost, taken[:wanted])
+    return Modes(
+        omegas[:wanted], _signed(shapes[:, :wanted]), int(min(rigid.shape[1], wanted)), int(lost), taken[:wanted]
+    )
 
 
 def _too_fine(share: float) -> Status:

@@ -1,0 +1,44 @@
+"""Every case of the repository as every model, through commands: an answer or a refusal, never a fault.
+
+Exit code 0 is an answer, 2 a refusal that says why (a chain of a train with one node), 3 a run that ended early.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+CASES = sorted(path for path in (ROOT / "cases").glob("*/*.toml") if path.parent.name != "cams")
+QUICK = ("--set", "run.steps_per_revolution=180", "--set", "run.revolutions=0.25")
+MODELS = ("model=beams", "model=rigid", "model=sdof", "model=chain", "modes=4")
+FEW = [case for case in CASES if case.stem in ("model-3-shm", "intake", "valve-train", "mathieu", "camshaft")]
+
+
+def strict(text):
+    def refuse(word):
+        raise AssertionError(word)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+@pytest.mark.parametrize("asked", MODELS)
+@pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
+def test_run(flexcam, tmp_path, case, asked):
+    done = flexcam("run", case, *QUICK, "--set", f"fidelity.{asked}", "-o", str(tmp_path), "--json")
+    assert done.code in (0, 2, 3), done.err
+    found = strict(done.out)
+    assert done.code != 2 or found["errors"]
+    if done.code == 2:
+        assert asked in ("model=sdof", "model=chain"), found
+
+
+@pytest.mark.parametrize("command", ["check", "modes", "stability"])
+@pytest.mark.parametrize("asked", ["model=beams", "model=rigid", "model=sdof"])
+@pytest.mark.parametrize("case", FEW, ids=lambda path: path.stem)
+def test_commands(flexcam, case, command, asked):
+    done = flexcam(command, case, *QUICK, "--set", f"fidelity.{asked}", "--json")
+    assert done.code in (0, 2, 3), done.err
+    strict(done.out)
