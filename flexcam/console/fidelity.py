@@ -158,13 +158,11 @@ def plus_minus(one: Error) -> str:
     factor, unit = _SHOWN[one.unit]
     value, error = factor * one.size, factor * one.total
     if not error > _ROUNDING * value:
-        return f"{value:.6g} {unit}"
-    digits = min(max(1 - math.floor(math.log10(error)), 0), 12)
+        return f"{value:.10g} {unit}"
+    digits = max(1 - math.floor(math.log10(error)), 0)
+    if digits > _DIGITS:
+        return f"{value:.{_DIGITS}g} ± {error:.2g} {unit}"
     return f"{value:.{digits}f} ± {error:.{digits}f} {unit}"
-
-
-_ROUNDING = 1e-9
-"""Part of a number below which an error is not shown: more digits than anything is known to."""
 
 
 def _share(one: Error, error: float) -> str:
