@@ -25,6 +25,7 @@ from flexcam.integrate import (
     Problem,
     State,
     outline,
+    refused,
     solve,
 )
 from flexcam.io import Geometry, ResultFile, made_folder
@@ -116,10 +117,11 @@ def prepare(case: Case, *, rigid: bool = False) -> Prepared:
         raise _placed(case, refusal) from None
     save = SaveAt(field_every=case.record.output.field_every)
     problem, scheme = _problem(case, model, system), case.record.run.integrator.made()
-    if refusal := scheme.refusal(system, problem.step):
-        raise _placed(case, refusal)
     problem = started(case, model, problem)
-    return Prepared(case, model, replace(problem, basis=_basis(case, model, problem, kind)), scheme, save)
+    problem = replace(problem, basis=_basis(case, model, problem, kind))
+    if refusal := refused(problem, scheme):
+        raise _placed(case, refusal)
+    return Prepared(case, model, problem, scheme, save)
 
 
 _CHAINS = {"sdof": 1, "chain": None}

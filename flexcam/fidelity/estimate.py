@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from flexcam.case import Case
-from flexcam.fidelity.measure import Measured, distance, measured
-from flexcam.fidelity.rungs import Rung, as_beams, steps_of, with_elements
-from flexcam.response import RunFailedError
+from flexcam.fidelity.measure import Measured, distance
+from flexcam.fidelity.rungs import Rung, as_beams, measured_run, steps_of, with_elements
 
 _COVERS = 2.0
 _CONVERGES = 0.75
@@ -85,21 +84,14 @@ def estimate(case: Case, probe: str) -> list[Error]:
     finer = Rung("finer", "", with_elements(case, factor=2)).stepped(steps)
     # Half of an odd number of steps is none: then whether runs come together is asked of shorter steps.
     counts = (steps // 2, steps, 2 * steps) if steps % 2 == 0 else (steps, 2 * steps, 4 * steps)
-    runs = {n: _run(own.stepped(n), probe) for n in counts}
+    runs = {n: measured_run(own.stepped(n), probe) for n in counts}
     longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
     base, better = runs[steps], runs[2 * steps]
     beams = as_beams(own.case)
     asked = own.case.record.fidelity
     coarse = asked.model != "beams" or asked.modes is not None
-    model = distance(base, _run(Rung("beams", "", beams), probe)) if coarse else {}
-    return _errors(base, distance(base, better), distance(base, _run(finer, probe)), model, (longer, shorter))
-
-
-def _run(rung: Rung, probe: str) -> Measured:
-    response = rung.run()
-    if not response.status.ok:
-        raise RunFailedError(response.status)
-    return measured(response, probe)
+    model = distance(base, measured_run(Rung("beams", "", beams), probe)) if coarse else {}
+    return _errors(base, distance(base, better), distance(base, measured_run(finer, probe)), model, (longer, shorter))
 
 
 def _errors(

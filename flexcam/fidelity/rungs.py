@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from flexcam.case import Case
 from flexcam.checks import InputError
+from flexcam.fidelity.measure import Measured, measured
 from flexcam.integrate import solve
 from flexcam.response import Response, RunFailedError
 from flexcam.runner import DEFAULT_STEPS_PER_REVOLUTION, Prepared, prepare
@@ -48,6 +49,32 @@ class Rung:
     def stepped(self, per_revolution: int) -> Rung:
         """Return the same model with other steps per revolution."""
         return replace(self, case=with_run(self.case, {"steps_per_revolution": per_revolution, "step": None}))
+
+
+def measured_run(rung: Rung, probe: str) -> Measured:
+    """Return what a rung's run has to be compared.
+
+    Parameters
+    ----------
+    rung
+        The model.
+    probe
+        A probe of one scalar.
+
+    Returns
+    -------
+    Measured
+        Over the whole run.
+
+    Raises
+    ------
+    RunFailedError
+        If the run ends early.
+    """
+    response = rung.run()
+    if not response.status.ok:
+        raise RunFailedError(response.status)
+    return measured(response, probe)
 
 
 def steps_of(case: Case) -> int:

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 from flexcam.case import Case
 from flexcam.fidelity.measure import Measured, distance, measured
-from flexcam.fidelity.rungs import Rung, as_beams, ladder, steps_of, with_elements
+from flexcam.fidelity.rungs import Rung, as_beams, ladder, measured_run, steps_of, with_elements
 from flexcam.integrate import integrated, solve
-from flexcam.response import Response, RunFailedError, Status
+from flexcam.response import Response, Status
 from flexcam.runner import Prepared
 
 _REFINED = 4
@@ -110,18 +110,11 @@ def reference(case: Case, probe: str) -> Reference:
     steps = steps_of(case)
     beams = as_beams(case)
     finest, coarser = (
-        _run(Rung("reference", "", with_elements(beams, factor=elements)).stepped(n * steps), probe)
+        measured_run(Rung("reference", "", with_elements(beams, factor=elements)).stepped(n * steps), probe)
         for elements, n in ((_FINER, _REFINED), (_FINER - 1, _REFINED // 2))
     )
     errors = {name: _COVERS * value for name, value in distance(finest, coarser, rms=True).items()}
     return Reference(finest, errors, {name: finest.size(name) for name in errors}, _REFINED * steps)
-
-
-def _run(rung: Rung, probe: str) -> Measured:
-    response = rung.run()
-    if not response.status.ok:
-        raise RunFailedError(response.status)
-    return measured(response, probe)
 
 
 def candidates(case: Case) -> list[Rung]:

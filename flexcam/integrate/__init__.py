@@ -16,7 +16,7 @@ from flexcam.integrate.scheme import Scheme, generalized_alpha, hht, newmark
 from flexcam.integrate.solve import outline, solve
 from flexcam.integrate.statics import carried_equilibrium, equilibrium, rest, static_displacement
 from flexcam.integrate.tangent import Tangents
-from flexcam.integrate.within import integrated, reached
+from flexcam.integrate.within import integrated, reached, refused
 from flexcam.response import SaveAt
 
 __all__ = [
@@ -48,6 +48,7 @@ __all__ = [
     "periodic",
     "radau",
     "reached",
+    "refused",
     "rest",
     "solve",
     "static_displacement",

@@ -131,6 +131,9 @@ class Problem:
 
     def __post_init__(self) -> None:
         positive("step", self.step, "s")
+        smallest = None if self.adaptive is None else self.adaptive.smallest
+        if smallest is not None and smallest > self.step:
+            raise refuse("run.adaptive.smallest", f"{smallest:.4g} s", f"up to the step, {self.step:.4g} s")
         if self.steps < 1:
             raise refuse("steps", self.steps, "a whole number from 1")
         for name in ("displacement", "velocity"):

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexcam.checks import InputError
+from flexcam.integrate.method import Method
 from flexcam.integrate.problem import Problem, State
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.response import Block, Series
@@ -87,6 +89,25 @@ def integrated(problem: Problem) -> int:
     """
     basis = basis_of(problem)
     return problem.system.size if basis is None else basis.size
+
+
+def refused(problem: Problem, method: Method) -> InputError | None:
+    """Return why a method cannot integrate a problem in the unknowns it is integrated in; None where it can.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    method
+        Of the time integration.
+
+    Returns
+    -------
+    InputError or None
+        As `Method.refusal`.
+    """
+    basis = basis_of(problem)
+    return method.refusal(problem.system if basis is None else projected(problem.system, basis), problem.step)
 
 
 def _weight(system: System) -> Triplets:

@@ -61,6 +61,8 @@ class FidelityRecord(Record):
     def _one_choice(self) -> Self:
         if self.tolerance is not None and self.model != "beams":
             raise q.refused("either model or tolerance", "a tolerance chooses the model")
+        if self.modes is not None and self.model != "beams":
+            raise q.refused("modes with model = beams", "they are modes of the beams")
         return self
 
     @property
