@@ -143,7 +143,8 @@ def _basis(case: Case, model: Model, problem: Problem, kind: str) -> Basis | Non
             named = InputError(replace(one, where=_KEYS.get(one.where, one.where)) for one in refusal.faults)
             raise _placed(case, named) from None
         return Shapes(found.shapes, found.system.names)
-    return None if fidelity.modes is None else modal_basis(problem, fidelity.modes)
+    by_parts = fidelity.reduction == "craig-bampton"
+    return None if fidelity.modes is None else modal_basis(problem, fidelity.modes, by_parts=by_parts)
 
 
 def _placed(case: Case, refusal: InputError) -> InputError:

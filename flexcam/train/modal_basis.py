@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam import modal
 from flexcam.integrate import Problem, reached
-from flexcam.linalg import FloatArray
+from flexcam.linalg import FloatArray, IntArray, groups, null_space, pins
 from flexcam.system import Selection, Shapes, System, projected
 
 
-def modal_basis(problem: Problem, count: int) -> Shapes:
+def modal_basis(problem: Problem, count: int, *, by_parts: bool = False) -> Shapes:
     """Return the lowest modes of a problem's system, with the static answers to all that pushes or watches it.
 
     Parameters
@@ -19,6 +20,9 @@ def modal_basis(problem: Problem, count: int) -> Shapes:
         The problem; of what nothing can move no mode is taken, where it is to be pruned.
     count
         How many modes with stiffness.
+    by_parts
+        Whether to keep every unknown that is pushed or watched, and take so many modes of each part between them, held
+        there, instead of modes of the whole: Craig and Bampton's way.
 
     Returns
     -------
@@ -38,8 +42,25 @@ def modal_basis(problem: Problem, count: int) -> Shapes:
     if not chosen.size:
         return Shapes(np.zeros((n, 0)), still=chosen.held)
     own = projected(problem.system, chosen)
-    vectors = modal.corrected_modes(own.mass, own.stiffness, _places(own), count, free=own.free)
+    places = _places(own)
+    if by_parts:
+        boundary, parts = _parts(own, places)
+        vectors = modal.craig_bampton(own.mass, own.stiffness, boundary, parts, count)
+    else:
+        vectors = modal.corrected_modes(own.mass, own.stiffness, places, count, free=own.free)
     return Shapes(chosen.spread(vectors.T).T, still=chosen.held)
+
+
+def _parts(system: System, places: FloatArray) -> tuple[IntArray, list[IntArray]]:
+    """Return the unknowns that are pushed or watched, or free without them, and the others in groups they part."""
+    kept: NDArray[np.bool_] = np.array(places.any(axis=0))
+    held = np.flatnonzero(~kept)
+    while len(held) and (loose := null_space(system.stiffness.part(held))).shape[1]:
+        kept[held[pins(loose)]] = True  # a part that moves freely between kept unknowns is held by one more each
+        held = np.flatnonzero(~kept)
+    joined = system.stiffness.part(held) + system.mass.part(held)
+    labels = groups(len(held), joined.rows, joined.cols)
+    return np.flatnonzero(kept), [held[labels == label] for label in np.unique(labels)]
 
 
 def _places(system: System) -> FloatArray:

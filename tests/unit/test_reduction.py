@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam import read_case
+from flexcam import read_case, run
 from flexcam.checks import InputError
 from flexcam.integrate import solve
 from flexcam.linalg import Triplets
@@ -127,3 +129,17 @@ def run_of(path, more):
 @pytest.fixture(scope="session")
 def cases_folder(request):
     return request.config.rootpath / "cases"
+
+
+@pytest.mark.parametrize("case", ["tayeb/model-3-shm", "pushrod-engine/intake"])
+def test_craig_bampton_of_a_case(case):
+    """Parts between what is pushed or watched: all their modes give the run of the beams, few come near."""
+    path = Path(__file__).parents[2] / "cases" / f"{case}.toml"
+    about = ["run.steps_per_revolution=360", "run.revolutions=0.4"]
+    beams = run(read_case(path, about))
+    moved = beams.probes.displacement
+    for count, allowed in ((50, 1e-9), (3, 1e-3)):  # rounding, and what three modes a part leave
+        found = run(read_case(path, [*about, f"fidelity.modes={count}", 'fidelity.reduction="craig-bampton"']))
+        assert found.status.ok
+        assert np.abs(found.probes.displacement - moved).max() <= allowed * np.abs(moved).max()
+        assert (found.stats.unknowns < beams.stats.unknowns) == (count == 3)

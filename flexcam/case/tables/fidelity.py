@@ -56,11 +56,16 @@ class FidelityRecord(Record):
         strict=True,
         description="integrate so many modes with the static answers they miss; every unknown by default",
     )
+    reduction: Literal["modes", "craig-bampton"] = Field(
+        "modes", description="modes of the whole train, or of each part between what is pushed, watched or touched"
+    )
 
     @model_validator(mode="after")
     def _one_choice(self) -> Self:
         if self.tolerance is not None and self.model != "beams":
             raise q.refused("either model or tolerance", "a tolerance chooses the model")
+        if self.reduction != "modes" and self.modes is None:
+            raise q.refused("modes with a reduction", "it says how many")
         if self.modes is not None and self.model != "beams":
             raise q.refused("modes with model = beams", "they are modes of the beams")
         return self
