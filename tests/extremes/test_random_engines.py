@@ -201,9 +201,6 @@ def outcome(seed, folder):
     return response.status, float(np.abs(energy["residual"]).max() / most) if most > 0.0 else 0.0
 
 
-COARSE = {116: "3.5 % of the energy does not add up in 360 steps per revolution, 0.006 % in 1440"}
-"""Seeds whose contacts chatter faster than their steps follow."""
-
 QUICK = (161, 150, 3, 13, 14, 17, 38, 39, 43, 44, 45, 111, 121, 162, 185, 213, 264)
 
 
@@ -213,16 +210,12 @@ def check(seed, folder):
     assert not status.ok or residual < 0.02, f"{residual:.2g} of the energy does not add up"
 
 
-def marks(seed):
-    return [pytest.mark.xfail(reason=COARSE[seed], raises=AssertionError)] if seed in COARSE else []
-
-
 @pytest.mark.parametrize("seed", QUICK)
 def test_fifteen(seed, tmp_path):
     check(seed, tmp_path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [pytest.param(seed, marks=marks(seed)) for seed in range(300)])
+@pytest.mark.parametrize("seed", range(300))
 def test_three_hundred(seed, tmp_path):
     check(seed, tmp_path)
