@@ -7,7 +7,6 @@ The file is not called ``run.py``: a submodule of that name would hide the funct
 from __future__ import annotations
 
 import json
-import math
 import platform
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -48,8 +47,6 @@ from flexcam.train import (
 )
 
 DEFAULT_STEPS_PER_REVOLUTION = 3600
-
-_REVOLUTION = 2.0 * math.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,8 +227,7 @@ def modes(
     """
     if prestress is None:
         return model_modes(build_structure(build_model(case)), count)
-    run = case.record.run.model_copy(update={"start": prestress})
-    ready = prepare(replace(case, record=case.record.model_copy(update={"run": run})))
+    ready = prepare(case.with_run({"start": prestress}))
     state = ready.problem.start or State.rest(ready.problem.system.size)
     return model_modes(build_structure(ready.model), count, loaded=state.displacement)
 

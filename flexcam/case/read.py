@@ -82,15 +82,43 @@ class Case:
         changed: dict[str, object] = {"speed": speed, "crank_speed": None}
         if revolutions is not None:
             changed["revolutions"] = revolutions
-        return self._running(changed)
+        return self.with_run(changed)
 
     def with_average_acceleration(self) -> Case:
         """Return the same case, integrated by Newmark's average acceleration: stable at any step."""
-        return self._running({"integrator": NewmarkRecord()})
+        return self.with_run({"integrator": NewmarkRecord()})
 
-    def _running(self, changed: Mapping[str, object]) -> Case:
+    def with_run(self, changed: Mapping[str, object]) -> Case:
+        """Return the same case with other keys of its run.
+
+        Parameters
+        ----------
+        changed
+            Key to checked value.
+
+        Returns
+        -------
+        Case
+            Its text and overrides are those it was read from.
+        """
         run = self.record.run.model_copy(update=dict(changed))
         return replace(self, record=self.record.model_copy(update={"run": run}))
+
+    def with_fidelity(self, changed: Mapping[str, object]) -> Case:
+        """Return the same case with other keys of its fidelity.
+
+        Parameters
+        ----------
+        changed
+            Key to checked value.
+
+        Returns
+        -------
+        Case
+            Its text and overrides are those it was read from.
+        """
+        fidelity = self.record.fidelity.model_copy(update=dict(changed))
+        return replace(self, record=self.record.model_copy(update={"fidelity": fidelity}))
 
     def place(self, path: KeyPath) -> str:
         """Return a key path with the line or override it was given by."""

@@ -24,7 +24,7 @@ from flexcam.commands.app import (
     load_beams,
     running,
     scalar_probe,
-)  # fmt: skip
+)
 from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, read_result, write_modes
 from flexcam.response import Cause, Response, RunFailedError, Status
@@ -223,10 +223,7 @@ def compare(
     claims = fidelity.claims(read, at, found) if read.record.paper and found.status.ok else []
     if as_json:
         print_json({
-            "status": str(found.status.cause), "probe": at, "speed_rpm": found.speed_rpm,
-            "peak_deviation": found.peak_deviation, "rms_deviation": found.rms_deviation,
-            "peak_acceleration_ratio": found.peak_acceleration_ratio, "loaded_mode_hz": mode_hz,
-            "deviations": [{**asdict(one), "of_rigid": one.of_rigid} for one in found.deviations],
+            **console.comparison_json(found), "loaded_mode_hz": mode_hz,
             "claims": [asdict(claim) for claim in claims],
         })  # fmt: skip
         return found.status
@@ -241,11 +238,7 @@ def compare(
 
 
 def _standing(case: Case) -> Case:
-    run = case.record.run
-    if run.start != "periodic":
-        return case
-    still = case.record.model_copy(update={"run": run.model_copy(update={"start": "equilibrium"})})
-    return replace(case, record=still)
+    return case.with_run({"start": "equilibrium"}) if case.record.run.start == "periodic" else case
 
 
 def _chosen(case: Case) -> tuple[Case, fidelity.Choice | None]:
@@ -256,8 +249,7 @@ def _chosen(case: Case) -> tuple[Case, fidelity.Choice | None]:
         why, remedy = "a result fits one mesh, and others are tried", "leave one of them out"
         raise refuse(case.place(("fidelity", "tolerance")), "a start from a result", "another start", why, remedy)
     choice = fidelity.choose(case, scalar_probe(case), case.record.fidelity.tolerances)
-    estimated = case.record.fidelity.estimate
-    return fidelity.with_fidelity(choice.rung.case, {"estimate": estimated}), choice
+    return choice.rung.case.with_fidelity({"estimate": case.record.fidelity.estimate}), choice
 
 
 def _estimated(case: Case, probe: str) -> tuple[list[fidelity.Error], list[str]]:
@@ -279,15 +271,9 @@ def _two(case: Path, against: str, probe: str | None, overrides: Overrides, as_j
         read = load(case, overrides)
         one, at = solve_case(read), probe or default_probe(read)
     other = _other(against, read, overrides)
-    speed = _speed_rpm(one)
-    found = fidelity.between(one, other, at, speed, (case.stem, Path(against).stem))
+    found = fidelity.between(one, other, at, _speed_rpm(one), (case.stem, Path(against).stem))
     if as_json:
-        print_json({
-            "status": str(found.status.cause), "probe": at, "speed_rpm": speed, "compared": list(found.names),
-            "peak_deviation": found.peak_deviation, "rms_deviation": found.rms_deviation,
-            "peak_acceleration_ratio": found.peak_acceleration_ratio,
-            "deviations": [{**asdict(one), "of_rigid": one.of_rigid} for one in found.deviations],
-        })  # fmt: skip
+        print_json({**console.comparison_json(found), "compared": list(found.names)})
         return found.status
     out().print(console.comparison_table(found))
     for sentence in console.comparison_words(found, None):

@@ -7,6 +7,7 @@ from flexcam.cams import CamFacts
 from flexcam.console.cams import cam_json, cam_table, overlap_table, read_table, smoothing_table
 from flexcam.console.cases import (
     claim_table,
+    comparison_json,
     comparison_table,
     comparison_words,
     couplings,
@@ -51,6 +52,7 @@ __all__ = [
     "choice_words",
     "claim_table",
     "coarse_steps",
+    "comparison_json",
     "comparison_table",
     "comparison_words",
     "couplings",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import asdict
 
 import numpy as np
 import tomli_w
@@ -238,6 +239,27 @@ def comparison_table(comparison: Comparison) -> Table:
     return table(
         f"{one[:1].upper()}{one[1:]} against {other} at {comparison.probe}, {comparison.speed_rpm:g} rpm", head, rows
     )
+
+
+def comparison_json(comparison: Comparison) -> dict[str, object]:
+    """Return a comparison as ``--json`` prints it.
+
+    Parameters
+    ----------
+    comparison
+        The comparison.
+
+    Returns
+    -------
+    dict
+        With the status of the run and every deviation.
+    """
+    return {
+        "status": str(comparison.status.cause), "probe": comparison.probe, "speed_rpm": comparison.speed_rpm,
+        "peak_deviation": comparison.peak_deviation, "rms_deviation": comparison.rms_deviation,
+        "peak_acceleration_ratio": comparison.peak_acceleration_ratio,
+        "deviations": [{**asdict(one), "of_rigid": one.of_rigid} for one in comparison.deviations],
+    }  # fmt: skip
 
 
 def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]:

@@ -11,7 +11,7 @@ from flexcam.fidelity.compare import Comparison, Deviation, between, compare
 from flexcam.fidelity.estimate import Error, estimate
 from flexcam.fidelity.measure import Measured, distance, measured
 from flexcam.fidelity.petrescu import OneMass, Setting, setting
-from flexcam.fidelity.rungs import Rung, ladder, with_fidelity
+from flexcam.fidelity.rungs import Rung, ladder
 from flexcam.fidelity.settings import settings_of
 from flexcam.fidelity.trade import Reference, Traded, reference, trade, tried
 
@@ -44,5 +44,4 @@ __all__ = [
     "settings_of",
     "trade",
     "tried",
-    "with_fidelity",
 ]

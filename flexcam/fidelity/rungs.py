@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from flexcam.case import Case
@@ -48,7 +47,7 @@ class Rung:
 
     def stepped(self, per_revolution: int) -> Rung:
         """Return the same model with other steps per revolution."""
-        return replace(self, case=with_run(self.case, {"steps_per_revolution": per_revolution, "step": None}))
+        return replace(self, case=self.case.with_run({"steps_per_revolution": per_revolution, "step": None}))
 
 
 def measured_run(rung: Rung, probe: str) -> Measured:
@@ -96,25 +95,6 @@ def steps_of(case: Case) -> int:
     )
 
 
-def with_run(case: Case, changed: Mapping[str, object]) -> Case:
-    """Return a case with other keys of its run.
-
-    Parameters
-    ----------
-    case
-        The case.
-    changed
-        Key to checked value.
-
-    Returns
-    -------
-    Case
-        Its text is that of the old one.
-    """
-    run = case.record.run.model_copy(update=dict(changed))
-    return replace(case, record=case.record.model_copy(update={"run": run}))
-
-
 def with_elements(case: Case, factor: int | None = None, each: int | None = None) -> Case:
     """Return a case with other elements per segment of its members and springs.
 
@@ -143,25 +123,6 @@ def with_elements(case: Case, factor: int | None = None, each: int | None = None
     return replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))
 
 
-def with_fidelity(case: Case, changed: Mapping[str, object]) -> Case:
-    """Return a case with other keys of its fidelity.
-
-    Parameters
-    ----------
-    case
-        The case.
-    changed
-        Key to checked value.
-
-    Returns
-    -------
-    Case
-        Its text is that of the old one.
-    """
-    fidelity = case.record.fidelity.model_copy(update=dict(changed))
-    return replace(case, record=case.record.model_copy(update={"fidelity": fidelity}))
-
-
 def as_beams(case: Case) -> Case:
     """Return a case with all unknowns of its beams, whatever model it asks for.
 
@@ -175,7 +136,9 @@ def as_beams(case: Case) -> Case:
     Case
         Its text is that of the old one.
     """
-    return with_fidelity(case, {"model": "beams", "tolerance": None, "estimate": False, "modes": None})
+    return case.with_fidelity(
+        {"model": "beams", "tolerance": None, "estimate": False, "modes": None, "reduction": "modes"}
+    )
 
 
 def _stands(rung: Rung) -> bool:
@@ -210,16 +173,16 @@ def ladder(case: Case) -> tuple[Rung, ...]:
         if n < min(own, default=0)
     ]
     modes = [
-        Rung(f"modes {n}", f"{n} modes with the static answers they miss", with_fidelity(beams, {"modes": n}))
+        Rung(f"modes {n}", f"{n} modes with the static answers they miss", beams.with_fidelity({"modes": n}))
         for n in _MODES
         if 2 * n < unknowns
     ]
     chains = [
-        Rung("sdof", "one mass for the train", with_fidelity(beams, {"model": "sdof"})),
-        Rung("chain 3", "three masses along the train", with_fidelity(beams, {"model": "chain", "masses": 3})),
+        Rung("sdof", "one mass for the train", beams.with_fidelity({"model": "sdof"})),
+        Rung("chain 3", "three masses along the train", beams.with_fidelity({"model": "chain", "masses": 3})),
     ]
     return (
-        Rung("rigid", "rigid members", with_fidelity(beams, {"model": "rigid"})),
+        Rung("rigid", "rigid members", beams.with_fidelity({"model": "rigid"})),
         *(rung for rung in chains if _stands(rung)),
         *modes,
         *fewer,

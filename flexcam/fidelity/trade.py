@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from flexcam.case import Case
@@ -180,9 +180,7 @@ def _timed(ready: Prepared) -> tuple[Response, float]:
     return solve(ready.problem, ready.scheme, save=ready.save), time.process_time() - begun
 
 
-def trade(
-    case: Case, probe: str, *, repeats: int = 3, each: Callable[[Traded], None] | None = None
-) -> tuple[Reference, list[Traded]]:
+def trade(case: Case, probe: str, *, repeats: int = 3) -> tuple[Reference, list[Traded]]:
     """Return what every rung of a case's ladder costs and by how much it errs.
 
     Parameters
@@ -193,8 +191,6 @@ def trade(
         A probe of one scalar.
     repeats
         Runs of every rung whose processor times the median is taken of.
-    each
-        Told of every rung as soon as it is known.
 
     Returns
     -------
@@ -209,12 +205,7 @@ def trade(
         If the reference ends early.
     """
     against = reference(case, probe)
-    found: list[Traded] = []
-    for rung in candidates(case):
-        found.append(tried(rung, probe, against, repeats=repeats))
-        if each is not None:
-            each(found[-1])
-    return against, front(found)
+    return against, front([tried(rung, probe, against, repeats=repeats) for rung in candidates(case)])
 
 
 def front(found: Sequence[Traded]) -> list[Traded]:

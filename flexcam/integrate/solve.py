@@ -74,7 +74,7 @@ def solve(
     problem
         System, drive, step and start; it is not changed.
     scheme
-        From `newmark`, `hht`, `generalized_alpha` or `bathe`.
+        From `newmark`, `bathe`, `central_difference`, `exact`, `radau` or their like.
     save
         What to keep; None for the defaults of `SaveAt`.
     sinks

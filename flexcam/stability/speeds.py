@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from flexcam.case import Case
 from flexcam.stability.verdict import Stability, stability
 
 
-def over_speeds(
-    case: Case, speeds: Iterable[float], *, each: Callable[[Stability], None] | None = None
-) -> list[Stability]:
+def over_speeds(case: Case, speeds: Iterable[float]) -> list[Stability]:
     """Return what endangers a case at several speeds: growth rates as a map, causes beside them.
 
     Parameters
@@ -19,8 +17,6 @@ def over_speeds(
         The case; its own speed does not count.
     speeds
         Of the camshaft, rad/s.
-    each
-        Told of every speed as soon as it is known.
 
     Returns
     -------
@@ -38,9 +34,4 @@ def over_speeds(
     --------
     ``[one.verdict for one in over_speeds(case, [100.0, 200.0])]``
     """
-    found: list[Stability] = []
-    for speed in speeds:
-        found.append(stability(case.at_speed(speed)))
-        if each is not None:
-            each(found[-1])
-    return found
+    return [stability(case.at_speed(speed)) for speed in speeds]

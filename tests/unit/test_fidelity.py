@@ -12,7 +12,7 @@ import pytest
 from flexcam import InputError, read_case
 from flexcam.console import choice_words, plus_minus
 from flexcam.fidelity import Choice, Error, Measured, Reference, Traded, distance, estimate, ladder, measured
-from flexcam.fidelity.rungs import Rung, steps_of, with_elements, with_fidelity, with_run
+from flexcam.fidelity.rungs import Rung, steps_of, with_elements
 from flexcam.fidelity.trade import candidates, front
 from flexcam.integrate import integrated
 from flexcam.response import Cause, Status
@@ -131,8 +131,8 @@ def test_derived_cases_leave_the_given_one():
     each = with_elements(case, each=5).record
     assert {one.elements for one in each.members.values()} == {5}
     assert each.springs["valve"].elements == 8
-    assert with_run(case, {"revolutions": 7.0}).record.run.revolutions == 7.0
-    assert with_fidelity(case, {"model": "rigid"}).record.fidelity.model == "rigid"
+    assert case.with_run({"revolutions": 7.0}).record.run.revolutions == 7.0
+    assert case.with_fidelity({"model": "rigid"}).record.fidelity.model == "rigid"
     assert Rung("", "", case).stepped(90).case.record.run.steps_per_revolution == 90
     assert case.record.model_dump_json() == before
 
@@ -141,8 +141,8 @@ def test_steps_of_a_case():
     assert steps_of(read_case(INLINE)) == 720
     given = read_case(INLINE)
     # 3000 rpm turn once in 20 ms; a step of 30 us divides it 666.7 times.
-    assert steps_of(with_run(given, {"steps_per_revolution": None, "step": 30e-6})) == 667
-    assert steps_of(with_run(given, {"steps_per_revolution": None})) == 3600
+    assert steps_of(given.with_run({"steps_per_revolution": None, "step": 30e-6})) == 667
+    assert steps_of(given.with_run({"steps_per_revolution": None})) == 3600
 
 
 def error(size, total, unit="m"):
@@ -221,7 +221,15 @@ class TestEstimate:
     def test_of_a_rigid_model_it_is_the_distance_to_beams(self):
         case = read_case(INLINE, ['fidelity.model="rigid"', "run.steps_per_revolution=180"])
         found = estimate(case, "valve")[0]
-        beams = with_fidelity(case, {"model": "beams"})
+        beams = case.with_fidelity({"model": "beams"})
         assert (found.time, found.space) == (0.0, 0.0)
         assert found.model == distance(lift_of(case, 180), lift_of(beams, 180))["lift"]
         assert found.model > 1e-3
+
+
+def test_the_ladder_is_the_same_whatever_reduction_a_case_asks_for():
+    """Its rungs of modes are what their words say, also of a case that asks for Craig and Bampton's."""
+    case = read_case(INLINE)
+    asked = case.with_fidelity({"modes": 5, "reduction": "craig-bampton"})
+    rungs = {rung.name: rung.case.record.fidelity for rung in ladder(asked)}
+    assert rungs == {rung.name: rung.case.record.fidelity for rung in ladder(case)}
