@@ -19,6 +19,12 @@ from flexcam.linalg import FloatArray
 STATE = "state."
 """Begins the name of a channel that holds an internal state: with them a run can go on from a result."""
 
+_WORTH = 640
+"""Steps below which a block costs more than what is in it."""
+
+_FIELDS = 32
+"""Saved fields that are written together at least."""
+
 _SAME_INSTANT = 1e-9
 """Part of a period by which rounding may have moved the instant at its beginning."""
 
@@ -207,21 +213,27 @@ class SaveAt:
     field_every
         All unknowns at every so many steps, the first and the last step included.
     fields_per_block
-        Saved fields handed out together.
+        Saved fields handed out together; None for as many as make a block worth its trouble.
 
     Examples
     --------
-    >>> SaveAt(field_every=100).fields_per_block
-    32
+    >>> SaveAt(field_every=100).block
+    3200
     """
 
     field_every: int = 20
-    fields_per_block: int = 32
+    fields_per_block: int | None = None
+
+    @property
+    def block(self) -> int:
+        """Steps handed out together."""
+        return self.field_every * (self.fields_per_block or max(_FIELDS, -(-_WORTH // self.field_every)))
 
     def __post_init__(self) -> None:
         for name in ("field_every", "fields_per_block"):
-            if getattr(self, name) < 1:
-                raise refuse(f"save.{name}", getattr(self, name), "a whole number from 1")
+            given: int | None = getattr(self, name)
+            if given is not None and given < 1:
+                raise refuse(f"save.{name}", given, "a whole number from 1")
 
 
 class Sink(Protocol):

@@ -108,14 +108,14 @@ class _Potential:
     load: FloatArray
 
     def _gap(self, u: FloatArray) -> FloatArray:
-        return self.schedule.sense[0] @ (self.forces.sense.vectors @ u) + self.schedule.offset[0]
+        return self.schedule.sensing(0) @ (self.forces.sense.vectors @ u) + self.schedule.offset[0]
 
     def at(self, u: FloatArray) -> tuple[FloatArray, float, Triplets]:
         """Return the forces out of balance (n,), the size of the forces, and the tangent."""
         still, states = np.zeros(self.forces.count), self.forces.start_state
         reaction = self.forces.respond(self._gap(u), still, states, float(self.schedule.angle[0]))
-        act = self.schedule.act[0] @ self.forces.act.vectors
-        sense = self.schedule.sense[0] @ self.forces.sense.vectors
+        act = self.schedule.acting(0) @ self.forces.act.vectors
+        sense = self.schedule.sensing(0) @ self.forces.sense.vectors
         strain, pushed = self.system.stiffness.times(u), reaction.force @ act
         tangent = self.system.stiffness
         for i, j in np.argwhere(reaction.by_gap).tolist():

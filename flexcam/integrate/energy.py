@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexcam.integrate.local import LocalForces, Schedule
-from flexcam.integrate.moment import Moment
+from flexcam.integrate.moment import Track
 from flexcam.linalg import FloatArray, operator
 from flexcam.system import Observed, System
 
@@ -32,8 +32,8 @@ PARTS = ("work", "kinetic", "strain", "contact", "dissipated", "numerical", "res
 class _Held:
     """Energies of some instants, J, shape (m,), and what the work between them is computed from.
 
-    `loads` are histories, `still` the contacts' forces without their dissipation,
-    `by_state` the derivatives of their energy by internal states, `carried` the part of the sensed
+    `loads` are histories, `acted` the weights of the acting vectors, `still` the contacts' forces without their
+    dissipation, `by_state` the derivatives of their energy by internal states, `carried` the part of the sensed
     rates that the cam alone causes.
     """
 
@@ -43,7 +43,6 @@ class _Held:
     contact: FloatArray
     d: FloatArray
     v: FloatArray
-    applied: FloatArray
     loads: FloatArray
     acted: FloatArray
     force: FloatArray
@@ -80,9 +79,9 @@ class EnergyAccount:
         self._last: _Held | None = None
         self._sums = np.zeros(4)  # work, dissipated, numerical, and the energy at the start
 
-    def block(self, moments: list[Moment], seen: Observed, carried: FloatArray, schedule: Schedule) -> FloatArray:
+    def block(self, track: Track, seen: Observed, carried: FloatArray, schedule: Schedule) -> FloatArray:
         """Return the parts of the balance at the instants of a block, shape (m, 7), J."""
-        new = self._held(moments, seen, carried, schedule)
+        new = self._held(track, seen, carried, schedule)
         energy = new.kinetic + new.strain + new.contact
         first = self._last is None
         if first:
@@ -96,18 +95,18 @@ class EnergyAccount:
     def _gone(self, both: _Held) -> FloatArray:
         """Return work, dissipation and numerical loss between successive instants, shape (m - 1, 3)."""
         moved = np.diff(both.d, axis=0)
-        pushed = _dot(_mean(both.applied), moved)
         damped = _dot(_mean(both.v @ self._C), moved) if self._damped else np.zeros(len(moved))
         given = _dot(_mean(both.loads), moved @ self._vectors.T)
         # What a contact does: along its whole depth, and on the unknowns; the difference comes from the cam.
         deepened = np.diff(both.gap, axis=0)
-        along, on_unknowns = _dot(_mean(both.force), deepened), _dot(_mean(both.acted), moved)
+        along = _dot(_mean(both.force), deepened)
+        on_unknowns = _dot(_mean(both.acted), moved @ self._forces.act.vectors.T)
         crushed = _dot(_mean(both.force - both.still), deepened)
         crushed -= _dot(_mean(both.by_state), np.diff(both.states, axis=0))
         curved, turned = self._curved(both, deepened)
         impulse = both.impulse[1:]
         struck, impact_lost = _dot(impulse, _mean(both.carried)), _dot(impulse, _mean(both.rate))
-        numerical = pushed - np.diff(both.kinetic + both.strain) - damped + (struck - impact_lost) + curved
+        numerical = given + on_unknowns - np.diff(both.kinetic + both.strain) - damped + (struck - impact_lost) + curved
         work = given + along + on_unknowns + struck + turned
         return np.column_stack([work, damped + crushed + impact_lost, numerical])
 
@@ -123,17 +122,14 @@ class EnergyAccount:
         earlier = both.contact[1:] - self._forces.stored(both.gap[1:], both.states[1:], angle[:-1]).energy
         return curved, 0.5 * (later + earlier)
 
-    def _held(self, moments: list[Moment], seen: Observed, carried: FloatArray, schedule: Schedule) -> _Held:
+    def _held(self, track: Track, seen: Observed, carried: FloatArray, schedule: Schedule) -> _Held:
         kept = self._forces.stored(seen.gaps, seen.states, schedule.angle)
-        nothing = np.zeros(self._forces.count)
-        weights = np.einsum("mc,mck->mk", seen.forces, schedule.act)
         return _Held(
             schedule.angle, 0.5 * _quadratic(self._M, seen.velocity),
             0.5 * _quadratic(self._K, seen.displacement) + self._system.stored, kept.energy,
-            seen.displacement, seen.velocity,
-            np.array([m.applied for m in moments]), seen.histories, weights @ self._forces.act.vectors,
+            seen.displacement, seen.velocity, seen.histories, (seen.forces @ schedule.acts) * schedule.act,
             seen.forces * self._forces.storing, kept.by_gap, seen.gaps, seen.rates, carried, seen.states, kept.by_state,
-            np.array([nothing if m.impulse is None else m.impulse for m in moments]),
+            track.impulse,
         )  # fmt: skip
 
 

@@ -115,8 +115,8 @@ class Starter:
         """
         forces, i = self._forces, to.row
         which = forces.switching[struck]
-        sense = to.schedule.sense[i][which] @ forces.sense.vectors
-        act = to.schedule.act[i][which] @ forces.act.vectors
+        sense = to.schedule.sensing(i)[which] @ forces.sense.vectors
+        act = to.schedule.acting(i)[which] @ forces.act.vectors
         rate = moment.rate[which]
         gained = self._accelerated_all(act.T)  # velocity per unit of each impulse
         turned = -(1.0 + forces.restitution[struck]) * rate
@@ -146,7 +146,7 @@ class Starter:
         forces = self._forces
         gap, rate, _ = (one[0] for one in forces.sensed(d[None], v[None], _only(to)))
         answer = forces.respond(gap, rate, inner, to.angle)
-        applied = to.load + (answer.force @ to.schedule.act[to.row]) @ forces.act.vectors
+        applied = to.load + (answer.force @ to.schedule.acting(to.row)) @ forces.act.vectors
         return Moment(
             to.time, d, v, np.zeros(len(d)), applied, answer.force, gap, rate, Inner(inner, answer.state_rate)
         )

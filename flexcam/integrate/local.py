@@ -37,15 +37,13 @@ class _Stack:
         return cls(vectors, terms, owner)
 
     def weights(self, angle: FloatArray, order: int = 0) -> FloatArray:
-        """Return the weights of all vectors, shape (times, scalars, vectors)."""
-        found = np.zeros((*angle.shape, *self.owner.shape))
-        if order == 0:
-            found[...] = self.owner
+        """Return the weights of all vectors, shape (times, vectors)."""
+        found = np.full((*angle.shape, len(self.vectors)), 0.0 if order else 1.0)
         first = 0
-        for i, term in enumerate(self.terms):
+        for term in self.terms:
             behind = first + len(term.vectors)
             if term.functions:
-                found[..., i, first:behind] = term.weights(angle, order)
+                found[..., first:behind] = term.weights(angle, order)
             first = behind
         return found
 
@@ -57,13 +55,15 @@ class Schedule:
     Parameters
     ----------
     sense, sense_rate
-        Weights of the sensing vectors and their time derivatives, shape (times, c, k).
+        Weights of the sensing vectors and their time derivatives, shape (times, k).
     act
-        Weights of the acting vectors, shape (times, c, m).
+        Weights of the acting vectors, shape (times, m).
     offset, offset_rate
         Prescribed part of the sensed scalars and its time derivative, shape (times, c).
     angle
         rad, shape (times,).
+    senses, acts
+        To which scalar each sensing vector, to which force each acting one belongs: 1 there, shape (c, k) and (c, m).
     """
 
     sense: FloatArray
@@ -72,11 +72,28 @@ class Schedule:
     offset: FloatArray
     offset_rate: FloatArray
     angle: FloatArray
+    senses: FloatArray
+    acts: FloatArray
 
     def row(self, i: int) -> Schedule:
         """Return one instant of it."""
-        names = self.__dataclass_fields__
-        return Schedule(*(getattr(self, name)[i : i + 1] for name in names))
+        one = slice(i, i + 1)
+        return Schedule(
+            self.sense[one], self.sense_rate[one], self.act[one], self.offset[one], self.offset_rate[one],
+            self.angle[one], self.senses, self.acts,
+        )  # fmt: skip
+
+    def sensing(self, i: int) -> FloatArray:
+        """Return the weights by which every scalar is made of the sensing vectors at an instant, shape (c, k)."""
+        return self.senses * self.sense[i]
+
+    def turning(self, i: int) -> FloatArray:
+        """Return their time derivatives, shape (c, k)."""
+        return self.senses * self.sense_rate[i]
+
+    def acting(self, i: int) -> FloatArray:
+        """Return the weights by which every force acts along the acting vectors at an instant, shape (c, m)."""
+        return self.acts * self.act[i]
 
 
 class LocalForces:
@@ -111,8 +128,8 @@ class LocalForces:
         offset = [np.stack([g(angle, order) for g in self._offsets], -1) if self.count else np.zeros((len(angle), 0))
                   for order in (0, 1)]  # fmt: skip
         return Schedule(
-            self.sense.weights(angle), self.sense.weights(angle, 1) * speed[:, None, None],
-            self.act.weights(angle), offset[0], offset[1] * speed[:, None], angle,
+            self.sense.weights(angle), self.sense.weights(angle, 1) * speed[:, None],
+            self.act.weights(angle), offset[0], offset[1] * speed[:, None], angle, self.sense.owner, self.act.owner,
         )  # fmt: skip
 
     def sensed(self, d: FloatArray, v: FloatArray, schedule: Schedule) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -131,9 +148,10 @@ class LocalForces:
             Shape (m, c) each.
         """
         on_d, on_v = d @ self.sense.vectors.T, v @ self.sense.vectors.T
-        gap = np.einsum("mck,mk->mc", schedule.sense, on_d) + schedule.offset
-        carried = np.einsum("mck,mk->mc", schedule.sense_rate, on_d) + schedule.offset_rate
-        return gap, np.einsum("mck,mk->mc", schedule.sense, on_v) + carried, carried
+        to_scalars = self.sense.owner.T
+        gap = (schedule.sense * on_d) @ to_scalars + schedule.offset
+        carried = (schedule.sense_rate * on_d) @ to_scalars + schedule.offset_rate
+        return gap, (schedule.sense * on_v) @ to_scalars + carried, carried
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return the reaction of all laws side by side to gamma and gamma', shape (c,), and all states, shape (s,)."""

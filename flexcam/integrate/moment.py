@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.integrate.local import Schedule
+from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.settle import Inner
-from flexcam.linalg import FloatArray
+from flexcam.linalg import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,3 +76,59 @@ class Instant:
     def angle(self) -> float:
         """Cam angle, rad."""
         return float(self.schedule.angle[self.row])
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Instants of a run one after the other, in the unknowns it is integrated in.
+
+    Parameters
+    ----------
+    time
+        s, shape (m,).
+    d, v, a
+        Displacement, velocity, acceleration, shape (m, n).
+    local
+        Local forces, shape (m, c).
+    state
+        Internal states of the local laws, shape (m, s).
+    impulse
+        Of impacts, N s, shape (m, c).
+    ends
+        Which instants end a step of the results, shape (b,): the others are events, or shorter steps.
+    """
+
+    time: FloatArray
+    d: FloatArray
+    v: FloatArray
+    a: FloatArray
+    local: FloatArray
+    state: FloatArray
+    impulse: FloatArray
+    ends: IntArray
+
+    @classmethod
+    def of(cls, steps: Sequence[Sequence[Moment]]) -> Track:
+        """Return the instants of some steps, one sequence per step."""
+        every = [moment for part in steps for moment in part]
+        nothing = np.zeros(len(every[0].local))
+        return cls(
+            time=np.array([m.time for m in every]), d=np.array([m.d for m in every]),
+            v=np.array([m.v for m in every]), a=np.array([m.a for m in every]),
+            local=np.array([m.local for m in every]), state=np.array([m.inner.state for m in every]),
+            impulse=np.array([nothing if m.impulse is None else m.impulse for m in every]),
+            ends=np.cumsum([len(part) for part in steps]) - 1,
+        )  # fmt: skip
+
+    @classmethod
+    def none(cls, size: int, forces: LocalForces) -> Track:
+        """Return no instants of a system of some size."""
+        still, local = np.zeros((0, size)), np.zeros((0, forces.count))
+        state = np.zeros((0, len(forces.start_state)))
+        return cls(np.zeros(0), still, still, still, local, state, local, np.zeros(0, dtype=np.intp))
+
+    def until(self, count: int) -> Track:
+        """Return the instants of the first so many steps."""
+        rows = slice(0, int(self.ends[count - 1]) + 1 if count else 0)
+        cut = {one.name: getattr(self, one.name)[rows] for one in fields(self)}
+        return Track(**{**cut, "ends": self.ends[:count]})

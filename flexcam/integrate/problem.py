@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.checks import finite_array, positive, refuse
-from flexcam.linalg import FloatArray
+from flexcam.linalg import FloatArray, IntArray
 from flexcam.system import Basis, Drive, System
 
 
@@ -128,6 +128,11 @@ class Problem:
     adaptive: Adaptive | None = None
     basis: Basis | None = None
     prune: bool = False
+
+    def times(self, steps: IntArray) -> FloatArray:
+        """Return the times after so many steps, s; a run that goes on counts from where the first one began."""
+        begin, taken = (self.start.time, self.start.taken) if self.start else (0.0, 0)
+        return np.asarray((begin - taken * self.step) + (taken + steps) * self.step, dtype=float)
 
     def __post_init__(self) -> None:
         positive("step", self.step, "s")

@@ -10,14 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from flexcam.integrate.energy import PARTS, EnergyAccount
-from flexcam.integrate.events import Walker
-from flexcam.integrate.first import Starter
+from flexcam.integrate.engine import STOPPED, Engine
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.method import Method
-from flexcam.integrate.moment import Instant, Moment
-from flexcam.integrate.pace import Norm, Pace, StepFloorError
-from flexcam.integrate.problem import Problem, State
-from flexcam.integrate.settle import NoConvergenceError
+from flexcam.integrate.moment import Track
+from flexcam.integrate.problem import Problem
+from flexcam.integrate.stepwise import Stepwise
 from flexcam.integrate.within import basis_of, shown, within
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
 from flexcam.response import (
@@ -115,15 +113,19 @@ def solve(
     stats = Stats(unknowns=inside.system.size, periodicity=-1.0 if returns is None else returns)
     status = Status()
     try:
-        run = _Run(inside, scheme, save or SaveAt(), stop or _never)
+        if refusal := scheme.refusal(inside.system, inside.step):
+            raise refusal
+        keep, forces = save or SaveAt(), LocalForces(inside.system)
+        engine = Stepwise(inside, scheme, forces, keep, stop or _never, _pilot)
+        run = _Run(inside, engine, forces, keep)
         for block in run.blocks():
             for sink in takers:
                 sink.write(block if basis is None else shown(block, basis))
             steps = stats.steps + len(block.time)
-            stats = run.counted(replace(stats, steps=steps))
+            stats = engine.counted(replace(stats, steps=steps))
         status = run.status
     except KeyboardInterrupt:
-        status = _STOPPED
+        status = STOPPED
     except SingularMatrixError as fault:
         status = _singular(fault, inside.system)
     except OSError as fault:  # of a sink: the numbers computed so far are still in memory
@@ -150,31 +152,13 @@ def _singular(fault: SingularMatrixError, system: System) -> Status:
 
 
 class _Run:
-    """One run: the walk over the blocks."""
+    """One run: the blocks of an engine, with everything that is observed."""
 
-    def __init__(self, problem: Problem, scheme: Method, save: SaveAt, stop: Callable[[], bool]) -> None:
-        self._problem, self._save, self._system, self._stop = problem, save, problem.system, stop
-        self._forces = LocalForces(problem.system)
-        if refusal := scheme.refusal(problem.system, problem.step):
-            raise refusal
-        self._starter = Starter(problem.system, self._forces)
-        self._load_vectors = problem.system.load_vectors()
-        self._walker = Walker(problem.system, scheme, problem.step, self._forces, self._starter, self._at)
-        self._pace = self._paced(problem, scheme)
-        self._start = problem.start or State.rest(problem.system.size)
-        self._account = EnergyAccount(problem.system, self._forces)
-        self.status, self._iterations, self._substeps = Status(), 0, 0
-
-    def _paced(self, problem: Problem, scheme: Method) -> Pace | None:
-        if problem.adaptive is None or not problem.system.size:
-            return None
-        norm = Norm(problem.system, _pilot(problem, scheme))
-        return Pace(self._walker, self._at, problem.step, problem.adaptive, norm)
-
-    def counted(self, stats: Stats) -> Stats:
-        """Return figures of the run so far."""
-        stats = replace(stats, iterations=self._iterations, events=self._walker.events)
-        return replace(stats, substeps=self._substeps, rejected=self._pace.rejected) if self._pace else stats
+    def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt) -> None:
+        self._problem, self._engine, self._system, self._save = problem, engine, problem.system, save
+        self._forces = forces
+        self._account = EnergyAccount(problem.system, forces)
+        self.status = Status()
 
     def blocks(self) -> Iterator[Block]:
         """Yield the results block by block, the start in the first.
@@ -182,69 +166,25 @@ class _Run:
         A block is cut before the first instant that is not finite or did not settle, and is then the last one;
         `status` says why.
         """
-        size = self._save.field_every * self._save.fields_per_block
-        end = self._problem.steps + 1
-        last: Moment | None = None
+        size, end = self._save.block, self._problem.steps + 1
         for first in range(0, end, size):
             steps = np.arange(first, min(first + size, end))
             with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
-                walked, self.status = self._advance(steps, last)
-            if walked:
-                self._iterations += sum(m.iterations for part in walked for m in part)
-                self._substeps += sum(len(part) for part in walked)
-                yield self._block(steps[: len(walked)], walked)
-                last = walked[-1][-1]
+                track, self.status = self._engine.advance(steps)
+            if len(track.ends):
+                yield self._block(steps[: len(track.ends)], track)
             if not self.status.ok:
                 return
 
-    def _at(self, time: float) -> Instant:
-        motion = self._problem.drive.at(np.array([time]))
-        load = self._system.load_histories(motion)[0] @ self._load_vectors
-        return Instant(time, load, self._forces.schedule(motion))
-
-    def _times(self, steps: IntArray) -> FloatArray:
-        """Return the times after so many steps; a run that goes on counts from where the first one began."""
-        start, step = self._start, self._problem.step
-        return np.asarray((start.time - start.taken * step) + (start.taken + steps) * step, dtype=float)
-
-    def _advance(self, steps: IntArray, last: Moment | None) -> tuple[list[list[Moment]], Status]:
-        """Return, per step, the instants that end it: stops at events, and the step's own end as the last.
-
-        At saved fields the forces are taken anew from the motion, so that a run from there is this one bit by bit.
-        """
-        at = self._times(steps)
-        motion = self._problem.drive.at(at)
+    def _block(self, steps: IntArray, track: Track) -> Block:
+        motion = self._problem.drive.at(track.time)
         schedule = self._forces.schedule(motion)
-        loads = self._system.load_histories(motion) @ self._load_vectors
-        walked: list[list[Moment]] = []
-        moment, walker = last, self._pace or self._walker
-        for i, load in enumerate(loads):
-            if self._stop():
-                return walked, _STOPPED
-            to = Instant(float(at[i]), load, schedule, i)
-            try:
-                part = walker.walk(moment, to) if moment else [self._starter.first(self._start, to)]
-            except NoConvergenceError as fault:
-                return walked, _unsettled(fault.forces, at[i], motion.angle[i])
-            except StepFloorError as fault:
-                return walked, _too_small(fault, self._system, at[i], motion.angle[i])
-            if steps[i] % self._save.field_every == 0:
-                part[-1] = self._starter.resumed(part[-1], to)
-            walked.append(part)
-            moment = part[-1]
-        return _in_range(walked, last, self._system, motion.angle)
-
-    def _block(self, steps: IntArray, walked: list[list[Moment]]) -> Block:
-        moments = [moment for part in walked for moment in part]
-        ends: IntArray = np.cumsum([len(part) for part in walked]) - 1
-        motion = self._problem.drive.at(np.array([m.time for m in moments]))
-        schedule = self._forces.schedule(motion)
-        seen, carried = self._observed(moments, motion, schedule)
-        energies = self._account.block(moments, seen, carried, schedule)[ends]
-        seen = seen.at(ends)
+        seen, carried = self._observed(track, motion, schedule)
+        energies = self._account.block(track, seen, carried, schedule)[track.ends]
+        seen = seen.at(track.ends)
         series = Series(seen.displacement, seen.velocity, seen.acceleration)
         saved = (steps % self._save.field_every == 0) | (steps == self._problem.steps)
-        time, angle = np.array([part[-1].time for part in walked]), seen.motion.angle
+        time, angle = track.time[track.ends], seen.motion.angle
         channels = [channel.value(seen) for channel in self._system.channels]
         return Block(
             time=time, angle=angle, probes=_probe_series(self._system.probes, series, seen.motion),
@@ -253,12 +193,12 @@ class _Run:
             fields=(Series(*self._system.carried.at(seen.motion)) if self._system.carried else series).at(saved),
         )  # fmt: skip
 
-    def _observed(self, moments: list[Moment], motion: CamMotion, schedule: Schedule) -> tuple[Observed, FloatArray]:
+    def _observed(self, track: Track, motion: CamMotion, schedule: Schedule) -> tuple[Observed, FloatArray]:
         """Return what is observed, and the part of the sensed rates that the cam alone causes."""
-        d, v, a, forces = (np.array([getattr(m, name) for m in moments]) for name in ("d", "v", "a", "local"))
-        gaps, rates, carried = self._forces.sensed(d, v, schedule)
-        states = np.array([m.inner.state for m in moments])
-        return Observed(motion, d, v, a, self._system.load_histories(motion), forces, gaps, rates, states), carried
+        gaps, rates, carried = self._forces.sensed(track.d, track.v, schedule)
+        histories = self._system.load_histories(motion)
+        moved = (track.d, track.v, track.a)
+        return Observed(motion, *moved, histories, track.local, gaps, rates, track.state), carried
 
 
 def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -> Series:
@@ -273,51 +213,8 @@ def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -
     return Series(d, v, a)
 
 
-_STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "what was finished is kept")
-
-_LARGEST = 1e100
-"""Size (SI) beyond which a motion has diverged; its squares, as stresses need them, are still numbers."""
-
-
 def _never() -> bool:
     return False
-
-
-def _in_range(
-    walked: list[list[Moment]], before: Moment | None, system: System, angle: FloatArray
-) -> tuple[list[list[Moment]], Status]:
-    """Return the steps up to the last one in range, and a status that names what left it first."""
-    motion = np.array([_everything(part[-1]) for part in walked])
-    good = (np.abs(motion) < _LARGEST).all(axis=1)  # False for NaN as well
-    if good.all():
-        return walked, Status()
-    count = int(np.argmin(good))
-    previous = walked[count - 1][-1] if count else before
-    # One overflow spoils every unknown within its step: what was ahead just before is what left.
-    ahead = np.where(np.isfinite(motion[count]), np.abs(motion[count]), np.inf)
-    if previous is not None and np.count_nonzero(ahead == ahead.max()) > 1:
-        ahead = np.abs(_everything(previous))
-    names = [*(3 * system.names), *(name for force in system.local_forces for name in [force.name] * len(force.sense))]
-    when = _instant(walked[count][-1].time, angle[count])
-    text = f"{names[int(np.argmax(ahead))]} left the range of numbers {when}"
-    return walked[:count], Status(Cause.NOT_FINITE, text, "take a smaller step, more damping or a lower speed")
-
-
-def _everything(moment: Moment) -> FloatArray:
-    return np.concatenate([moment.d, moment.v, moment.a, moment.local])
-
-
-def _unsettled(forces: list[str], at: float, angle: float) -> Status:
-    text = f"{', '.join(dict.fromkeys(forces))} did not settle within the step {_instant(at, angle)}"
-    return Status(Cause.NO_CONVERGENCE, text, "take a smaller step or a softer contact")
-
-
-def _too_small(fault: StepFloorError, system: System, at: float, angle: float) -> Status:
-    text = (
-        f"the error of {system.names[fault.unknown]} stays at {fault.times:.3g} times the tolerance with steps of "
-        f"{fault.step:.3g} s {_instant(at, angle)}"
-    )
-    return Status(Cause.STEP_TOO_SMALL, text, "allow a larger run.adaptive.tolerance or a smaller smallest step")
 
 
 def _pilot(problem: Problem, method: Method) -> Series:
@@ -332,7 +229,3 @@ def _pilot(problem: Problem, method: Method) -> Series:
 
 _LOOKS = 200
 """Fields of the pilot run that are looked at."""
-
-
-def _instant(at: float, angle: float) -> str:
-    return f"at t = {at:.6g} s, cam angle {np.degrees(angle):.2f} deg"

@@ -72,7 +72,7 @@ class Stage:
         if self._forces.count == 0:
             return Moment(to.time, d, v, a, to.load, now.local, now.gap, now.rate, now.inner)
         found = settle(self._forces, self._within(d, v, to), now.local, now.inner, self._step, to.angle)
-        weights = found.force @ to.schedule.act[to.row]
+        weights = found.force @ to.schedule.acting(to.row)
         more = self._by_act @ weights
         applied = to.load + weights @ self._forces.act.vectors
         return Moment(
@@ -82,10 +82,10 @@ class Stage:
 
     def _within(self, d: FloatArray, v: FloatArray, to: Instant) -> Compliance:
         schedule, i = to.schedule, to.row
-        sense, sense_rate = schedule.sense[i], schedule.sense_rate[i]
+        sense, sense_rate = schedule.sensing(i), schedule.turning(i)
         vectors = self._forces.sense.vectors
         on_d, on_v = vectors @ d, vectors @ v
-        per_force = self._sensed @ schedule.act[i].T
+        per_force = self._sensed @ schedule.acting(i).T
         return Compliance(
             gap=sense @ on_d + schedule.offset[i],
             rate=sense @ on_v + sense_rate @ on_d + schedule.offset_rate[i],

@@ -47,8 +47,8 @@ class Tangents:
         gap, rate, _ = (one[0] for one in forces.sensed(self._d[i : i + 1], self._v[i : i + 1], schedule.row(i)))
         state = forces.start_state if self._inner is None else self._inner[i]
         answer = forces.respond(gap, rate, state, float(schedule.angle[i]))
-        act = schedule.act[i] @ forces.act.vectors
-        sense = schedule.sense[i] @ forces.sense.vectors
-        turning = schedule.sense_rate[i] @ forces.sense.vectors
+        act = schedule.acting(i) @ forces.act.vectors
+        sense = schedule.sensing(i) @ forces.sense.vectors
+        turning = schedule.turning(i) @ forces.sense.vectors
         by_rate = act.T @ answer.by_rate
         return self._C - by_rate @ sense, self._K - act.T @ answer.by_gap @ sense - by_rate @ turning

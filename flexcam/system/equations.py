@@ -141,6 +141,10 @@ class System:
             return np.zeros((*motion.angle.shape, 0))
         return np.stack([load.history(motion) for load in self.loads], axis=-1)
 
+    def applied(self, motion: CamMotion) -> FloatArray:
+        """Return the loads in the unknowns at some instants, shape (times, n)."""
+        return self.load_histories(motion) @ self.load_vectors()
+
     def load_vectors(self) -> FloatArray:
         """Return the spatial vectors of all loads, shape (loads, n)."""
         return np.array([load.vector for load in self.loads]).reshape(len(self.loads), self.size)

@@ -1,0 +1,98 @@
+"""What `solve` asks of a way through time: the next steps, and how they ended."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from flexcam.integrate.moment import Track
+from flexcam.linalg import FloatArray, IntArray
+from flexcam.response import Cause, Stats, Status
+from flexcam.system import System
+
+
+class Engine(Protocol):
+    """Walks through a problem; made at its start."""
+
+    @property
+    def path(self) -> str:
+        """Name of the way, for the statistics."""
+        ...
+
+    def advance(self, steps: IntArray) -> tuple[Track, Status]:
+        """Return the instants of some successive steps, and whether all of them could be taken.
+
+        Parameters
+        ----------
+        steps
+            Their numbers, the first behind those of the last call; step 0 is the start.
+
+        Returns
+        -------
+        tuple
+            The instants up to the last good step, and a status that says why there are no more.
+        """
+        ...
+
+    def counted(self, stats: Stats) -> Stats:
+        """Return figures of the run with those that the engine counts."""
+        ...
+
+
+LARGEST = 1e100
+"""Size (SI) beyond which a motion has diverged; its squares, as stresses need them, are still numbers."""
+
+STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "what was finished is kept")
+
+
+def in_range(track: Track, before: FloatArray | None, system: System, angle: FloatArray) -> tuple[Track, Status]:
+    """Return the steps up to the last one in range, and a status that names what left it first.
+
+    Parameters
+    ----------
+    track
+        Some steps.
+    before
+        Motion and forces (`everything`) of the instant before the first, to see what was ahead; None at the start.
+    system
+        The system, for names.
+    angle
+        Cam angle at the end of every step, rad, shape (b,).
+
+    Returns
+    -------
+    tuple
+        The steps in range, and the status.
+    """
+    every = everything(track)
+    good = (np.abs(every[track.ends]) < LARGEST).all(axis=1)  # False for NaN as well
+    if good.all():
+        return track, Status()
+    count = int(np.argmin(good))
+    at = int(track.ends[count])
+    # One overflow spoils every unknown within its step: what was ahead just before is what left.
+    ahead = np.where(np.isfinite(every[at]), np.abs(every[at]), np.inf)
+    previous = every[track.ends[count - 1]] if count else before
+    if previous is not None and np.count_nonzero(ahead == ahead.max()) > 1:
+        ahead = np.abs(previous)
+    names = [*(3 * system.names), *(name for force in system.local_forces for name in [force.name] * len(force.sense))]
+    when = instant(float(track.time[at]), float(angle[count]))
+    text = f"{names[int(np.argmax(ahead))]} left the range of numbers {when}"
+    return track.until(count), Status(Cause.NOT_FINITE, text, "take a smaller step, more damping or a lower speed")
+
+
+def everything(track: Track) -> FloatArray:
+    """Return motion and forces side by side, shape (m, 3 n + c)."""
+    return np.hstack([track.d, track.v, track.a, track.local])
+
+
+def instant(at: float, angle: float) -> str:
+    """Return an instant in words, from its time (s) and cam angle (rad)."""
+    return f"at t = {at:.6g} s, cam angle {np.degrees(angle):.2f} deg"
+
+
+def unsettled(forces: list[str], at: float, angle: float) -> Status:
+    """Return the status of local forces that do not settle, at a time (s) and cam angle (rad)."""
+    text = f"{', '.join(dict.fromkeys(forces))} did not settle within the step {instant(at, angle)}"
+    return Status(Cause.NO_CONVERGENCE, text, "take a smaller step or a softer contact")

@@ -1,0 +1,126 @@
+"""The general way through time: every method, every system, one step after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from flexcam.integrate.engine import STOPPED, everything, in_range, instant, unsettled
+from flexcam.integrate.events import Walker
+from flexcam.integrate.first import Starter
+from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.method import Method
+from flexcam.integrate.moment import Instant, Moment, Track
+from flexcam.integrate.pace import Norm, Pace, StepFloorError
+from flexcam.integrate.problem import Problem, State
+from flexcam.integrate.settle import NoConvergenceError
+from flexcam.linalg import FloatArray, IntArray
+from flexcam.response import Cause, SaveAt, Series, Stats, Status
+from flexcam.system import System
+
+Pilot = Callable[[Problem, Method], Series]
+"""Returns the motion of the first revolution by the steps as given: errors are measured against its size."""
+
+
+class Stepwise:
+    """Walks by the steps of a method, with stops at events and steps divided by their error.
+
+    Parameters
+    ----------
+    problem
+        System, drive, step and start.
+    scheme
+        The method.
+    forces
+        The system's local forces, stacked.
+    save
+        What is kept: at saved fields the forces are taken anew.
+    stop
+        Asked before every step.
+    pilot
+        Of a run whose steps adapt.
+    """
+
+    def __init__(
+        self, problem: Problem, scheme: Method, forces: LocalForces, save: SaveAt, stop: Callable[[], bool],
+        pilot: Pilot,
+    ) -> None:  # fmt: skip
+        self._problem, self._system, self._forces, self._save, self._stop = problem, problem.system, forces, save, stop
+        self._starter = Starter(problem.system, forces)
+        self._load_vectors = problem.system.load_vectors()
+        self._walker = Walker(problem.system, scheme, problem.step, forces, self._starter, self._at)
+        self._pace = self._paced(problem, scheme, pilot)
+        self._last: Moment | None = None
+        self._iterations, self._substeps = 0, 0
+
+    @property
+    def path(self) -> str:
+        """Name of the way, for the statistics."""
+        return "general"
+
+    def advance(self, steps: IntArray) -> tuple[Track, Status]:
+        """Return the instants of some successive steps, as `Engine` says.
+
+        At saved fields the forces are taken anew from the motion, so that a run from there is this one bit by bit.
+        """
+        at = self._problem.times(steps)
+        motion = self._problem.drive.at(at)
+        schedule = self._forces.schedule(motion)
+        before = None if self._last is None else everything(Track.of([[self._last]]))[0]
+        walked, status = self._walked(steps, at, motion.angle, schedule, self._system.applied(motion))
+        if not walked:
+            return Track.none(self._system.size, self._forces), status
+        self._iterations += sum(m.iterations for part in walked for m in part)
+        self._substeps += sum(len(part) for part in walked)
+        track, left = in_range(Track.of(walked), before, self._system, motion.angle)
+        return track, status if left.ok else left
+
+    def _walked(
+        self, steps: IntArray, at: FloatArray, angle: FloatArray, schedule: Schedule, loads: FloatArray
+    ) -> tuple[list[list[Moment]], Status]:
+        """Return, per step, the instants that end it: stops at events, and the step's own end as the last."""
+        walked: list[list[Moment]] = []
+        walker = self._pace or self._walker
+        for i, load in enumerate(loads):
+            if self._stop():
+                return walked, STOPPED
+            to = Instant(float(at[i]), load, schedule, i)
+            try:
+                part = walker.walk(self._last, to) if self._last else [self._starter.first(self._begin(), to)]
+            except NoConvergenceError as fault:
+                return walked, unsettled(fault.forces, float(at[i]), float(angle[i]))
+            except StepFloorError as fault:
+                return walked, _too_small(fault, self._system, float(at[i]), float(angle[i]))
+            if steps[i] % self._save.field_every == 0:
+                part[-1] = self._starter.resumed(part[-1], to)
+            walked.append(part)
+            self._last = part[-1]
+        return walked, Status()
+
+    def counted(self, stats: Stats) -> Stats:
+        """Return figures of the run with those counted here."""
+        stats = replace(stats, iterations=self._iterations, events=self._walker.events)
+        return replace(stats, substeps=self._substeps, rejected=self._pace.rejected) if self._pace else stats
+
+    def _begin(self) -> State:
+        return self._problem.start or State.rest(self._system.size)
+
+    def _at(self, time: float) -> Instant:
+        motion = self._problem.drive.at(np.array([time]))
+        return Instant(time, self._system.applied(motion)[0], self._forces.schedule(motion))
+
+    def _paced(self, problem: Problem, scheme: Method, pilot: Pilot) -> Pace | None:
+        if problem.adaptive is None or not problem.system.size:
+            return None
+        norm = Norm(problem.system, pilot(problem, scheme))
+        return Pace(self._walker, self._at, problem.step, problem.adaptive, norm)
+
+
+def _too_small(fault: StepFloorError, system: System, at: float, angle: float) -> Status:
+    text = (
+        f"the error of {system.names[fault.unknown]} stays at {fault.times:.3g} times the tolerance with steps of "
+        f"{fault.step:.3g} s {instant(at, angle)}"
+    )
+    return Status(Cause.STEP_TOO_SMALL, text, "allow a larger run.adaptive.tolerance or a smaller smallest step")
