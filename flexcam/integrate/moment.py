@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,5 +130,6 @@ class Track:
     def until(self, count: int) -> Track:
         """Return the instants of the first so many steps."""
         rows = slice(0, int(self.ends[count - 1]) + 1 if count else 0)
-        cut = {one.name: getattr(self, one.name)[rows] for one in fields(self)}
-        return Track(**{**cut, "ends": self.ends[:count]})
+        moved = (self.d[rows], self.v[rows], self.a[rows])
+        local, state, impulse = self.local[rows], self.state[rows], self.impulse[rows]
+        return Track(self.time[rows], *moved, local, state, impulse, self.ends[:count])

@@ -77,9 +77,9 @@ class ResultFile:
         except OSError as fault:
             raise refuse("result", str(self.partial), "a file that can be written", str(fault)) from None
         moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED}
-        self._vtk = VtkGroup(self._file, geometry, moving, still_data(geometry), save.fields_per_block)
-        growing(self._file.create_group("fields"), "cam_angle", save.fields_per_block, "rad")
-        self._create_history(save.fields_per_block * save.field_every)
+        self._vtk = VtkGroup(self._file, geometry, moving, still_data(geometry), save.block // save.field_every)
+        growing(self._file.create_group("fields"), "cam_angle", save.block // save.field_every, "rad")
+        self._create_history(save.block)
         _write_mesh(self._file, geometry)
         texts(self._file.create_group("about"), {"format": str(FORMAT), **about})
         self._file.flush()
