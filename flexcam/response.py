@@ -110,6 +110,8 @@ class Stats:
 
     Parameters
     ----------
+    path
+        The way through time that was taken, see `flexcam.integrate.paths`.
     steps
         Steps done.
     unknowns
@@ -128,6 +130,7 @@ class Stats:
         Time spent in the step loop, s.
     """
 
+    path: str = "general"
     steps: int = 0
     unknowns: int = 0
     iterations: int = 0

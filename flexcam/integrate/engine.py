@@ -6,7 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
-from flexcam.integrate.moment import Track
+from flexcam.integrate.first import Starter
+from flexcam.integrate.local import LocalForces
+from flexcam.integrate.moment import Instant, Track
+from flexcam.integrate.problem import Problem, State
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.response import Cause, Stats, Status
 from flexcam.system import System
@@ -14,11 +17,6 @@ from flexcam.system import System
 
 class Engine(Protocol):
     """Walks through a problem; made at its start."""
-
-    @property
-    def path(self) -> str:
-        """Name of the way, for the statistics."""
-        ...
 
     def advance(self, steps: IntArray) -> tuple[Track, Status]:
         """Return the instants of some successive steps, and whether all of them could be taken.
@@ -83,16 +81,81 @@ def in_range(track: Track, before: FloatArray | None, system: System, angle: Flo
 
 
 def everything(track: Track) -> FloatArray:
-    """Return motion and forces side by side, shape (m, 3 n + c)."""
+    """Return motion and forces side by side.
+
+    Parameters
+    ----------
+    track
+        Some instants.
+
+    Returns
+    -------
+    ndarray
+        Shape (m, 3 n + c).
+    """
     return np.hstack([track.d, track.v, track.a, track.local])
 
 
 def instant(at: float, angle: float) -> str:
-    """Return an instant in words, from its time (s) and cam angle (rad)."""
+    """Return an instant in words.
+
+    Parameters
+    ----------
+    at
+        s.
+    angle
+        Of the cam, rad.
+
+    Returns
+    -------
+    str
+        Such as ``at t = 0.01 s, cam angle 90.00 deg``.
+    """
     return f"at t = {at:.6g} s, cam angle {np.degrees(angle):.2f} deg"
 
 
 def unsettled(forces: list[str], at: float, angle: float) -> Status:
-    """Return the status of local forces that do not settle, at a time (s) and cam angle (rad)."""
+    """Return the status of local forces that do not settle.
+
+    Parameters
+    ----------
+    forces
+        Their names.
+    at
+        s.
+    angle
+        Of the cam, rad.
+
+    Returns
+    -------
+    Status
+        With cause, place and remedy.
+    """
     text = f"{', '.join(dict.fromkeys(forces))} did not settle within the step {instant(at, angle)}"
     return Status(Cause.NO_CONVERGENCE, text, "take a smaller step or a softer contact")
+
+
+def first_track(problem: Problem, forces: LocalForces) -> Track:
+    """Return the first instant of a problem.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    forces
+        Its system's local forces, stacked.
+
+    Returns
+    -------
+    Track
+        One instant, in balance.
+
+    Raises
+    ------
+    SingularMatrixError
+        If some motion has neither mass nor stiffness.
+    """
+    start = problem.start or State.rest(problem.system.size)
+    motion = problem.drive.at(problem.times(np.zeros(1, dtype=np.intp)))
+    to = Instant(start.time, problem.system.applied(motion)[0], forces.schedule(motion))
+    return Track.of([[Starter(problem.system, forces).first(start, to)]])

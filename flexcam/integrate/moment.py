@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,6 +126,17 @@ class Track:
         still, local = np.zeros((0, size)), np.zeros((0, forces.count))
         state = np.zeros((0, len(forces.start_state)))
         return cls(np.zeros(0), still, still, still, local, state, local, np.zeros(0, dtype=np.intp))
+
+    def followed(self, behind: Track) -> Track:
+        """Return these instants and others behind them."""
+        both = [(getattr(self, one.name), getattr(behind, one.name)) for one in fields(self)[:-1]]
+        time, d, v, a, local, state, impulse = (np.concatenate(pair) for pair in both)
+        return Track(time, d, v, a, local, state, impulse, np.concatenate([self.ends, behind.ends + len(self.time)]))
+
+    def last(self) -> Track:
+        """Return the last instant alone."""
+        time, d, v, a, local, state, impulse = (getattr(self, one.name)[-1:] for one in fields(self)[:-1])
+        return Track(time, d, v, a, local, state, impulse, np.zeros(1, dtype=np.intp))
 
     def until(self, count: int) -> Track:
         """Return the instants of the first so many steps."""

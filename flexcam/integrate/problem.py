@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -83,6 +84,12 @@ class Adaptive:
             positive("adaptive.smallest", self.smallest, "s")
 
 
+Path = Literal["auto", "general", "modal"]
+"""Ways through time, see `flexcam.integrate.paths`."""
+
+PATHS: tuple[Path, ...] = get_args(Path)
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """A transient to be solved.
@@ -105,6 +112,8 @@ class Problem:
         Other unknowns to integrate in; None for the system's own. The start and all results are in the system's own.
     prune
         Whether unknowns that nothing can move from the start are left out of the integration: it changes no result.
+    path
+        The way through time; ``auto`` takes the fastest that fits.
 
     Raises
     ------
@@ -128,6 +137,7 @@ class Problem:
     adaptive: Adaptive | None = None
     basis: Basis | None = None
     prune: bool = False
+    path: Path = "auto"
 
     def times(self, steps: IntArray) -> FloatArray:
         """Return the times after so many steps, s; a run that goes on counts from where the first one began."""
@@ -139,6 +149,8 @@ class Problem:
         smallest = None if self.adaptive is None else self.adaptive.smallest
         if smallest is not None and smallest > self.step:
             raise refuse("run.adaptive.smallest", f"{smallest:.4g} s", f"up to the step, {self.step:.4g} s")
+        if self.path not in PATHS:
+            raise refuse("run.path", repr(self.path), ", ".join(PATHS))
         if self.steps < 1:
             raise refuse("steps", self.steps, "a whole number from 1")
         for name in ("displacement", "velocity"):

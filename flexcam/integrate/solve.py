@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
@@ -14,9 +15,9 @@ from flexcam.integrate.engine import STOPPED, Engine
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.method import Method
 from flexcam.integrate.moment import Track
+from flexcam.integrate.paths import engine_of, way_of
 from flexcam.integrate.problem import Problem
-from flexcam.integrate.stepwise import Stepwise
-from flexcam.integrate.within import basis_of, shown, within
+from flexcam.integrate.within import shown
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
 from flexcam.response import (
     STATE,
@@ -108,19 +109,18 @@ def solve(
     takers = (memory, *sinks)
     started = time.perf_counter()
     returns = problem.start.periodicity if problem.start else None
-    basis = basis_of(problem)
-    inside = problem if basis is None else within(problem, basis)
-    stats = Stats(unknowns=inside.system.size, periodicity=-1.0 if returns is None else returns)
+    keep = save or SaveAt()
+    way = way_of(problem, scheme, keep)
+    inside = way.problem
+    stats = Stats(path=way.path, unknowns=inside.system.size, periodicity=-1.0 if returns is None else returns)
     status = Status()
     try:
-        if refusal := scheme.refusal(inside.system, inside.step):
-            raise refusal
-        keep, forces = save or SaveAt(), LocalForces(inside.system)
-        engine = Stepwise(inside, scheme, forces, keep, stop or _never, _pilot)
-        run = _Run(inside, engine, forces, keep)
-        for block in run.blocks():
+        forces = LocalForces(inside.system)
+        engine = engine_of(way, scheme, forces, keep, stop or _never, _pilot)
+        for block in (run := _Run(inside, engine, forces, keep)).blocks():
+            whole = reduce(shown, way.bases, block)
             for sink in takers:
-                sink.write(block if basis is None else shown(block, basis))
+                sink.write(whole)
             steps = stats.steps + len(block.time)
             stats = engine.counted(replace(stats, steps=steps))
         status = run.status

@@ -55,11 +55,6 @@ class Stepwise:
         self._last: Moment | None = None
         self._iterations, self._substeps = 0, 0
 
-    @property
-    def path(self) -> str:
-        """Name of the way, for the statistics."""
-        return "general"
-
     def advance(self, steps: IntArray) -> tuple[Track, Status]:
         """Return the instants of some successive steps, as `Engine` says.
 

@@ -134,6 +134,6 @@ def shown(block: Block, basis: Basis) -> Block:
         Fields of shape (f, n).
     """
     fields = block.fields
-    moved = basis.spread(fields.displacement) + basis.held
-    spread: list[FloatArray] = [basis.spread(one) for one in (fields.velocity, fields.acceleration)]
+    moved = basis.saved(fields.displacement) + basis.held
+    spread: list[FloatArray] = [basis.saved(one) for one in (fields.velocity, fields.acceleration)]
     return replace(block, fields=Series(moved, *spread))

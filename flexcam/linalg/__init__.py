@@ -7,6 +7,7 @@ Another matrix form or solver goes here, behind `factorize`.
 from flexcam.linalg.factor import DENSE_LIMIT, Factor, SingularMatrixError, diagonal_scale, factorize, operator
 from flexcam.linalg.groups import groups
 from flexcam.linalg.nullspace import null_space, pins
+from flexcam.linalg.pencil import natural
 from flexcam.linalg.rounding import TOO_MUCH, energy_rounding, share_lost
 from flexcam.linalg.triplets import ComplexArray, FloatArray, IntArray, Triplets
 
@@ -23,6 +24,7 @@ __all__ = [
     "energy_rounding",
     "factorize",
     "groups",
+    "natural",
     "null_space",
     "operator",
     "pins",

@@ -43,6 +43,10 @@ class Basis(Protocol):
         """Return ``T q`` of motions as rows, shape (..., m) to (..., n)."""
         ...
 
+    def saved(self, motions: FloatArray) -> FloatArray:
+        """Return ``T q`` of motions that are saved, shape (f, m) to (f, n): a run may go on from any of them."""
+        ...
+
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the q nearest to a motion, shape (n,) to (m,), in the norm of a weight, such as the mass."""
         ...
@@ -95,6 +99,10 @@ class Selection:
         full = np.zeros((*motion.shape[:-1], len(self.held)))
         full[..., self.kept] = motion
         return full
+
+    def saved(self, motions: FloatArray) -> FloatArray:
+        """Return the motions among all unknowns."""
+        return self.spread(motions)
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the motion of those kept."""
@@ -165,6 +173,10 @@ class Shapes:
     def spread(self, motion: FloatArray) -> FloatArray:
         """Return the sum of the shapes in the given amounts."""
         return motion @ self.vectors.T
+
+    def saved(self, motions: FloatArray) -> FloatArray:
+        """Return the sums of the shapes."""
+        return self.spread(motions)
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the amounts whose motion misses the given one by least."""

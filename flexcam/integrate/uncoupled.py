@@ -1,0 +1,169 @@
+"""A problem in its natural motions, where mass and stiffness couple nothing: a step then costs a few flops per motion.
+
+Motions without mass follow their springs: they are natural motions of mass zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.integrate.massless import Massless
+from flexcam.integrate.problem import Problem
+from flexcam.integrate.within import within
+from flexcam.linalg import FloatArray, Triplets, natural
+from flexcam.system import Shapes, System
+
+_COUPLED = 1e-9
+"""Damping between two motions, as a part of their own, that counts as none."""
+
+_CLEAN = 1e-9
+"""What two natural motions may have in common."""
+
+
+@dataclass(frozen=True, eq=False)
+class Natural:
+    """Amounts of the natural motions of a system; a `Basis`.
+
+    Parameters
+    ----------
+    vectors
+        Motions as columns, shape (n, n).
+    back
+        Amounts per unit of each unknown, shape (n, n).
+    mass, stiffness
+        Of the motions, shape (n,): 1 and the angular frequency squared, or 0 and 1 without mass.
+    exactly
+        Whether motions to be saved are spread one by one: each then has the same bits as if it were alone.
+    """
+
+    vectors: FloatArray
+    back: FloatArray
+    mass: FloatArray
+    stiffness: FloatArray
+    exactly: bool = False
+
+    @property
+    def held(self) -> FloatArray:
+        """Zero: nothing is left out."""
+        return np.zeros(len(self.vectors))
+
+    @property
+    def size(self) -> int:
+        """Number of motions."""
+        return len(self.mass)
+
+    def named(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Return the unknown that moves most, per motion."""
+        leading: list[int] = np.abs(self.vectors).argmax(axis=0).tolist() if self.size else []
+        return tuple(names[i] for i in leading)
+
+    def matrix(self, full: Triplets) -> Triplets:
+        """Return what a matrix is between the motions."""
+        return Shapes(self.vectors).matrix(full)
+
+    def rows(self, full: FloatArray) -> FloatArray:
+        """Return what rows make of the motions."""
+        return full @ self.vectors
+
+    def spread(self, motion: FloatArray) -> FloatArray:
+        """Return the motion of all unknowns."""
+        return motion @ self.vectors.T
+
+    def saved(self, motions: FloatArray) -> FloatArray:
+        """Return the motions of all unknowns that are saved."""
+        if not self.exactly:
+            return self.spread(motions)
+        return np.array([self.vectors @ one for one in motions]).reshape(len(motions), len(self.vectors))
+
+    def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
+        """Return the amounts of a motion."""
+        return self.back @ motion
+
+    def free(self, motions: FloatArray | None) -> FloatArray | None:
+        """Return the free motions in these amounts."""
+        return None if motions is None else self.back @ motions
+
+
+def natural_motions(system: System) -> Natural | None:
+    """Return the natural motions of a system.
+
+    Parameters
+    ----------
+    system
+        The system.
+
+    Returns
+    -------
+    Natural
+        All of them; None where they cannot be told apart from each other to working precision.
+    """
+    light = Massless(system)
+    kept = light.spread(np.eye(system.size)[:, light.kept][light.kept])
+    M, K = (kept.T @ matrix.times_all(kept) for matrix in (system.mass, system.stiffness))
+    try:
+        values, shapes = natural(0.5 * (M + M.T), 0.5 * (K + K.T))
+        soft = _unit_stiff(light.motions, system.stiffness)
+    except np.linalg.LinAlgError:  # a mass or a stiffness that is not positive
+        return None
+    moving = kept @ shapes
+    back = np.vstack([system.mass.times_all(moving).T, system.stiffness.times_all(soft).T])
+    few, whole = soft.shape[1], np.hstack([moving, soft])
+    if np.abs(back @ whole - np.eye(len(whole))).max(initial=0.0) > _CLEAN:
+        return None
+    heavy = np.concatenate([np.ones(len(values)), np.zeros(few)])
+    return Natural(whole, back, heavy, np.concatenate([values, np.ones(few)]))
+
+
+def _unit_stiff(motions: FloatArray, stiffness: Triplets) -> FloatArray:
+    """Return motions without mass, mixed so that the stiffness is 1 for each and couples none."""
+    L = np.linalg.cholesky(motions.T @ stiffness.times_all(motions))
+    return np.asarray(np.linalg.solve(L, motions.T).T, dtype=float)
+
+
+def uncoupled(problem: Problem, motions: Natural) -> Problem:
+    """Return a problem in its natural motions.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    motions
+        Of its system.
+
+    Returns
+    -------
+    Problem
+        Mass and stiffness are diagonal; the damping is where it hardly couples.
+    """
+    inside = within(problem, motions)
+    mass, stiffness = (Triplets.from_dense(np.diag(one)) for one in (motions.mass, motions.stiffness))
+    damping = _cleaned(inside.system.damping)
+    return replace(inside, system=replace(inside.system, mass=mass, stiffness=stiffness, damping=damping))
+
+
+def _cleaned(damping: Triplets) -> Triplets:
+    """Return a damping without what couples hardly any two motions."""
+    full = damping.dense()
+    own = np.sqrt(np.abs(np.diag(full)))
+    coupled = np.abs(full) > _COUPLED * np.outer(own, own)
+    np.fill_diagonal(coupled, True)
+    return damping if (coupled & ~np.eye(len(full), dtype=bool)).any() else Triplets.from_dense(np.diag(np.diag(full)))
+
+
+def diagonal(matrix: Triplets) -> FloatArray | None:
+    """Return the diagonal of a matrix that has nothing else, shape (n,); None of one that has.
+
+    Parameters
+    ----------
+    matrix
+        Any square matrix.
+
+    Returns
+    -------
+    ndarray or None
+        Shape (n,).
+    """
+    return matrix.diagonal() if (matrix.rows == matrix.cols).all() else None
