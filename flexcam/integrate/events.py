@@ -8,6 +8,7 @@ impact happens when it does. A step whose forces do not settle is halved.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,11 +16,10 @@ from numpy.typing import NDArray
 
 from flexcam.integrate.first import Starter
 from flexcam.integrate.local import LocalForces
-from flexcam.integrate.method import At, Method, Stepper
+from flexcam.integrate.method import At, Stepper
 from flexcam.integrate.moment import Instant, Moment
 from flexcam.integrate.settle import NoConvergenceError
 from flexcam.linalg import FloatArray
-from flexcam.system import System
 
 _MOST_EVENTS = 40
 """Within one step; what chatters beyond is taken as it comes."""
@@ -49,16 +49,18 @@ class Walker:
 
     Parameters
     ----------
-    system
-        The system.
-    scheme, step
-        Of the time integration, s.
+    step
+        The usual one, s.
     forces
         The system's local forces, stacked.
     starter
         Restarts after an event.
     at
         What is prescribed at a time, s.
+    stepper
+        Makes what takes steps of a length, s.
+    balances
+        Whether the acceleration balances the forces of its own instant.
 
     Attributes
     ----------
@@ -67,11 +69,11 @@ class Walker:
     """
 
     def __init__(
-        self, system: System, scheme: Method, step: float, forces: LocalForces, starter: Starter,
-        at: At,
+        self, step: float, forces: LocalForces, starter: Starter, at: At, stepper: Callable[[float], Stepper], *,
+        balances: bool,
     ) -> None:  # fmt: skip
-        self._system, self._scheme, self._step, self._forces = system, scheme, step, forces
-        self._starter, self._at = starter, at
+        self._step, self._forces, self._starter, self._at = step, forces, starter, at
+        self._stepper, self._balances = stepper, balances
         self._halved: dict[int, Stepper] = {0: self._stepper(step)}
         self.events = 0
 
@@ -114,9 +116,6 @@ class Walker:
             self._halved[halvings] = self._stepper(self._step / 2.0**halvings)
         return self._halved[halvings].advance(now, to)
 
-    def _stepper(self, length: float) -> Stepper:
-        return self._scheme.stepper(self._system, self._forces, length, self._at)
-
     def _side(self, moment: Moment) -> Bools:
         return self._forces.pressed(moment.gap) if moment.pressed is None else moment.pressed
 
@@ -136,7 +135,7 @@ class Walker:
         together = crossed & (np.abs(np.array(roots) - roots[first]) <= _TOGETHER * length)
         pressed[together] = ~side[together]
         moment = replace(moment, pressed=pressed)
-        if not self._scheme.balances:
+        if not self._balances:
             moment = replace(self._starter.restarted(moment), pressed=pressed)
         return self._struck(moment, there, pressed & ~side)
 

@@ -127,11 +127,14 @@ class Track:
         state = np.zeros((0, len(forces.start_state)))
         return cls(np.zeros(0), still, still, still, local, state, local, np.zeros(0, dtype=np.intp))
 
-    def followed(self, behind: Track) -> Track:
-        """Return these instants and others behind them."""
-        both = [(getattr(self, one.name), getattr(behind, one.name)) for one in fields(self)[:-1]]
-        time, d, v, a, local, state, impulse = (np.concatenate(pair) for pair in both)
-        return Track(time, d, v, a, local, state, impulse, np.concatenate([self.ends, behind.ends + len(self.time)]))
+    @classmethod
+    def joined(cls, tracks: Sequence[Track]) -> Track:
+        """Return the instants of several, one after the other."""
+        every = [[getattr(track, one.name) for track in tracks] for one in fields(cls)[:-1]]
+        time, d, v, a, local, state, impulse = (np.concatenate(parts) for parts in every)
+        begins = np.cumsum([0, *(len(track.time) for track in tracks)])
+        ends = [track.ends + begin for track, begin in zip(tracks, begins, strict=False)]
+        return cls(time, d, v, a, local, state, impulse, np.concatenate(ends))
 
     def last(self) -> Track:
         """Return the last instant alone."""

@@ -1,7 +1,8 @@
 """Which way through time a problem takes: the general one, or a faster one with the same result.
 
 ``general``: every system and method, one step after the other. ``modal``: a linear system in its natural motions, all
-side by side. The choice is automatic, told by the statistics of a run, and can be forced by `Problem.path`.
+side by side. ``compiled``: the same and local forces in machine code. The choice is automatic, depends on the problem
+alone (a run is the same on every machine), is told by the statistics of a run, and can be forced by `Problem.path`.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from flexcam.checks import refuse
+from flexcam.integrate.compiled.machine import available
+from flexcam.integrate.compiled.marching import Marching
 from flexcam.integrate.engine import Engine
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import Method
@@ -20,13 +23,16 @@ from flexcam.integrate.superposed import Superposed
 from flexcam.integrate.uncoupled import Natural, diagonal, natural_motions, uncoupled
 from flexcam.integrate.within import basis_of, within
 from flexcam.response import SaveAt
-from flexcam.system import Basis
+from flexcam.system import Basis, Formulated, System
 
 _MOST = 200
 """Unknowns up to which all natural motions are found within a fraction of a second."""
 
 _WORTH = 1000
 """Steps from which the natural motions are worth finding."""
+
+_WORTH_COMPILING, _WORTH_COMPILING_LINEAR = 5_000, 300_000
+"""Steps that take longer by the other ways than the compiler at its first use, with local forces and without."""
 
 _SPARSE = 10
 """Steps between saved fields from which every one of them can be gone on from bit by bit."""
@@ -81,42 +87,62 @@ def way_of(problem: Problem, method: Method, save: SaveAt) -> Way:
     if refusal := method.refusal(plain.system, plain.step):
         raise refusal
     outer = () if basis is None else (basis,)
-    if problem.path == "general" or (problem.path == "auto" and problem.steps < _WORTH):
+    path = _wanted(plain)
+    if path == "general":
         return Way("general", plain, outer)
-    why, natural = _unfit(plain, method), None
-    if not why:
-        why, natural = _uncoupled(plain)
-    if natural is not None:
-        natural = replace(natural, exactly=save.field_every >= _SPARSE)
-        return Way("modal", uncoupled(plain, natural), (natural, *outer), natural)
-    if problem.path == "auto":
-        return Way("general", plain, outer)
-    remedy = "leave run.path out, and the fastest way that fits is taken"
-    raise refuse("run.path", problem.path, "general", why, remedy)
+    try:
+        natural = _natural(plain, method, path)
+    except _UnfitError as unfit:
+        if problem.path == "auto":
+            return Way("general", plain, outer)
+        remedy = "leave run.path out, and the fastest way that fits is taken"
+        raise refuse("run.path", problem.path, "another path", str(unfit), remedy) from None
+    natural = replace(natural, exactly=save.field_every >= _SPARSE)
+    return Way(path, uncoupled(plain, natural), (natural, *outer), natural)
 
 
-def _unfit(problem: Problem, method: Method) -> str:
-    """Return why a problem cannot be taken in its natural motions; nothing where it may."""
+def _wanted(problem: Problem) -> Path:
+    """Return the way that is asked for, or the one that its length makes worthwhile."""
+    if problem.path != "auto":
+        return problem.path
+    local = bool(problem.system.local_forces)
+    if available() and problem.steps >= (_WORTH_COMPILING if local else _WORTH_COMPILING_LINEAR):
+        return "compiled"
+    return "general" if local or problem.steps < _WORTH else "modal"
+
+
+class _UnfitError(ValueError):
+    """Why a problem cannot go a way."""
+
+
+def _natural(problem: Problem, method: Method, path: Path) -> Natural:
+    """Return the natural motions of a problem that can be taken in them."""
     system = problem.system
     if not isinstance(method, Scheme):
-        return "only newmark, hht and generalized-alpha go that way"
+        raise _UnfitError("only newmark, hht and generalized-alpha go that way")
     if problem.adaptive is not None:
-        return "its steps adapt"
-    if system.local_forces:
-        return f"{system.local_forces[0].name} depends on the motion"
+        raise _UnfitError("its steps adapt")
     if not 0 < system.size <= _MOST:
-        return f"it has {system.size} unknowns, and all motions of 1 to {_MOST} are carried"
-    return ""
-
-
-def _uncoupled(problem: Problem) -> tuple[str, Natural | None]:
-    """Return the natural motions, or why there are none to be had."""
-    found = natural_motions(problem.system)
+        raise _UnfitError(f"it has {system.size} unknowns, and all motions of 1 to {_MOST} are carried")
+    if path == "modal" and system.local_forces:
+        raise _UnfitError(f"{system.local_forces[0].name} depends on the motion")
+    if path == "compiled":
+        _refuse_uncompiled(system)
+    found = natural_motions(system)
     if found is None:
-        return "mass or stiffness are not positive, or natural motions too close to be told apart", None
-    if diagonal(uncoupled(problem, found).system.damping) is None:
-        return "its damping couples the natural motions", None
-    return "", found
+        raise _UnfitError("mass or stiffness are not positive, or natural motions too close to be told apart")
+    if path == "modal" and diagonal(uncoupled(problem, found).system.damping) is None:
+        raise _UnfitError("its damping couples the natural motions")
+    return found
+
+
+def _refuse_uncompiled(system: System) -> None:
+    if not available():
+        raise _UnfitError("numba is not installed")
+    for force in system.local_forces:
+        law = force.law
+        if not isinstance(law, Formulated) or law.formulas(len(force.sense)) is None:
+            raise _UnfitError(f"the law of {force.name} is not known in machine code")
 
 
 def engine_of(
@@ -145,5 +171,7 @@ def engine_of(
         Ready to begin.
     """
     if way.natural is not None and isinstance(method, Scheme):
-        return Superposed(way.problem, method, save, stop, way.natural)
+        if way.path == "modal":
+            return Superposed(way.problem, method, save, stop, way.natural)
+        return Marching(way.problem, method, forces, stop)
     return Stepwise(way.problem, method, forces, save, stop, pilot)

@@ -84,7 +84,7 @@ class Adaptive:
             positive("adaptive.smallest", self.smallest, "s")
 
 
-Path = Literal["auto", "general", "modal"]
+Path = Literal["auto", "general", "modal", "compiled"]
 """Ways through time, see `flexcam.integrate.paths`."""
 
 PATHS: tuple[Path, ...] = get_args(Path)

@@ -11,7 +11,7 @@ from flexcam.integrate.engine import STOPPED, everything, in_range, instant, uns
 from flexcam.integrate.events import Walker
 from flexcam.integrate.first import Starter
 from flexcam.integrate.local import LocalForces, Schedule
-from flexcam.integrate.method import Method
+from flexcam.integrate.method import Method, Stepper
 from flexcam.integrate.moment import Instant, Moment, Track
 from flexcam.integrate.pace import Norm, Pace, StepFloorError
 from flexcam.integrate.problem import Problem, State
@@ -50,7 +50,11 @@ class Stepwise:
         self._problem, self._system, self._forces, self._save, self._stop = problem, problem.system, forces, save, stop
         self._starter = Starter(problem.system, forces)
         self._load_vectors = problem.system.load_vectors()
-        self._walker = Walker(problem.system, scheme, problem.step, forces, self._starter, self._at)
+
+        def stepper(length: float) -> Stepper:
+            return scheme.stepper(problem.system, forces, length, self._at)
+
+        self._walker = Walker(problem.step, forces, self._starter, self._at, stepper, balances=scheme.balances)
         self._pace = self._paced(problem, scheme, pilot)
         self._last: Moment | None = None
         self._iterations, self._substeps = 0, 0

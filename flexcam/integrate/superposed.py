@@ -121,7 +121,7 @@ class Superposed:
         loads = self._system.load_histories(motion) @ self._vectors
         if self._last is None:
             first = first_track(self._problem, self._forces)
-            track = first.followed(self._walked(first, loads, at[1:], steps[1:]))
+            track = Track.joined([first, self._walked(first, loads, at[1:], steps[1:])])
         else:
             first, load = self._last
             track = self._walked(first, np.vstack([load, loads]), at, steps)

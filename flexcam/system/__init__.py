@@ -4,6 +4,7 @@ from flexcam.system.basis import Basis, Selection, Shapes, projected
 from flexcam.system.channel import Channel, Observable, Observed, force_sum, load_sum, row_of, total
 from flexcam.system.drive import CamMotion, ConstantSpeed, Drive, FluctuatingSpeed, SpeedByAngle
 from flexcam.system.equations import Carried, Load, Probe, System
+from flexcam.system.formula import ONE, Formula, Formulated, Kind
 from flexcam.system.local import (
     AngleFunction,
     AngleVector,
@@ -20,6 +21,7 @@ from flexcam.system.local import (
 from flexcam.system.reach import Reach, Still, reach
 
 __all__ = [
+    "ONE",
     "AngleFunction",
     "AngleVector",
     "Basis",
@@ -30,6 +32,9 @@ __all__ = [
     "ConstantSpeed",
     "Drive",
     "FluctuatingSpeed",
+    "Formula",
+    "Formulated",
+    "Kind",
     "Load",
     "LocalForce",
     "LocalLaw",

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.linalg import FloatArray
-from flexcam.system import AngleVector, Channel, Reaction, Stored, force_sum
+from flexcam.system import AngleVector, Channel, Formula, Kind, Reaction, Stored, force_sum
 from flexcam.train.contacts import conservative, play_row
 from flexcam.train.coupling import Coupling
 from flexcam.train.model import Adjuster
@@ -63,6 +63,10 @@ class OilColumn:
             np.array([self.plunger_force + carried * pressed]), carried * one, 0.0 * one, np.array([flow * pressed]),
             -carried * one, flow * one, 0.0 * one, -flow * one,
         )  # fmt: skip
+
+    def formulas(self, count: int) -> tuple[Formula, ...]:
+        """Return the law as data."""
+        return (Formula(Kind.OIL, (self.stiffness, self.leak, self.refill, self.plunger_force)),) * count
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy in oil and plunger spring and its derivatives, per instant."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexcam.fem.elements.shallow import SCALARS, Arch, deforming
 from flexcam.linalg import DENSE_LIMIT, FloatArray, IntArray
-from flexcam.system import Channel, LocalForce, Observable, Observed, Reaction, Stored
+from flexcam.system import Channel, Formula, Kind, LocalForce, Observable, Observed, Reaction, Stored
 from flexcam.train.buckling import buckling_load
 from flexcam.train.coupling import Coupling, opposed
 from flexcam.train.penalty import Stateless
@@ -43,6 +43,16 @@ class Bowing(Stateless):
         by_gap[each, :, each, :] = self.arch.tangent(values)
         force = self.arch.forces(values).ravel()
         return Reaction(force, by_gap.reshape(gap.size, gap.size), np.zeros((gap.size, gap.size)))
+
+    def formulas(self, count: int) -> tuple[Formula, ...]:
+        """Return the law as data, element by element."""
+        arch = self.arch
+        pulled = np.einsum("eij,ej->ei", arch.shortening, arch.bow)
+        shapes = [
+            np.concatenate([[arch.axial[e]], arch.shortening[e].ravel(), arch.bow[e], pulled[e]])
+            for e in range(count // SCALARS)
+        ]
+        return tuple(Formula(Kind.ARCH, tuple(shape.tolist()), scalars=SCALARS) for shape in shapes)
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy beyond that of the linear bar and its derivative, per instant."""

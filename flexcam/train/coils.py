@@ -8,7 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.linalg import FloatArray
-from flexcam.system import Channel, LocalForce, Observable, Observed, Reaction, Stored, constant, force_sum
+from flexcam.system import (
+    Channel,
+    Formula,
+    Kind,
+    LocalForce,
+    Observable,
+    Observed,
+    Reaction,
+    Stored,
+    constant,
+    force_sum,
+)
 from flexcam.train.coupling import Coupling, opposed
 from flexcam.train.model import Pulsation, Spring, Wire
 from flexcam.train.penalty import Stateless, Stop
@@ -76,6 +87,15 @@ class Pulsating(Stateless):
         stiffness = self.stiffness * float(self.pulsation.part(np.array(angle)))
         still = np.zeros((len(gap), len(gap)))
         return Reaction(stiffness * gap, stiffness * np.eye(len(gap)), still, np.zeros(0))
+
+    def formulas(self, count: int) -> tuple[Formula, ...]:
+        """Return the law as data."""
+        return (Formula(Kind.PULSATING, (self.stiffness,), (self._swing,)),) * count
+
+    def _swing(self, angle: FloatArray, order: int) -> FloatArray:
+        """Return the swing at cam angles; its derivatives are not asked for."""
+        del order
+        return self.pulsation.part(angle)
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy beside that of the mean stiffness, and its derivatives."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.linalg import FloatArray
-from flexcam.system import LocalForce, Reaction, Stored
+from flexcam.system import Formula, Kind, LocalForce, Reaction, Stored
 from flexcam.train.coupling import Coupling, opposed
 from flexcam.train.model import Lever
 from flexcam.train.penalty import Stateless
@@ -49,6 +49,12 @@ class LeverEnd(Stateless):
         by_gap[0, 0] += N * bend
         by_rate = c * (np.outer(arm, arm) - np.outer(at_rest, at_rest))
         return Reaction(N * arm - linear, by_gap, by_rate)
+
+    def formulas(self, count: int) -> tuple[Formula, ...]:
+        """Return the law as data."""
+        lever, end = self.lever, self.end
+        shape = (lever.arms[end], lever.arms[0], lever.angles[end])
+        return (Formula(Kind.LEVER, (lever.stiffness[end], lever.damping[end], *shape), scalars=count),)
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy beyond that of the linear spring and its derivative, per instant."""

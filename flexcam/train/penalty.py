@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import overload
 
 import numpy as np
 
 from flexcam.linalg import FloatArray
-from flexcam.system import AngleFunction, LocalLaw, Reaction, Stored, Storing
+from flexcam.system import ONE, AngleFunction, Formula, Formulated, Kind, LocalLaw, Reaction, Stored, Storing
+from flexcam.system.pointwise import dissipating, hunt_crossley, line_load, stop
 
-_MOST_ITERATIONS = 60
+_WITH_FRICTION = 2
+"""Scalars of a contact with friction: depth and path."""
 
 
 @lru_cache
@@ -62,6 +64,10 @@ class Bilateral(Stateless):
         force = self.stiffness * float(gap[0]) + self.damping * float(rate[0])
         return _one(force, self.stiffness, self.damping)
 
+    def formulas(self, count: int) -> tuple[Formula, ...]:
+        """Return the law as data."""
+        return (Formula(Kind.BILATERAL, (self.stiffness, self.damping)),) * count
+
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy stored and its derivative, per instant."""
         return Stored(0.5 * self.stiffness * np.sum(gap**2, axis=-1), self.stiffness * gap, np.zeros_like(state))
@@ -96,7 +102,7 @@ class Stop(Stateless):
         if gap.max() <= 0.0:
             return _nothing(len(gap))
         if len(gap) == 1:
-            return self._single(float(gap[0]), float(rate[0]))
+            return _one(*stop(float(gap[0]), float(rate[0]), self.stiffness, self.damping, self.hold))
         part = np.clip(gap / self.hold, 0.0, 1.0)
         force = self.stiffness * gap + self.damping * part * rate
         pressed = (gap > 0.0) & (force > 0.0)
@@ -106,14 +112,9 @@ class Stop(Stateless):
             np.diag(np.where(pressed, self.damping * part, 0.0)),
         )  # fmt: skip
 
-    def _single(self, gap: float, rate: float) -> Reaction:
-        """Return the same for one place that is pressed, as most are."""
-        part = min(gap / self.hold, 1.0)
-        force = self.stiffness * gap + self.damping * part * rate
-        if force <= 0.0:
-            return _nothing(1)
-        by_gap = self.stiffness + (self.damping * rate / self.hold if part < 1.0 else 0.0)
-        return _one(force, by_gap, self.damping * part)
+    def formulas(self, count: int) -> tuple[Formula, ...]:
+        """Return the law as data."""
+        return (Formula(Kind.STOP, (self.stiffness, self.damping, self.hold)),) * count
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy stored and its derivative, per instant."""
@@ -148,10 +149,11 @@ class HuntCrossley(Stateless):
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return force and tangent."""
-        depth, factor = float(gap[0]), 1.0 + self.dissipation * float(rate[0])
-        if depth <= 0.0 or factor <= 0.0:
-            return _nothing(1)
-        return _one(self.stiffness * depth * factor, self.stiffness * factor, self.stiffness * depth * self.dissipation)
+        return _one(*hunt_crossley(float(gap[0]), float(rate[0]), self.stiffness, self.dissipation))
+
+    def formulas(self, count: int) -> tuple[Formula, ...]:
+        """Return the law as data."""
+        return (Formula(Kind.HUNT_CROSSLEY, (self.stiffness, self.dissipation)),) * count
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy stored and its derivative, per instant."""
@@ -198,12 +200,16 @@ class HertzLine(Stateless):
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return force and tangent."""
-        depth, factor = float(gap[0]), 1.0 + self.dissipation * float(rate[0])
-        if depth <= 0.0 or factor <= 0.0:
+        depth = float(gap[0])
+        if depth <= 0.0:
             return _nothing(1)
         load, slope = self._load(depth, self._most(float(self.radius(np.array([angle]), 0)[0])))
-        force = self.width * load
-        return _one(force * factor, self.width * slope * factor, force * self.dissipation)
+        return _one(*dissipating(self.width * load, self.width * slope, float(rate[0]), 1.0, self.dissipation))
+
+    def formulas(self, count: int, cosine: AngleFunction = ONE) -> tuple[Formula, ...]:
+        """Return the law as data, along a lift inclined to the normal."""
+        shape = (self.width, self._one, self._rest, self.depth, self.dissipation, self._most(1.0))
+        return (Formula(Kind.LINE, shape, (self.radius, cosine)),) * count
 
     def line_load(self, approach: FloatArray, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the load per length at approaches, N/m, and its slope, N/m^2.
@@ -261,21 +267,7 @@ class HertzLine(Stateless):
 
     def _load(self, approach: float, most: float) -> tuple[float, float]:
         """Return load per length and slope at one approach."""
-        one, rest, depth = self._one, self._rest, self.depth
-        q_most = one * most
-        terms = 2.0 * math.log(depth / q_most) - rest
-        end, give = q_most * terms, one * (terms - 2.0)
-        if approach >= end:
-            return most + (approach - end) / give, 1.0 / give
-        q = q_most * approach / end
-        for _ in range(_MOST_ITERATIONS):
-            terms = 2.0 * math.log(depth / q) - rest
-            new = q + (approach - q * terms) / (terms - 2.0)
-            new = new if new > 0.0 else 0.5 * q
-            if abs(new - q) <= 1e-14 * new:
-                break
-            q = new
-        return q / one, 1.0 / (one * (2.0 * math.log(depth / q) - rest - 2.0))
+        return line_load(approach, most, self._one, self._rest, self.depth)
 
     def pressure(self, force: FloatArray, angle: FloatArray) -> FloatArray:
         """Return the largest Hertz pressure, sqrt(p E*/(pi R)), Pa, of forces (N) at cam angles (rad), shape (n,)."""
@@ -306,6 +298,10 @@ class Inclined(Stateless):
         share = float(self.cosine(np.array([angle]), 0)[0])
         answer = self.normal.respond(gap * share, rate * share, state, angle)
         return Reaction(answer.force * share, answer.by_gap * share**2, answer.by_rate * share**2)
+
+    def formulas(self, count: int) -> tuple[Formula, ...]:
+        """Return the law as data."""
+        return self.normal.formulas(count, self.cosine)
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy stored and its derivative, per instant."""
@@ -349,6 +345,13 @@ class Sliding(Stateless):
         by_rate[:, 0] = float(pressed.by_rate[0, 0]) * np.array([1.0, share])
         by_rate[1, 1] = self.coefficient * N * (1.0 - turned**2) / self.speed
         return Reaction(np.array([N, share * N]), by_gap, by_rate)
+
+    def formulas(self, count: int) -> tuple[Formula, ...] | None:
+        """Return the law as data."""
+        if count != _WITH_FRICTION or not isinstance(self.normal, Formulated):
+            return None
+        normal = self.normal.formulas(1)
+        return normal and (replace(normal[0], scalars=count, friction=(self.coefficient, self.speed)),)
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy stored in the depth; friction stores none."""

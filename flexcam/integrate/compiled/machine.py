@@ -1,0 +1,87 @@
+"""Where the compiled step is kept between runs, and how it is fetched.
+
+Machine code is kept in the user's own cache folder, never beside the package (an installation may be read-only) and
+never in a shared one (what is loaded from it is run). Without a folder to write to, every process compiles anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+
+_SOURCES = ("integrate/compiled/kernel.py", "system/pointwise.py")
+"""What is compiled: another text has another folder, for the compiler itself looks at one file only."""
+
+
+def _folder() -> Path | None:
+    """Return the folder of this version's machine code; None where nothing can be kept."""
+    package = Path(__file__).parents[2]
+    text = b"".join((package / name).read_bytes() for name in _SOURCES)
+    home = os.environ.get("FLEXCAM_CACHE") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    folder = Path(home) / "flexcam" / hashlib.sha256(text).hexdigest()[:16]
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except (OSError, RuntimeError):
+        return None
+
+
+@lru_cache
+def folder() -> Path | None:
+    """Return where machine code is kept.
+
+    Returns
+    -------
+    Path or None
+        None where nothing can be written.
+    """
+    return _folder()
+
+
+def available() -> bool:
+    """Tell whether there is a compiler.
+
+    Returns
+    -------
+    bool
+        Whether numba is installed.
+    """
+    return find_spec("numba") is not None
+
+
+def kept() -> bool:
+    """Tell whether the machine code is there already.
+
+    Returns
+    -------
+    bool
+        Whether fetching it takes a fraction of a second.
+    """
+    where = folder()
+    return where is not None and any(where.rglob("*.nbc"))
+
+
+@lru_cache
+def machine_code() -> Callable[..., int]:
+    """Return the compiled march.
+
+    Returns
+    -------
+    Callable
+        As `flexcam.integrate.compiled.kernel.march`; compiled at its first call if it is not kept.
+    """
+    from numba.core import config  # pyright: ignore[reportMissingTypeStubs]
+
+    before = config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]
+    config.CACHE_DIR = str(folder() or "")  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        from flexcam.integrate.compiled.kernel import march
+    finally:
+        config.CACHE_DIR = before  # pyright: ignore[reportAttributeAccessIssue]
+    return march

@@ -1,0 +1,143 @@
+"""An uncoupled system as the few plain arrays that the compiled step takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.scheme import Scheme
+from flexcam.linalg import FloatArray, IntArray
+from flexcam.system import AngleFunction, Formula, Formulated, System
+
+_NONE = np.zeros((0, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class PackedForces:
+    """The local forces of a system as data.
+
+    Parameters
+    ----------
+    laws
+        Per formula: kind, first scalar, number of scalars, where its constants and its functions begin, its internal
+        state, and where the constants of its friction begin; shape (l, 7).
+    constants
+        All of them.
+    places
+        Where the sensing and the acting vectors of each scalar begin, shape (2, c + 1).
+    functions
+        All functions of the cam angle.
+    """
+
+    laws: IntArray
+    constants: FloatArray
+    places: IntArray
+    functions: tuple[AngleFunction, ...]
+
+    @classmethod
+    def of(cls, forces: LocalForces) -> PackedForces:
+        """Return the forces of a system whose laws are all known as formulas; others are left out."""
+        each: list[tuple[Formula, int]] = []
+        for law, part, inner in forces.laws:
+            formulas = law.formulas(part.stop - part.start) if isinstance(law, Formulated) else None
+            each += [(one, inner.start) for one in formulas or ()]
+        rows: list[tuple[int, ...]] = []
+        constants: list[float] = []
+        functions: list[AngleFunction] = []
+        first = 0
+        for one, state in each:
+            begin = len(constants)
+            constants += [*one.constants, *(one.friction or ())]
+            rows.append((one.kind, first, one.scalars, begin, len(functions), state, begin + len(one.constants)))
+            functions += one.functions
+            first += one.scalars
+        senses, acts = (_begins(stack.owner) for stack in (forces.sense, forces.act))
+        laws = np.array(rows, dtype=np.intp).reshape(-1, 7)
+        return cls(laws, np.array(constants, dtype=float), np.vstack([senses, acts]), tuple(functions))
+
+    def cam(self, schedule: Schedule) -> FloatArray:
+        """Return what follows from the cam side by side, a row per instant.
+
+        Weights of the sensing vectors, their rates, weights of the acting ones, offsets, their rates, functions.
+        """
+        functions = [function(schedule.angle, 0)[:, None] for function in self.functions]
+        parts = (schedule.sense, schedule.sense_rate, schedule.act, schedule.offset, schedule.offset_rate, *functions)
+        return np.ascontiguousarray(np.hstack(parts))
+
+
+def _begins(owner: FloatArray) -> IntArray:
+    return np.concatenate([[0], np.cumsum(owner.sum(axis=1))]).astype(np.intp)
+
+
+@dataclass(frozen=True, eq=False)
+class Operator:
+    """What a step of one length does to the motions of an uncoupled system.
+
+    Parameters
+    ----------
+    scheme
+        Step (s), beta, gamma, alpha_m and alpha_f, shape (5,).
+    motions
+        Mass, damping, stiffness and, where damping couples nothing, the inverse of the step's operator, shape (4, n).
+    inverse
+        The same where it does, shape (n, n); else empty.
+    give
+        What a unit along each acting vector adds to the accelerations that are sensed, shape (acting, sensing).
+    answering
+        What it adds to those of the motions, shape (acting, n).
+    """
+
+    scheme: FloatArray
+    motions: FloatArray
+    inverse: FloatArray
+    give: FloatArray
+    answering: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PackedSystem:
+    """An uncoupled system as data.
+
+    Parameters
+    ----------
+    motions
+        Mass, damping and stiffness, shape (3, n).
+    coupled
+        Damping beside its diagonal, shape (n, n); empty where there is none.
+    sensing, acting
+        Vectors of the local forces, shape (k, n) and (l, n).
+    """
+
+    motions: FloatArray
+    coupled: FloatArray
+    sensing: FloatArray
+    acting: FloatArray
+
+    @classmethod
+    def of(cls, system: System, forces: LocalForces) -> PackedSystem:
+        """Return those of a system whose mass and stiffness are diagonal."""
+        own = system.damping.diagonal()
+        beside = system.damping.dense() - np.diag(own)
+        motions = np.array([system.mass.diagonal(), own, system.stiffness.diagonal()])
+        vectors = (np.ascontiguousarray(one) for one in (forces.sense.vectors, forces.act.vectors))
+        return cls(motions, beside if beside.any() else _NONE, *vectors)
+
+    def operator(self, scheme: Scheme, step: float) -> Operator:
+        """Return what a step does."""
+        new = 1.0 - scheme.alpha_f
+        mass, damping, stiffness = self.motions
+        whole = (1.0 - scheme.alpha_m) * mass + new * (
+            scheme.gamma * step * damping + scheme.beta * step**2 * stiffness
+        )
+        single, inverse = np.zeros_like(whole), _NONE
+        if len(self.coupled):
+            inverse = np.asarray(np.linalg.inv(np.diag(whole) + new * scheme.gamma * step * self.coupled), dtype=float)
+            answering = np.ascontiguousarray(new * self.acting @ inverse.T)
+        else:
+            single = 1.0 / whole
+            answering = new * self.acting * single
+        weights = np.array([step, scheme.beta, scheme.gamma, scheme.alpha_m, scheme.alpha_f])
+        give = np.ascontiguousarray(answering @ self.sensing.T)
+        return Operator(weights, np.vstack([self.motions, single]), inverse, give, answering)
