@@ -13,6 +13,16 @@ from flexcam.linalg import FloatArray, IntArray
 _CHECKED: dict[str, Any] = {"fletcher32": True}
 """The checksum refuses a flipped byte. Not compressed: gzip takes longer than a run does, and halves a file at best."""
 
+_MOST = 4096
+"""Numbers in a chunk, as far as blocks can be halved."""
+
+
+def _chunk(rows: int, width: int) -> int:
+    """Return the rows of a chunk: those of a block, halved while they are many, as the last chunk is stored whole."""
+    while rows % 2 == 0 and rows * width > _MOST:
+        rows //= 2
+    return rows
+
 
 def _space(shape: tuple[int, ...]) -> Any:  # noqa: ANN401 - h5py has no types
     return h5py.h5s.create_simple(shape)  # pyright: ignore[reportUnknownMemberType,reportUnknownVariableType]
@@ -49,7 +59,7 @@ class Growing:
     name
         Of the dataset.
     rows
-        Rows of a chunk: as many as a block brings, so that no block touches the chunk of another.
+        Rows that a block brings: chunks are parts of it, so that no block touches the chunk of another.
     unit
         Of its numbers.
     width
@@ -60,7 +70,7 @@ class Growing:
 
     def __init__(self, group: Any, name: str, rows: int, unit: str, *, width: int = 0, kind: str = "f8") -> None:  # noqa: ANN401
         self._columns = (width,) if width else ()
-        shape, limit, chunk = (0, *self._columns), (None, *self._columns), (rows, *self._columns)
+        shape, limit, chunk = (0, *self._columns), (None, *self._columns), (_chunk(rows, width or 1), *self._columns)
         self.dataset: Any = group.create_dataset(name, shape, kind, maxshape=limit, chunks=chunk, **_CHECKED)
         self.dataset.attrs["units"] = unit
         self._length = 0

@@ -72,8 +72,8 @@ class ResultFile:
         self.partial = path.with_name(f"{path.stem}.partial.vtkhdf")
         free_to_write("partial result", self.partial, overwrite=overwrite)
         self._geometry, self._outline = geometry, outline
-        try:
-            self._file: Any = h5py.File(self.partial, "w", locking=False)
+        try:  # chunks are written once and whole: a cache would keep them all, to be looked through at every flush
+            self._file: Any = h5py.File(self.partial, "w", locking=False, rdcc_nbytes=0)
         except OSError as fault:
             raise refuse("result", str(self.partial), "a file that can be written", str(fault)) from None
         moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED}
