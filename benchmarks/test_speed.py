@@ -1,9 +1,6 @@
-"""Speed of assembly, of the linear time loop and of the import; figures are ratios within one run."""
+"""Speed of assembly and of the linear time loop; figures are ratios within one run."""
 
 from __future__ import annotations
-
-import subprocess
-import sys
 
 import pytest
 
@@ -22,8 +19,3 @@ def test_assembly(benchmark, elements):
 
 def test_linear_transient(benchmark, driven_shaft):
     assert benchmark(solve, driven_shaft, newmark()).status.ok
-
-
-def test_import(benchmark):
-    command = [sys.executable, "-c", "import flexcam; flexcam.run, flexcam.read_case"]
-    assert benchmark(subprocess.run, command, check=True).returncode == 0

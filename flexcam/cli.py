@@ -18,7 +18,7 @@ from cyclopts import CycloptsError
 
 from flexcam import __version__
 from flexcam.checks import Fault, InputError
-from flexcam.commands import app, running
+from flexcam.commands import app, load, running
 from flexcam.response import Cause, RunFailedError, Status
 from flexcam.terminal import print_json
 
@@ -76,6 +76,7 @@ def _signal_code() -> int:
 def _dispatch(words: Sequence[str]) -> int:
     as_json = "--json" in words
     try:
+        load(words)
         status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
         code = _ended(status) if isinstance(status, Status) else DONE
     except CycloptsError as fault:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
+from functools import partial
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TimeRemainingColumn
 from rich.table import Table
 
 from flexcam.response import Block, Sink, Stats, Status
@@ -41,11 +41,11 @@ def print_json(content: object) -> None:
 class _Bar:
     """Sink that moves a progress bar."""
 
-    def __init__(self, progress: Progress, task: TaskID) -> None:
-        self._progress, self._task = progress, task
+    def __init__(self, advance: Callable[[float], None]) -> None:
+        self._advance = advance
 
     def write(self, block: Block) -> None:
-        self._progress.advance(self._task, len(block.time))
+        self._advance(len(block.time))
 
     def close(self, status: Status, stats: Stats) -> None:
         del status, stats
@@ -68,9 +68,11 @@ def progress(steps: int) -> Generator[list[Sink]]:
     if not sys.stderr.isatty():
         yield []
         return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
     columns = ("steps", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        yield [_Bar(shown, shown.add_task("steps", total=steps + 1))]
+        yield [_Bar(partial(shown.advance, shown.add_task("steps", total=steps + 1)))]
 
 
 def bare(title: str) -> Table:

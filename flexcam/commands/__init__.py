@@ -1,9 +1,36 @@
 """The commands: read, call, print. Nothing is computed here; each returns the status of its run, or None.
 
-May import everything below the command line. A new command is a function in the file of its kind.
+May import everything below the command line. A new command is a function in the file of its kind and a name in `FILES`.
 """
 
-from flexcam.commands import cams, cases, fidelity, files, laws, limits, settings, synthesize
+from collections.abc import Sequence
+from importlib import import_module
+
 from flexcam.commands.app import app, running
 
-__all__ = ["app", "cams", "cases", "fidelity", "files", "laws", "limits", "running", "settings", "synthesize"]
+__all__ = ["FILES", "app", "load", "running"]
+
+FILES = {
+    "cams": ("cam", "lift"),
+    "cases": ("check", "run", "modes", "compare"),
+    "fidelity": ("trade",),
+    "files": ("export", "info", "schema"),
+    "laws": ("law", "laws"),
+    "limits": ("limits", "parting", "stability"),
+    "settings": ("settings",),
+    "synthesize": ("synthesize",),
+}
+"""Files of this room and the commands that each defines."""
+
+
+def load(words: Sequence[str]) -> None:
+    """Load the file of the command that is called, or all of them where none is known by that name, as for help.
+
+    Parameters
+    ----------
+    words
+        Of the command line.
+    """
+    called = [file for file, commands in FILES.items() if words and words[0] in commands]
+    for file in called or FILES:
+        import_module(f"flexcam.commands.{file}")

@@ -11,12 +11,12 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from flexcam import console
 from flexcam.cam import PRESSURE_ANGLE, bridged, lift_from_profile
-from flexcam.cams import cam_facts, load_cams, overlaps, profile_table
+from flexcam.cams import CamFacts, cam_facts, load_cams, overlaps, profile_table
 from flexcam.case import given_follower
 from flexcam.checks import did_you_mean, positive, refuse
 from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity
+from flexcam.console.cams import cam_json, cam_table, overlap_table, read_table, smoothing_table
 from flexcam.io import free_to_write, made_folder, read_profile, write_lift_table, write_profile
 from flexcam.terminal import out, print_json
 
@@ -71,24 +71,24 @@ def cam(
     if as_json:
         print_json({
             "status": "ok",
-            "cams": {one: console.cam_json(facts, cams.reports.get(one)) for one, facts in found.items()},
+            "cams": {one: cam_json(facts, cams.reports.get(one)) for one, facts in found.items()},
             "overlaps": [dict(zip(("one", "other", "lift", "angle"), pair, strict=True)) for pair in pairs],
             "files": [str(path) for path in files],
         })  # fmt: skip
         return
     for one, facts in found.items():
-        out().print(console.cam_table(one, facts, cams.speed, cams.ratios[one]))
+        out().print(cam_table(one, facts, cams.speed, cams.ratios[one]))
         out().print()
         if one in cams.reports:
-            out().print(console.smoothing_table(one, cams.reports[one]))
+            out().print(smoothing_table(one, cams.reports[one]))
             out().print()
     if pairs:
-        out().print(console.overlap_table(pairs))
+        out().print(overlap_table(pairs))
     for path in files:
         out().print(str(path))
 
 
-def _profile_asked(found: Mapping[str, console.CamFacts], folder: Path | None, cutter: str | None) -> None:
+def _profile_asked(found: Mapping[str, CamFacts], folder: Path | None, cutter: str | None) -> None:
     """Refuse what only a profile has, where there is none."""
     for option, given in (("-o", folder), ("--cutter", cutter)):
         if given is not None and not any(one.profile for one in found.values()):
@@ -109,7 +109,7 @@ def _picture_names(stem: Path, form: str) -> dict[str, Path]:
     return {kind: stem.with_name(f"{stem.name}-{kind}.{form}") for kind in ("lift", "profile", "pressure")}
 
 
-def _pictures(stem: Path, form: str, facts: console.CamFacts, *, overwrite: bool) -> list[Path]:
+def _pictures(stem: Path, form: str, facts: CamFacts, *, overwrite: bool) -> list[Path]:
     from flexcam.view import lift_figure, pressure_figure, profile_figure, save_figure
 
     figures = {"lift": lift_figure({stem.name: facts.cam.event})}
@@ -150,6 +150,6 @@ def lift(
             "bridged": None if hollow is None else asdict(hollow), "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    out().print(console.read_table(profile.name, len(xy), around, found, hollow))
+    out().print(read_table(profile.name, len(xy), around, found, hollow))
     for path in files:
         out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')

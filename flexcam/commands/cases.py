@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from flexcam import console, fidelity
+from flexcam import fidelity
 from flexcam.case import Case, build_model, read_case
 from flexcam.case.tables.run import ResultStartRecord
 from flexcam.checks import did_you_mean, refuse
@@ -25,6 +25,21 @@ from flexcam.commands.app import (
     running,
     scalar_probe,
 )
+from flexcam.console.cases import (
+    claim_table,
+    comparison_json,
+    comparison_table,
+    comparison_words,
+    couplings,
+    left_out,
+    mac_table,
+    mode_table,
+    model_table,
+    resolved,
+)
+from flexcam.console.doubts import coarse_steps, doubts, run_doubts
+from flexcam.console.fidelity import choice_json, choice_words, error_table
+from flexcam.console.results import operation_table, periodicity, run_table, strength_table, unknowns
 from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, read_result, write_modes
 from flexcam.response import Cause, Response, RunFailedError, Status
@@ -58,7 +73,7 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
             "status": "ok", "title": ready.case.record.title,
             "elements": len(mesh.elements()), "dof": system.size,
             "integrated": integrated(ready.problem),
-            "left_out": console.left_out(ready), "nodes": len(mesh.nodes),
+            "left_out": left_out(ready), "nodes": len(mesh.nodes),
             "members": {name: len(line) - 1 for name, line in mesh.lines.items()},
             "masses": {name: part.body.mass for name, part in ready.model.masses.items()},
             "springs": {name: spring.stiffness for name, spring in ready.model.springs.items()},
@@ -66,15 +81,15 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
             "member_masses": member_masses(ready.model),
             "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
             "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
-            "warnings": console.doubts(found) + console.coarse_steps(ready),
+            "warnings": doubts(found) + coarse_steps(ready),
             "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
             "case": ready.case.record.model_dump(mode="json", by_alias=True),
         })  # fmt: skip
     else:
-        out().print(console.model_table(ready, found))
-        for sentence in console.doubts(found) + console.coarse_steps(ready):
+        out().print(model_table(ready, found))
+        for sentence in doubts(found) + coarse_steps(ready):
             out().print("\n" + sentence)
-        out().print("\n# the case as it is run, SI\n" + console.resolved(ready.case), markup=False)
+        out().print("\n# the case as it is run, SI\n" + resolved(ready.case), markup=False)
 
 
 @app.command(
@@ -100,7 +115,7 @@ def run(
     result = sink.path if response.status.ok else sink.partial
     figures = operation(ready.model, response, ready.revolution)
     errors, doubt = _estimated(read, probe) if probe and response.status.ok else ([], [])
-    doubts = console.run_doubts(ready, response, figures) + doubt
+    warned = run_doubts(ready, response, figures) + doubt
     stressed = strength.members() if read.record.fidelity.model == "beams" else {}
     if as_json:
         print_json({
@@ -108,31 +123,31 @@ def run(
             "result": str(result), "steps": response.stats.steps, "dof": ready.problem.system.size,
             "integrated": response.stats.unknowns,
             "seconds": response.stats.seconds,
-            "events": response.stats.events, "periodicity": console.periodicity(response),
-            "warnings": doubts,
+            "events": response.stats.events, "periodicity": periodicity(response),
+            "warnings": warned,
             "train": {figure.name: figure.value for figure in figures},
             "errors": [asdict(one) for one in errors],
-            "choice": None if choice is None else console.choice_json(choice),
+            "choice": None if choice is None else choice_json(choice),
             "strength": {name: asdict(member) for name, member in stressed.items()},
         })  # fmt: skip
     else:
-        out().print(console.run_table(ready.case, response))
+        out().print(run_table(ready.case, response))
         if stressed:
             out().print()
-            out().print(console.strength_table(stressed))
+            out().print(strength_table(stressed))
         if figures:
             out().print()
-            out().print(console.operation_table(figures))
+            out().print(operation_table(figures))
         if errors:
             out().print()
-            out().print(console.error_table(errors))
-        for sentence in console.choice_words(choice) if choice else []:
+            out().print(error_table(errors))
+        for sentence in choice_words(choice) if choice else []:
             out().print("\n" + sentence)
-        for sentence in console.couplings(ready.case) + doubts:
+        for sentence in couplings(ready.case) + warned:
             out().print("\n" + sentence)
         if response.stats.periodicity >= 0.0:
             out().print(f"\nThe start returns after a revolution within {response.stats.periodicity:.3g} of the motion")
-        out().print(f"\n{response.stats.steps} steps of {console.unknowns(response)}; result: {result}")
+        out().print(f"\n{response.stats.steps} steps of {unknowns(response)}; result: {result}")
         out().print(f"Open it in ParaView 5.12 or newer; for older ones: flexcam export {result} --format pvd")
     if response.status.ok and choice is not None and not choice.met:
         return Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}", "allow more, or refine the case")
@@ -177,17 +192,17 @@ def modes(
         print_json({
             "status": "ok", "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
             "effective_masses": found.effective.tolist(), "lost": found.modes.lost,
-            "rounding": found.modes.rounding.tolist(), "warnings": console.doubts(found),
+            "rounding": found.modes.rounding.tolist(), "warnings": doubts(found),
             "moves": [found.words(i) for i in range(len(found.shares))],
             "mac": None if likeness is None else likeness.tolist(), "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    out().print(console.mode_table(found))
-    for sentence in console.doubts(found):
+    out().print(mode_table(found))
+    for sentence in doubts(found):
         out().print("\n" + sentence)
     if likeness is not None:
         out().print()
-        out().print(console.mac_table(likeness))
+        out().print(mac_table(likeness))
     if files:
         out().print(f"\n{files[0]}: pick a mode in Warp By Vector and press play; {files[1]} holds the still shapes")
 
@@ -223,17 +238,17 @@ def compare(
     claims = fidelity.claims(read, at, found) if read.record.paper and found.status.ok else []
     if as_json:
         print_json({
-            **console.comparison_json(found), "loaded_mode_hz": mode_hz,
+            **comparison_json(found), "loaded_mode_hz": mode_hz,
             "claims": [asdict(claim) for claim in claims],
         })  # fmt: skip
         return found.status
-    out().print(console.comparison_table(found))
-    words = console.comparison_words(found, mode_hz)
-    for sentence in words + console.couplings(read):
+    out().print(comparison_table(found))
+    words = comparison_words(found, mode_hz)
+    for sentence in words + couplings(read):
         out().print("\n" + sentence)
     if claims:
         out().print()
-        out().print(console.claim_table(claims))
+        out().print(claim_table(claims))
     return found.status
 
 
@@ -273,10 +288,10 @@ def _two(case: Path, against: str, probe: str | None, overrides: Overrides, as_j
     other = _other(against, read, overrides)
     found = fidelity.between(one, other, at, _speed_rpm(one), (case.stem, Path(against).stem))
     if as_json:
-        print_json({**console.comparison_json(found), "compared": list(found.names)})
+        print_json({**comparison_json(found), "compared": list(found.names)})
         return found.status
-    out().print(console.comparison_table(found))
-    for sentence in console.comparison_words(found, None):
+    out().print(comparison_table(found))
+    for sentence in comparison_words(found, None):
         out().print("\n" + sentence)
     return found.status
 

@@ -7,9 +7,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from flexcam import console, fidelity
+from flexcam import fidelity
 from flexcam.checks import refuse
 from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load, scalar_probe
+from flexcam.console.fidelity import trade_csv, trade_json, trade_table
 from flexcam.io import free_to_write, write_text
 from flexcam.terminal import out, print_json
 
@@ -40,15 +41,15 @@ def trade(
         free_for_picture(plot, overwrite=overwrite)
     against, found = fidelity.trade(read, probe or scalar_probe(read), repeats=repeats)
     if csv is not None:
-        write_text(csv, console.trade_csv(against, found), overwrite=overwrite)
+        write_text(csv, trade_csv(against, found), overwrite=overwrite)
     if plot is not None:
         from flexcam.view import save_figure, work_precision_figure
 
         save_figure(work_precision_figure(found), plot, overwrite=overwrite)
     files = [str(path) for path in (csv, plot) if path is not None]
     if as_json:
-        print_json({"status": "ok", **console.trade_json(against, found), "files": files})
+        print_json({"status": "ok", **trade_json(against, found), "files": files})
     else:
-        out().print(console.trade_table(against, found))
+        out().print(trade_table(against, found))
         for path in files:
             out().print(path)

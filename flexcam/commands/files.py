@@ -10,10 +10,10 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from flexcam import console
 from flexcam.case import CaseRecord, build_model, read_case
 from flexcam.checks import refuse
 from flexcam.commands.app import Json, Overwrite, ResultPath, app
+from flexcam.console.results import info_table
 from flexcam.io import made_folder, read_result, write_csv, write_mesh, write_pvd
 from flexcam.response import Response
 from flexcam.terminal import out, print_json
@@ -80,7 +80,7 @@ def info(result: ResultPath, *, as_json: Json = False) -> None:
             "case": json.loads(read.about["resolved"]),
         })  # fmt: skip
     else:
-        out().print(console.info_table(read))
+        out().print(info_table(read))
 
 
 @app.command(help_prologue="flexcam schema > case.schema.json\n")

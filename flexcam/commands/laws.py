@@ -9,10 +9,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from flexcam import console
 from flexcam.case import given_law, law_file
 from flexcam.checks import did_you_mean, refuse
 from flexcam.commands.app import Json, Overwrite, Picture, app
+from flexcam.console.laws import law_facts, law_json, laws_table, spectrum_table
 from flexcam.motion import LAWS, Law, criteria, kind_names, residual_spectrum
 from flexcam.terminal import out, print_json
 
@@ -75,11 +75,11 @@ def law(
     _drawn({name: one}, plot, spectrum, overwrite=overwrite)
     if as_json:
         pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, left, strict=True)]
-        print_json({"status": "ok", "law": name, **console.law_json(found), "residual": pairs})
+        print_json({"status": "ok", "law": name, **law_json(found), "residual": pairs})
         return
-    out().print(console.law_facts(name, found))
+    out().print(law_facts(name, found))
     out().print()
-    out().print(console.spectrum_table({name: left}, ratios))
+    out().print(spectrum_table({name: left}, ratios))
 
 
 def _drawn(found: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *, overwrite: bool) -> None:
@@ -115,11 +115,11 @@ def laws(
     if as_json:
         print_json({
             "status": "ok", "ratios": list(ratios), "kinds": list(kind_names()),
-            "laws": {name: {**console.law_json(one), "residual": spectra[name]} for name, one in found.items()},
+            "laws": {name: {**law_json(one), "residual": spectra[name]} for name, one in found.items()},
         })  # fmt: skip
         return
     rows = _by_law(LAWS)
-    out().print(console.laws_table({said: found[name] for name, said in rows.items()}))
+    out().print(laws_table({said: found[name] for name, said in rows.items()}))
     out().print()
-    out().print(console.spectrum_table({said: spectra[name] for name, said in rows.items()}, ratios))
+    out().print(spectrum_table({said: spectra[name] for name, said in rows.items()}, ratios))
     out().print(f"\nKinds with parameters (flexcam law KIND --with key=value): {', '.join(kind_names())}")

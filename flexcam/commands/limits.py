@@ -8,9 +8,11 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from flexcam import console
 from flexcam.checks import refuse
 from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load_beams, quantity
+from flexcam.console.limits import limits_json, limits_table
+from flexcam.console.parting import force_bands, parting_json, parting_table
+from flexcam.console.stability import dangers, growth_table, growths, stability_json, stability_table
 from flexcam.limits import find_limits
 from flexcam.parting import parting as compare_models
 from flexcam.stability import over_speeds
@@ -45,9 +47,9 @@ def limits(
     height = quantity("--bounce-height", bounce_height, "length", "mm")
     found = find_limits(read, lowest=low, highest=high, tolerance=width, bounce_height=height)
     if as_json:
-        print_json({"status": "ok", **console.limits_json(found, scale)})
+        print_json({"status": "ok", **limits_json(found, scale)})
     else:
-        out().print(console.limits_table(found, scale))
+        out().print(limits_table(found, scale))
 
 
 @app.command(
@@ -80,12 +82,12 @@ def parting(
         from flexcam.view import force_figure, save_figure
 
         rpm = np.array([scale * one.rpm for one in found])
-        save_figure(force_figure(rpm, console.force_bands(found), shaft), plot, overwrite=overwrite)
+        save_figure(force_figure(rpm, force_bands(found), shaft), plot, overwrite=overwrite)
     if as_json:
         files = [] if plot is None else [str(plot)]
-        print_json({"status": "ok", **console.parting_json(found, scale, part), "shaft": shaft, "files": files})
+        print_json({"status": "ok", **parting_json(found, scale, part), "shaft": shaft, "files": files})
     else:
-        out().print(console.parting_table(found, scale, part))
+        out().print(parting_table(found, scale, part))
 
 
 @app.command(
@@ -111,9 +113,9 @@ def stability(
     if lowest is None and highest is None and plot is None:
         found = find_causes(read)
         if as_json:
-            print_json({"status": "ok", **console.stability_json(found, scale)})
+            print_json({"status": "ok", **stability_json(found, scale)})
         else:
-            out().print(console.stability_table(found, scale))
+            out().print(stability_table(found, scale))
         return
     low, high = _range(lowest, highest, count, read.speed, scale)
     every = over_speeds(read, np.linspace(low, high, count).tolist())
@@ -122,14 +124,12 @@ def stability(
 
         rpm = np.array([scale * one.rpm for one in every])
         shaft = "crank" if scale == 2.0 else "camshaft"
-        save_figure(
-            growth_figure(rpm, console.growths(every), console.dangers(every), shaft), plot, overwrite=overwrite
-        )
+        save_figure(growth_figure(rpm, growths(every), dangers(every), shaft), plot, overwrite=overwrite)
     if as_json:
         files = [] if plot is None else [str(plot)]
-        print_json({"status": "ok", "speeds": [console.stability_json(one, scale) for one in every], "files": files})
+        print_json({"status": "ok", "speeds": [stability_json(one, scale) for one in every], "files": files})
     else:
-        out().print(console.growth_table(every, scale))
+        out().print(growth_table(every, scale))
 
 
 def _range(lowest: str | None, highest: str | None, count: int, speed: float, scale: float) -> tuple[float, float]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from flexcam import console
 from flexcam.commands.app import CaseFile, Json, Overrides, app, load
+from flexcam.console.settings import settings_json, settings_table, settings_words
 from flexcam.fidelity import settings_of
 from flexcam.terminal import out, print_json
 
@@ -24,8 +24,8 @@ def settings(case: CaseFile, *, overrides: Overrides = None, as_json: Json = Fal
     scale = 2.0 if read.record.run.speed is None else 1.0
     found = settings_of(read)
     if as_json:
-        print_json({"status": "ok", **console.settings_json(found, scale)})
+        print_json({"status": "ok", **settings_json(found, scale)})
         return
-    out().print(console.settings_table(found, scale))
-    for sentence in console.settings_words(found):
+    out().print(settings_table(found, scale))
+    for sentence in settings_words(found):
         out().print("\n" + sentence)

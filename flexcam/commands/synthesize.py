@@ -8,10 +8,19 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from flexcam import __version__, console
+from flexcam import __version__
 from flexcam.checks import positive, refuse
 from flexcam.commands.app import Json, Overrides, Overwrite, Picture, app, load, quantity
 from flexcam.commands.cams import CamName
+from flexcam.console.synthesis import (
+    harmonic_table,
+    or_null,
+    pareto_table,
+    polydyne_facts,
+    polydyne_table,
+    synthesis_json,
+    synthesis_table,
+)
 from flexcam.design import harmonic_cam, polydyne_cam
 from flexcam.io import made_folder, write_law, write_lift
 from flexcam.motion import event_extremes
@@ -86,12 +95,12 @@ def synthesize_law(
         print_json(
             {
                 "status": "ok",
-                "laws": [console.synthesis_json(one) for one in front],
+                "laws": [synthesis_json(one) for one in front],
                 "files": [str(path) for path in files],
             }
         )
         return
-    out().print(console.pareto_table(front) if against else console.synthesis_table(front[0]))
+    out().print(pareto_table(front) if against else synthesis_table(front[0]))
     for path in files:
         out().print(f'{path}  (in a case: law = "{path.name}")' if path.suffix == ".toml" else str(path))
 
@@ -143,7 +152,7 @@ def _law_files(front: list[Synthesized], output: Path | None, plot: Path | None,
         if output is None:
             break
         path = output if len(front) == 1 else output.with_name(f"{output.stem}-{i}{output.suffix}")
-        about = {"flexcam": __version__, **{k: v for k, v in console.synthesis_json(found).items() if v is not None}}
+        about = {"flexcam": __version__, **{k: v for k, v in synthesis_json(found).items() if v is not None}}
         files.append(write_law(found.law, made_folder(path.parent) / path.name, about=about, overwrite=overwrite))
     if plot is not None:
         from flexcam.view import law_figure, save_figure
@@ -184,7 +193,7 @@ def synthesize_harmonic(
             "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    out().print(console.harmonic_table(found))
+    out().print(harmonic_table(found))
     for path in files:
         out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
 
@@ -221,12 +230,12 @@ def synthesize_polydyne(
             "status": "ok", "design_speed_rpm": found.speed / RPM, "left_out": found.design.left_out,
             "lift": [end.value for end in event_extremes(found.design.event)],
             "acceleration": [end.value for end in event_extremes(found.design.event, 2)], "ratio": found.ratio,
-            "speeds_rpm": (found.speeds / RPM).tolist(), "plain": console.or_null(found.plain),
-            "polydyne": console.or_null(found.compensated), "files": [str(path) for path in files],
+            "speeds_rpm": (found.speeds / RPM).tolist(), "plain": or_null(found.plain),
+            "polydyne": or_null(found.compensated), "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    out().print(console.polydyne_facts(found))
+    out().print(polydyne_facts(found))
     out().print()
-    out().print(console.polydyne_table(found))
+    out().print(polydyne_table(found))
     for path in files:
         out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')

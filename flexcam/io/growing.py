@@ -10,8 +10,22 @@ import numpy as np
 
 from flexcam.linalg import FloatArray, IntArray
 
-_PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 4, "shuffle": True, "fletcher32": True}
-"""gzip with shuffle reads everywhere; the checksum refuses a flipped byte."""
+_CHECKED: dict[str, Any] = {"fletcher32": True}
+"""The checksum refuses a flipped byte. Not compressed: gzip takes longer than a run does, and halves a file at best."""
+
+_MOST = 4096
+"""Numbers in a chunk, as far as blocks can be halved."""
+
+
+def _chunk(rows: int, width: int) -> int:
+    """Return the rows of a chunk: those of a block, halved while they are many, as the last chunk is stored whole."""
+    while rows % 2 == 0 and rows * width > _MOST:
+        rows //= 2
+    return rows
+
+
+def _space(shape: tuple[int, ...]) -> Any:  # noqa: ANN401 - h5py has no types
+    return h5py.h5s.create_simple(shape)  # pyright: ignore[reportUnknownMemberType,reportUnknownVariableType]
 
 
 def ordered(group: Any, name: str) -> Any:  # noqa: ANN401 - h5py has no types
@@ -32,8 +46,11 @@ def ordered(group: Any, name: str) -> Any:  # noqa: ANN401 - h5py has no types
     return group.create_group(name, track_order=True)
 
 
-def growing(group: Any, name: str, rows: int, unit: str, *, width: int = 0, kind: str = "f8") -> Any:  # noqa: ANN401
-    """Return a new, empty dataset whose first axis grows.
+class Growing:
+    """A new, empty dataset whose first axis grows.
+
+    Rows go to HDF5 without h5py's selections and look-ups: a result has some forty of these, and each block extends
+    them all.
 
     Parameters
     ----------
@@ -42,39 +59,38 @@ def growing(group: Any, name: str, rows: int, unit: str, *, width: int = 0, kind
     name
         Of the dataset.
     rows
-        Rows of a chunk: as many as a block brings, so that no block touches the chunk of another.
+        Rows that a block brings: chunks are parts of it, so that no block touches the chunk of another.
     unit
         Of its numbers.
     width
         Columns; 0 for a dataset of one axis.
     kind
         Type of its numbers.
-
-    Returns
-    -------
-    Dataset
-        Of h5py.
     """
-    shape, limit, chunk = ((0, width), (None, width), (rows, width)) if width else ((0,), (None,), (rows,))
-    dataset = group.create_dataset(name, shape, kind, maxshape=limit, chunks=chunk, **_PACKED)
-    dataset.attrs["units"] = unit
-    return dataset
 
+    def __init__(self, group: Any, name: str, rows: int, unit: str, *, width: int = 0, kind: str = "f8") -> None:  # noqa: ANN401
+        self._columns = (width,) if width else ()
+        shape, limit, chunk = (0, *self._columns), (None, *self._columns), (_chunk(rows, width or 1), *self._columns)
+        self.dataset: Any = group.create_dataset(name, shape, kind, maxshape=limit, chunks=chunk, **_CHECKED)
+        self.dataset.attrs["units"] = unit
+        self._length = 0
 
-def extend(dataset: Any, rows: FloatArray | IntArray) -> None:  # noqa: ANN401
-    """Append rows to a dataset.
+    def __len__(self) -> int:
+        return self._length
 
-    Parameters
-    ----------
-    dataset
-        Made by `growing`.
-    rows
-        As wide as the dataset.
-    """
-    first = dataset.shape[0]
-    dataset.resize(first + len(rows), axis=0)
-    if len(rows):
-        dataset[first:] = rows
+    def lengthen(self, count: int) -> None:
+        """Append rows of zeros, which take no room in the file."""
+        self._length += count
+        self.dataset.id.set_extent((self._length, *self._columns))
+
+    def extend(self, rows: FloatArray | IntArray) -> None:
+        """Append rows, as wide as the dataset."""
+        first = self._length
+        self.lengthen(len(rows))
+        if len(rows):
+            there: Any = self.dataset.id.get_space()
+            there.select_hyperslab((first, *(0 for _ in self._columns)), rows.shape)
+            self.dataset.id.write(_space(rows.shape), there, np.ascontiguousarray(rows))
 
 
 def fixed(group: Any, name: str, values: FloatArray | IntArray, unit: str = "") -> Any:  # noqa: ANN401

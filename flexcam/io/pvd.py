@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -89,6 +88,8 @@ def write_collection(path: Path, times: FloatArray, frames: Iterable[Frame]) -> 
     list
         The files written, the collection first.
     """
+    from xml.sax.saxutils import quoteattr  # loads what opens web pages
+
     folder = made_folder(path.with_suffix(""))
     written = [folder / f"{path.stem}_{i:06d}.vtp" for i in range(len(times))]
     for piece, frame in zip(written, frames, strict=True):

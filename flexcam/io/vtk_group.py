@@ -1,17 +1,18 @@
 """The group ``/VTKHDF`` as Kitware's file format lays it out: PolyData, version 2.0, the mesh stored once.
 
-Point data that change have their offset per step; those that stay have offset zero at every step.
+Point data that change have their offset per step; those that stay have offset zero at every step. Offsets that are the
+same numbers are one dataset with several names (hard links of HDF5).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from flexcam.io.geometry import Geometry
-from flexcam.io.growing import extend, fixed, growing
+from flexcam.io.growing import Growing, fixed
 from flexcam.linalg import FloatArray, IntArray
 
 Still = Mapping[str, tuple[FloatArray | IntArray, str]]
@@ -60,7 +61,7 @@ class VtkGroup:
         still: Still,
         rows: int,
     ) -> None:
-        self._points, self._moving, self._still = len(geometry.node), tuple(moving), tuple(still)
+        self._points, self._steps = len(geometry.node), 0
         self._group: Any = file.create_group("VTKHDF")
         self._group.attrs["Version"] = (2, 0)
         self._group.attrs.create("Type", b"PolyData", dtype="S8")
@@ -68,47 +69,48 @@ class VtkGroup:
         data = self._group.create_group("PointData")
         for name, (values, unit) in still.items():
             fixed(data, name, values, unit)
-        for name, (unit, width) in moving.items():
-            growing(data, name, rows * self._points, unit, width=width if width > 1 else 0)
-        self._create_steps(rows)
+        self._data = {
+            name: Growing(data, name, rows * self._points, unit, width=width if width > 1 else 0)
+            for name, (unit, width) in moving.items()
+        }
+        self._create_steps(rows, still)
 
-    def _create_steps(self, rows: int) -> None:
+    def _create_steps(self, rows: int, still: Still) -> None:
         steps = self._group.create_group("Steps")
         steps.attrs["NSteps"] = 0
-        for name in ("PartOffsets", "NumberOfParts", "PointOffsets"):
-            growing(steps, name, rows, "", kind="i8")
-        for name in ("CellOffsets", "ConnectivityIdOffsets"):  # one column for each of VTK's four kinds of cells
-            growing(steps, name, rows, "", width=4, kind="i8")
-        for name in (*self._moving, *self._still):
-            growing(steps.require_group("PointDataOffsets"), name, rows, "", kind="i8")
-        growing(steps.require_group("CellDataOffsets"), "member", rows, "", kind="i8")
-        growing(steps, "Values", rows, "s")
 
-    @property
-    def steps(self) -> int:
-        """Steps that are complete."""
-        return int(self._group["Steps"].attrs["NSteps"])
+        def shared(names: Sequence[str], width: int = 0) -> Growing:
+            made = Growing(steps, names[0], rows, "", width=width, kind="i8")
+            for name in names[1:]:
+                steps[name] = made.dataset
+            return made
+
+        of_still = [f"PointDataOffsets/{name}" for name in still]
+        self._zeros = (
+            shared(["PartOffsets", "PointOffsets", "CellDataOffsets/member", *of_still]),
+            shared(["CellOffsets", "ConnectivityIdOffsets"], width=4),  # one column for each of VTK's kinds of cells
+        )
+        self._parts = shared(["NumberOfParts"])
+        self._offsets = shared([f"PointDataOffsets/{name}" for name in self._data])
+        self._times = Growing(steps, "Values", rows, "s")
 
     def append(self, values: Mapping[str, FloatArray], count: int) -> None:
         """Append the point data of some steps, shape (count, points) or (count, points, width); not yet counted."""
-        steps, data = self._group["Steps"], self._group["PointData"]
         for name, rows in values.items():
-            extend(data[name], rows.reshape(-1, *rows.shape[2:]))
-        for name in ("PartOffsets", "PointOffsets", "CellOffsets", "ConnectivityIdOffsets"):
-            extend(steps[name], np.zeros((count, *steps[name].shape[1:]), int))
-        extend(steps["NumberOfParts"], np.ones(count, int))
-        for name in self._moving:
-            extend(steps["PointDataOffsets"][name], (self.steps + np.arange(count)) * self._points)
-        for still in (*(steps["PointDataOffsets"][name] for name in self._still), steps["CellDataOffsets/member"]):
-            extend(still, np.zeros(count, int))
+            self._data[name].extend(rows.reshape(-1, *rows.shape[2:]))
+        for zeros in self._zeros:
+            zeros.lengthen(count)
+        self._parts.extend(np.ones(count, int))
+        self._offsets.extend((self._steps + np.arange(count)) * self._points)
 
     def count(self, more: int) -> None:
         """Count appended steps; to be flushed before `stamp`, because VTK trusts the times to have their data."""
-        self._group["Steps"].attrs["NSteps"] = self.steps + more
+        self._steps += more
+        self._group["Steps"].attrs.modify("NSteps", self._steps)
 
     def stamp(self, times: FloatArray) -> None:
         """Write the times of counted steps, s."""
-        extend(self._group["Steps/Values"], times)
+        self._times.extend(times)
 
 
 def _write_lines(vtk: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types

@@ -16,7 +16,7 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 
 from flexcam.checks import refuse
 from flexcam.io.geometry import RECOVERED, Geometry
-from flexcam.io.growing import extend, fixed, growing, ordered, texts
+from flexcam.io.growing import Growing, fixed, ordered, texts
 from flexcam.io.target import free_to_write
 from flexcam.io.vtk_group import VtkGroup, still_data
 from flexcam.linalg import FloatArray
@@ -72,13 +72,14 @@ class ResultFile:
         self.partial = path.with_name(f"{path.stem}.partial.vtkhdf")
         free_to_write("partial result", self.partial, overwrite=overwrite)
         self._geometry, self._outline = geometry, outline
-        try:
-            self._file: Any = h5py.File(self.partial, "w", locking=False)
+        try:  # chunks are written once and whole: a cache would keep them all, to be looked through at every flush
+            self._file: Any = h5py.File(self.partial, "w", locking=False, rdcc_nbytes=0)
         except OSError as fault:
             raise refuse("result", str(self.partial), "a file that can be written", str(fault)) from None
         moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED}
-        self._vtk = VtkGroup(self._file, geometry, moving, still_data(geometry), save.block // save.field_every)
-        growing(self._file.create_group("fields"), "cam_angle", save.block // save.field_every, "rad")
+        fields = save.block // save.field_every
+        self._vtk = VtkGroup(self._file, geometry, moving, still_data(geometry), fields)
+        self._field_angle = Growing(self._file.create_group("fields"), "cam_angle", fields, "rad")
         self._create_history(save.block)
         _write_mesh(self._file, geometry)
         texts(self._file.create_group("about"), {"format": str(FORMAT), **about})
@@ -87,30 +88,31 @@ class ResultFile:
     def _create_history(self, rows: int) -> None:
         history = self._file.create_group("history")
         history.attrs["steps"] = 0
-        time = growing(history, "time", rows, "s")
-        time.make_scale("time")
-        made = [growing(history, "cam_angle", rows, "rad")]
+        self._time = Growing(history, "time", rows, "s")
+        self._time.dataset.make_scale("time")
+        self._angle = Growing(history, "cam_angle", rows, "rad")
         probes = ordered(history, "probes")
+        self._probes: list[tuple[str, slice, Growing]] = []
         for name, components in self._outline.probes:
             group = ordered(probes, name)
             group.attrs["components"] = list(components)
             for series, unit in SERIES.items():
                 told = unit if len(components) == 1 else f"{unit}; rotations {unit.replace('m', 'rad', 1)}"
-                made.append(growing(group, series, rows, told, width=len(components)))
+                made = Growing(group, series, rows, told, width=len(components))
+                self._probes.append((series, self._outline.columns(name), made))
         channels = ordered(history, "channels")
-        made += [growing(channels, name, rows, unit) for name, unit in self._outline.channels]
-        for dataset in made:
-            dataset.dims[0].attach_scale(time)
+        self._channels = [Growing(channels, name, rows, unit) for name, unit in self._outline.channels]
+        for one in (self._angle, *(made for _, _, made in self._probes), *self._channels):
+            one.dataset.dims[0].attach_scale(self._time.dataset)
 
     def write(self, block: Block) -> None:
         """Append a block."""
-        history = self._file["history"]
-        self._append_history(history, block)
+        self._append_history(block)
         self._vtk.append(self._point_data(block), len(block.field_time))
-        extend(self._file["fields/cam_angle"], block.field_angle)
+        self._field_angle.extend(block.field_angle)
         self._file.flush()
         self._vtk.count(len(block.field_time))
-        history.attrs["steps"] = len(history["time"])
+        self._file["history"].attrs.modify("steps", len(self._time))
         self._file.flush()
         self._vtk.stamp(block.field_time)
         self._file.flush()
@@ -123,15 +125,13 @@ class ResultFile:
         }
         return {**vectors, **geometry.recovered(nodal["displacement"], nodal["acceleration"])}
 
-    def _append_history(self, history: Any, block: Block) -> None:  # noqa: ANN401 - h5py has no types
-        extend(history["time"], block.time)
-        extend(history["cam_angle"], block.angle)
-        for name, _ in self._outline.probes:
-            columns = self._outline.columns(name)
-            for series in SERIES:
-                extend(history["probes"][name][series], getattr(block.probes, series)[:, columns])
-        for i, (name, _) in enumerate(self._outline.channels):
-            extend(history["channels"][name], block.channels[:, i])
+    def _append_history(self, block: Block) -> None:
+        self._time.extend(block.time)
+        self._angle.extend(block.angle)
+        for series, columns, history in self._probes:
+            history.extend(getattr(block.probes, series)[:, columns])
+        for values, history in zip(block.channels.T, self._channels, strict=True):
+            history.extend(values)
 
     def close(self, status: Status, stats: Stats) -> None:
         """Write how the run ended; a complete result takes its final name, any other keeps the partial one."""

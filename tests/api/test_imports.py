@@ -1,4 +1,4 @@
-"""What is loaded when: ``import flexcam`` nothing heavy, a small run neither scipy nor meshio."""
+"""What is loaded when: ``import flexcam`` nothing heavy, a small run no scipy, a command what it needs."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import time
 from pathlib import Path
 
 import pytest
+
+from flexcam.commands import FILES, app, load
 
 HEAVY = {
     "scipy",
@@ -28,12 +30,17 @@ CASE = Path(__file__).parents[1] / "data/inline.toml"
 ROOT = Path(__file__).parents[2]
 
 
-def loaded(code):
-    """Return the packages that a fresh process has loaded after some code."""
-    tail = "\nimport sys\nsys.stdout.write(' '.join({name.partition('.')[0] for name in sys.modules}))"
+def modules(code):
+    """Return the modules that a fresh process has loaded after some code."""
+    tail = "\nimport sys\nsys.stderr.write(' '.join(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code + tail], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
-    return set(done.stdout.split())
+    return set(done.stderr.split())
+
+
+def loaded(code):
+    """Return the packages of those modules."""
+    return {name.partition(".")[0] for name in modules(code)}
 
 
 def test_the_import_loads_nothing_heavy():
@@ -59,10 +66,46 @@ def test_a_mesh_file_loads_no_more_than_meshio():
     assert loaded(code) & HEAVY <= {"h5py", "pydantic", "meshio", "rich"}, "rich comes with meshio"
 
 
-def test_the_command_line_draws_nothing():
-    command = f"cli.main(['check', {str(CASE)!r}, '--json'])"
-    code = f"from flexcam import cli\ntry:\n    {command}\nexcept SystemExit:\n    pass"
-    assert not loaded(code) & {"scipy", "numba", "pyvista", "vtkmodules", "matplotlib", "plotly", "dask", "meshio"}
+READ = {"numpy", "pydantic", "pydantic_core", "annotated_types", "typing_extensions", "typing_inspection", "h5py"}
+PRINT = {"cyclopts", "attr", "attrs", "rich", "tomli_w"}
+TAYEB = str(ROOT / "cases/tayeb/model-3-shm.toml")
+NOT_ASKED = {f"flexcam.{room}" for room in ("synthesis", "cams", "design", "limits", "parting", "stability", "view")}
+BUDGETS = {
+    "help": (["--help"], READ | PRINT | {"docstring_parser"}, {"flexcam.view"}),
+    "check": (["check", str(CASE)], READ | PRINT, NOT_ASKED),
+    "run": (["run", str(CASE), "-o", "."], READ | PRINT, NOT_ASKED),
+    "run on a mesh": (["run", TAYEB, "--set", "run.revolutions=0.1", "-o", "."], READ | PRINT | {"meshio"}, NOT_ASKED),
+}
+"""Words of a command, the packages it may load, and the rooms of flexcam that it may not."""
+
+
+@pytest.fixture(scope="module")
+def before():
+    """Return the packages that Python and its installation load by themselves."""
+    return loaded("pass")
+
+
+@pytest.mark.parametrize(("words", "packages", "rooms"), BUDGETS.values(), ids=BUDGETS)
+def test_a_command_keeps_to_its_budget(words, packages, rooms, before, tmp_path, monkeypatch):
+    """Start-up is most of a short run: 0.1 s for numpy, 0.6 s for scipy's solvers, 0.8 s for matplotlib."""
+    monkeypatch.chdir(tmp_path)
+    call = "from flexcam.__main__ import start\ntry:\n    start()\nexcept SystemExit as end:\n    assert not end.code"
+    found = modules(f"import sys\nsys.argv = ['flexcam', *{words!r}]\n{call}")
+    foreign = {name.partition(".")[0] for name in found} - before - sys.stdlib_module_names - {"flexcam"}
+    assert "flexcam.commands.app" in found
+    assert {name for name in foreign if not name.startswith(("_", "cython"))} <= packages
+    assert not found & rooms
+
+
+def test_the_file_of_every_command_is_known():
+    """One that is not listed works, but loads the files of all commands."""
+    load(["--help"])
+    listed = {name: f"flexcam.commands.{file}" for file, names in FILES.items() for name in names}
+    defined = {name: app[name].default_command for name in app if not name.startswith("-")}
+    assert set(listed) == set(defined)
+    assert {name: listed[name] for name, one in defined.items() if one} == {
+        name: one.__module__ for name, one in defined.items() if one
+    }
 
 
 def fastest(code, times=3):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from flexcam import cli, commands, read_result
+from flexcam import cli, read_result
 from flexcam.response import Cause, RunFailedError, Status
 
 DIVERGING = (
@@ -51,7 +51,7 @@ def test_a_stopped_run_in_json(number, code, stopped, case):
 
 SWALLOWED = """
 import os, signal, sys
-from flexcam import cli, commands
+from flexcam import cli
 from flexcam.io import ResultFile
 
 class Unraisable:
@@ -112,7 +112,7 @@ def in_process(monkeypatch, capsys, words, fault):
     def broken(*_, **__):
         raise fault
 
-    monkeypatch.setattr(commands.cases, "prepare", broken)
+    monkeypatch.setattr("flexcam.commands.cases.prepare", broken)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     with pytest.raises(SystemExit) as end:
         cli.main(words)
@@ -176,7 +176,7 @@ def test_a_reader_that_goes_away(case, crashes):
 
 
 FULL_DISK = """
-from flexcam import cli, commands
+from flexcam import cli
 from flexcam.io import ResultFile
 
 def write(self, block):

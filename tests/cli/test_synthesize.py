@@ -22,7 +22,7 @@ from rich.console import Console
 from flexcam import read_case, run
 from flexcam.case import build_model, law_file
 from flexcam.cli import main
-from flexcam.console import synthesis_table
+from flexcam.console.synthesis import synthesis_table
 from flexcam.synthesis import SplineFamily, minimax
 
 module = sys.modules["flexcam.synthesis.minimax"]  # the function hides it

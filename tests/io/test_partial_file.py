@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from flexcam import ConstantSpeed, InputError, Problem, RunFailedError, newmark, read_result, solve
+from flexcam.io.growing import Growing
 from flexcam.response import Cause
 
-CALLS = 70
+CALLS = 50
 """A block is appended in fewer pieces than this."""
 
 
@@ -35,7 +36,7 @@ class Cut:
 @pytest.fixture
 def cut_at(monkeypatch, ready, solve_into):
     """Interrupt the writing of the file where a dataset grows for the n-th time."""
-    grow = h5py.Dataset.resize
+    grow = Growing.lengthen
 
     def run(folder, at):
         count = iter(range(10**6))
@@ -45,9 +46,9 @@ def cut_at(monkeypatch, ready, solve_into):
                 raise KeyboardInterrupt
             grow(*arguments, **names)
 
-        monkeypatch.setattr(h5py.Dataset, "resize", grown)
+        monkeypatch.setattr(Growing, "lengthen", grown)
         response, sink = solve_into(ready, folder)
-        monkeypatch.setattr(h5py.Dataset, "resize", grow)
+        monkeypatch.setattr(Growing, "lengthen", grow)
         return response, sink
 
     return run
@@ -113,15 +114,15 @@ def test_within_a_block(stride, cut_at, done, tmp_path):
 KILL = """
 import os, sys
 from pathlib import Path
-import h5py
 from flexcam import read_case
 from flexcam.integrate import solve
+from flexcam.io.growing import Growing
 from flexcam.runner import prepare, result_file
-ready, grow = prepare(read_case(sys.argv[1])), h5py.Dataset.resize
+ready, grow = prepare(read_case(sys.argv[1])), Growing.lengthen
 for at in map(int, sys.argv[3:]):
     if os.fork() == 0:
         count = iter(range(10**6))
-        h5py.Dataset.resize = lambda *a, **n: os._exit(9) if next(count) == at else grow(*a, **n)
+        Growing.lengthen = lambda *a, **n: os._exit(9) if next(count) == at else grow(*a, **n)
         folder = Path(sys.argv[2]) / str(at)
         solve(ready.problem, ready.scheme, save=ready.save, sinks=[result_file(ready, folder)])
         os._exit(0)

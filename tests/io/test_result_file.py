@@ -5,14 +5,16 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-from flexcam import InputError, read_result
+from flexcam import InputError, prepare, read_case, read_result
 from flexcam.response import Cause
 
+DATA = Path(__file__).parents[1] / "data"
 TIMES = "VTKHDF/Steps/Values"
 """The one quantity among the counts and offsets below Steps."""
 
@@ -234,3 +236,12 @@ def test_refuses_foreign_and_newer_files(done, tmp_path):
     for path in (tmp_path / "foreign.h5", newer):
         with pytest.raises(InputError, match=path.stem):
             read_result(path)
+
+
+def test_a_short_run_makes_a_small_file(solve_into, tmp_path):
+    """A block may be long, but it is stored in parts: some steps of some 30 histories are kilobytes, not megabytes."""
+    ready = prepare(read_case(DATA / "inline.toml", ["output.field_every=5000", "run.revolutions=0.02"]))
+    response, sink = solve_into(ready, tmp_path)
+    assert len(response.time) < 100 < 5000 <= ready.save.block
+    assert sink.path.stat().st_size < 1e6
+    assert np.array_equal(read_result(sink.path).response.time, response.time)

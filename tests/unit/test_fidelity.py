@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, read_case
-from flexcam.console import choice_words, plus_minus
+from flexcam.console.fidelity import choice_words, plus_minus
 from flexcam.fidelity import Choice, Error, Measured, Reference, Traded, distance, estimate, ladder, measured
 from flexcam.fidelity.rungs import Rung, steps_of, with_elements
 from flexcam.fidelity.trade import candidates, front

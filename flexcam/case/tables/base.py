@@ -20,7 +20,7 @@ Gravity = tuple[_Acceleration, _Acceleration, _Acceleration]
 class Record(BaseModel):
     """A table of the case file: no unknown keys, no changes after reading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)  # built once, with the table around it
 
 
 class PartRecord(Record, Generic[Part]):
