@@ -13,6 +13,7 @@ from flexcam.linalg import FloatArray
 from flexcam.system import ONE, AngleFunction, Formula, Formulated, Kind, LocalLaw, Reaction, Stored, Storing
 from flexcam.system.pointwise import dissipating, hunt_crossley, line_load, stop
 
+_MOST_ITERATIONS, _SETTLED = 60, 1e-14
 _WITH_FRICTION = 2
 """Scalars of a contact with friction: depth and path."""
 
@@ -226,9 +227,23 @@ class HertzLine(Stateless):
         tuple
             Shape (m,) each, by Newton's iteration; straight on from where the contact is a quarter of the radius wide.
         """
-        pairs = [self._load(d, m) for d, m in zip(approach.tolist(), self._most(radius).tolist(), strict=True)]
-        loads, slopes = np.array(pairs).reshape(-1, 2).T
-        return loads, slopes
+        most, rest = self._most(radius), self._rest
+        largest = self._one * most
+        terms = 2.0 * np.log(self.depth / largest) - rest
+        end, give = largest * terms, self._one * (terms - 2.0)
+        below = np.minimum(approach, end)
+        q = largest * below / end
+        for _ in range(_MOST_ITERATIONS):
+            terms = 2.0 * np.log(self.depth / q) - rest
+            new = q + (below - q * terms) / (terms - 2.0)
+            new = np.where(new > 0.0, new, 0.5 * q)
+            done = bool((np.abs(new - q) <= _SETTLED * new).all())
+            q = new
+            if done:
+                break
+        slopes = 1.0 / (self._one * (2.0 * np.log(self.depth / q) - rest - 2.0))
+        straight = approach >= end
+        return np.where(straight, most + (approach - end) / give, q / self._one), np.where(straight, 1.0 / give, slopes)
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy stored (the integral of the load over the approach, by parts) and its derivative."""

@@ -8,16 +8,19 @@ from dataclasses import replace
 import numpy as np
 
 from flexcam.integrate.compiled.calling import DONE, CompiledStepper, March, Moving
+from flexcam.integrate.compiled.window import Window
 from flexcam.integrate.engine import STOPPED, everything, in_range, unsettled
 from flexcam.integrate.events import Walker
 from flexcam.integrate.first import Starter
-from flexcam.integrate.local import LocalForces
+from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.moment import Instant, Moment, Track
 from flexcam.integrate.problem import Problem, State
 from flexcam.integrate.scheme import Scheme
 from flexcam.integrate.settle import NoConvergenceError
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.response import Stats, Status
+
+_FIRST = np.array([0, 1])
 
 
 class Marching:
@@ -41,6 +44,7 @@ class Marching:
         self._whole = self._march.operator(problem.step)
         self._starter = Starter(problem.system, forces)
         self._walker = Walker(problem.step, forces, self._starter, self._at, self._stepper, balances=scheme.balances)
+        self._window = Window(problem.times(_FIRST)[0], problem.times(_FIRST)[1], self._prescribed)
         self._last: Moment | None = None
         self._iterations = 0
 
@@ -49,14 +53,13 @@ class Marching:
         if self._stop():
             return Track.none(self._system.size, self._forces), STOPPED
         at = self._problem.times(steps)
-        motion = self._problem.drive.at(at)
-        schedule, loads = self._forces.schedule(motion), np.ascontiguousarray(self._system.applied(motion))
+        loads, schedule = self._prescribed(at)
         instants = [Instant(float(t), load, schedule, i) for i, (t, load) in enumerate(zip(at, loads, strict=True))]
         before = None if self._last is None else everything(Track.of([[self._last]]))[0]
         track, status = self._marched(instants, loads, self._march.packed.cam(schedule))
         if not len(track.ends):
             return track, status
-        kept, left = in_range(track, before, self._system, motion.angle)
+        kept, left = in_range(track, before, self._system, schedule.angle)
         return kept, status if left.ok else left
 
     def _marched(self, instants: list[Instant], loads: FloatArray, cam: FloatArray) -> tuple[Track, Status]:
@@ -77,6 +80,7 @@ class Marching:
             if ended == DONE:
                 break
             to = instants[row]
+            self._window = Window(self._last.time, to.time, self._prescribed)
             try:
                 walked[row] = self._walker.walk(self._last, to)
             except NoConvergenceError as fault:
@@ -108,8 +112,15 @@ class Marching:
         return np.array([self._forces.switching, pressed], dtype=np.intp)
 
     def _at(self, time: float) -> Instant:
-        motion = self._problem.drive.at(np.array([time]))
-        return Instant(time, self._system.applied(motion)[0], self._forces.schedule(motion))
+        """Return what is prescribed at a time within the step that is walked."""
+        if self._window.smooth and self._window.begin <= time <= self._window.end:
+            return self._window.at(time)
+        loads, schedule = self._prescribed(np.array([time]))
+        return Instant(time, loads[0], schedule)
+
+    def _prescribed(self, times: FloatArray) -> tuple[FloatArray, Schedule]:
+        motion = self._problem.drive.at(times)
+        return self._system.applied(motion), self._forces.schedule(motion)
 
     def _stepper(self, step: float) -> CompiledStepper:
         return CompiledStepper(self._march, step)
