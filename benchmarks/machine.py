@@ -1,0 +1,51 @@
+"""What a figure was measured on."""
+
+from __future__ import annotations
+
+import os
+import platform
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+
+
+def described() -> dict[str, str | int]:
+    """Return processor, cores, system and what does the linear algebra."""
+    blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count() or 1,
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "blas": f"{blas['name']} {blas['version']}, {os.environ.get('OPENBLAS_NUM_THREADS', 'all')} thread(s)",
+    }
+
+
+def _processor() -> str:
+    """Return the model of the processor; its clock tells it apart where the model is nothing but a family."""
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    found = dict(line.split("\t", 1) for line in lines if "\t" in line)
+    named = {key: value.split(":", 1)[-1].strip() for key, value in found.items()}
+    if "model name" not in named:
+        return platform.processor() or platform.machine()
+    return f"{named['model name']}, {float(named['cpu MHz']) / 1000.0:.1f} GHz"
+
+
+def today() -> str:
+    """Return the date."""
+    return datetime.now(UTC).date().isoformat()
+
+
+def versions(*packages: str) -> dict[str, str]:
+    """Return the versions of those packages that are installed."""
+    found: dict[str, str] = {}
+    for package in packages:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
