@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable
 
 import exudyn as exu
-import exudyn.itemInterface as items
 import numpy as np
+from exudyn.itemInterface import LoadCoordinate, MarkerNodeCoordinate, NodeGenericODE2, ObjectGenericODE2, SensorNode
 from exudyn.utilities import CreateSymbolicUserFunction
 
 from benchmarks.peers.work import FloatArray, Result, Work, matrices
@@ -23,17 +23,12 @@ def at_all_speeds(
     started, loop, moved = time.perf_counter(), 0.0, []
     M, K, watched = matrices(work)
     for frequency in work.frequencies:
-        system = exu.SystemContainer().AddSystem()
+        container = exu.SystemContainer()
+        system = container.AddSystem()
         node = _body(system, stored(M), stored(K), len(M))
-        kept = [_load(system, node, int(at), *load) for at, load in zip(watched, _loads(work, frequency), strict=True)]
-        sensor = system.AddSensor(
-            items.SensorNode(
-                nodeNumber=node,
-                storeInternal=True,
-                writeToFile=False,
-                outputVariableType=exu.OutputVariableType.Coordinates,
-            )
-        )
+        loads = zip(watched, _loads(work, frequency), strict=True)
+        compiled = [_load(system, node, int(at), *load) for at, load in loads]
+        sensor = system.AddSensor(_sensor(node))
         system.Assemble()
         settings = _settings(work, work.step(frequency))
         tune(settings)
@@ -41,18 +36,23 @@ def at_all_speeds(
         system.SolveDynamic(settings)
         loop += time.perf_counter() - begun
         moved.append(system.GetSensorStoredData(sensor)[:, 1 + watched])
-        del kept  # the expressions had to live as long as the run
+        del compiled  # the expressions had to live as long as the run
     return Result(np.array(moved), loop, time.perf_counter() - started)
+
+
+def _sensor(node: object) -> SensorNode:
+    kind = exu.OutputVariableType.Coordinates
+    return SensorNode(nodeNumber=node, storeInternal=True, writeToFile=False, outputVariableType=kind)
 
 
 def _body(system: exu.MainSystem, M: object, K: object, size: int) -> object:
     rest = [0.0] * size
     node = system.AddNode(
-        items.NodeGenericODE2(
+        NodeGenericODE2(
             numberOfODE2Coordinates=size, referenceCoordinates=rest, initialCoordinates=rest, initialCoordinates_t=rest
         )
     )
-    system.AddObject(items.ObjectGenericODE2(nodeNumbers=[node], massMatrix=M, stiffnessMatrix=K))
+    system.AddObject(ObjectGenericODE2(nodeNumbers=[node], massMatrix=M, stiffnessMatrix=K))
     return node
 
 
@@ -66,8 +66,8 @@ def _loads(work: Work, frequency: float) -> tuple[tuple[float, Callable[..., obj
 
 
 def _load(system: exu.MainSystem, node: object, at: int, size: float, history: Callable[..., object]) -> object:
-    marker = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=at))
-    load = system.AddLoad(items.LoadCoordinate(markerNumber=marker, load=size))
+    marker = system.AddMarker(MarkerNodeCoordinate(nodeNumber=node, coordinate=at))
+    load = system.AddLoad(LoadCoordinate(markerNumber=marker, load=size))
     compiled = CreateSymbolicUserFunction(system, history, "loadUserFunction", load)
     system.SetLoadParameter(load, "loadUserFunction", compiled)
     return compiled
