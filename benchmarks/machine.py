@@ -20,19 +20,18 @@ def described() -> dict[str, str | int]:
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
         "numpy": np.__version__,
-        "blas": f"{blas['name']} {blas['version']}, {os.environ.get('OPENBLAS_NUM_THREADS', 'all')} thread(s)",
+        "blas": f"{blas['name']} {blas['version']}",
     }
 
 
 def _processor() -> str:
-    """Return the model of the processor; its clock tells it apart where the model is nothing but a family."""
+    """Return the model of the processor, with the numbers of its family where the system tells them."""
     path = Path("/proc/cpuinfo")
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-    found = dict(line.split("\t", 1) for line in lines if "\t" in line)
-    named = {key: value.split(":", 1)[-1].strip() for key, value in found.items()}
-    if "model name" not in named:
+    found = {key.strip(): value.strip() for key, _, value in (line.partition(":") for line in lines)}
+    if "model name" not in found:
         return platform.processor() or platform.machine()
-    return f"{named['model name']}, {float(named['cpu MHz']) / 1000.0:.1f} GHz"
+    return f"{found['model name']} (family {found.get('cpu family')}, model {found.get('model')})"
 
 
 def today() -> str:

@@ -182,7 +182,7 @@ def main() -> None:
     given = asked.parse_args()
     rows = compared(given.repeats, given.repeats_b5)
     content = {
-        "machine": machine.described() | {"blas threads": 1},
+        "machine": machine.described(),
         "date": machine.today(),
         "versions": machine.versions("flexcam", "exudyn", "openseespy", "scipy", "numpy"),
         "repeats": {"B1": given.repeats, "B5": given.repeats_b5},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,10 +32,12 @@ def run(work: Work, path: str = "auto") -> Result:
 
 def shaft(work: Work) -> System:
     """Return the equations of the shaft."""
-    mesh = chain((0.0, 0.0, 0.0), (work.length, 0.0, 0.0), work.elements)
+    line = chain((0.0, 0.0, 0.0), (work.spans * work.length, 0.0, 0.0), work.last)
+    bearings = np.arange(work.elements, work.last + 1, work.elements)
+    mesh = replace(line, points={"start": np.array([0]), "bearings": bearings})
     steel = fem.Material(E=work.E, nu=work.E / (2.0 * work.G) - 1.0, density=work.density)
     beams = fem.beams(mesh, {"shaft": fem.Member(steel, fem.Section.circle(work.diameter), rotary_inertia=False)})
-    dofs = fem.dof_map(mesh, [("start", ("ux", "uy", "uz", "rx")), ("end", ("uy", "uz"))])
+    dofs = fem.dof_map(mesh, [("start", ("ux", "uy", "uz", "rx")), ("bearings", ("uy", "uz"))])
     mass = fem.mass(beams, dofs) + fem.mass_at(work.middle, fem.PointMass(work.mass), dofs)
     push, twist = (dofs.vector(work.middle, fem.direction(name)) for name in ("uy", "rx"))
     loads = (

@@ -30,13 +30,13 @@ def run(work: Work) -> Result:
 def _model(work: Work) -> None:
     ops.wipe()
     ops.model("basic", "-ndm", 3, "-ndf", 6)
-    for i in range(work.elements + 1):
+    for i in range(work.last + 1):
         ops.node(i, work.length * i / work.elements, 0.0, 0.0)
     for node, held in work.held.items():
         ops.fix(node, *(int(i in held) for i in range(6)))
     ops.geomTransf("Linear", 1, 0.0, 0.0, 1.0)
     section = work.area, work.E, work.G, 2.0 * work.inertia, work.inertia, work.inertia
-    for i in range(work.elements):
+    for i in range(work.last):
         per_length = work.density * work.area
         ops.element("elasticBeamColumn", i, i, i + 1, *section, 1, "-mass", per_length, "-cMass")
     ops.mass(work.middle, *[work.mass] * 3, 0.0, 0.0, 0.0)

@@ -20,12 +20,14 @@ class Work:
     """A steel shaft between bearings, a mass at its middle, a force and a torque that turn there; undamped, from rest.
 
     ``Fy = force (1 - cos w t)``, ``Tx = torque sin w t``; Newmark's method with beta = 1/4, gamma = 1/2. The first
-    node is held in ux, uy, uz, rx, the last one in uy, uz. SI.
+    node is held in ux, uy, uz, rx, the last one in uy, uz. A longer shaft is the same one again, span by span, with
+    a bearing (uy, uz) between spans; mass and loads stay in the first. Lengths and elements are those of a span. SI.
     """
 
     frequencies: tuple[float, ...] = (25.0,)
     revolutions: int = 2
     steps_per_revolution: int = 3600
+    spans: int = 1
     elements: int = 10
     length: float = 0.5
     diameter: float = 0.025
@@ -57,9 +59,15 @@ class Work:
         return self.elements // 2
 
     @property
+    def last(self) -> int:
+        """Number of the last node, which is that of elements in all spans."""
+        return self.spans * self.elements
+
+    @property
     def held(self) -> dict[int, tuple[int, ...]]:
         """Held components (0 to 5: ux, uy, uz, rx, ry, rz) by node."""
-        return {0: (0, 1, 2, 3), self.elements: (1, 2)}
+        bearings = range(self.elements, self.last + 1, self.elements)
+        return {0: (0, 1, 2, 3), **dict.fromkeys(bearings, (1, 2))}
 
     def step(self, frequency: float) -> float:
         """Return the step at a speed, s: all speeds take as many steps per revolution."""
@@ -96,10 +104,10 @@ B5 = Work(frequencies=tuple(np.linspace(500.0, 5000.0, 100) / 60.0))
 
 def matrices(work: Work) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
     """Return mass and stiffness of the free unknowns, dense, and the places of the middle node's uy and rx in them."""
-    count = 6 * (work.elements + 1)
+    count = 6 * (work.last + 1)
     M, K = np.zeros((count, count)), np.zeros((count, count))
     m, k = _element(work)
-    for i in range(work.elements):
+    for i in range(work.last):
         at = slice(6 * i, 6 * i + 12)
         M[at, at] += m
         K[at, at] += k

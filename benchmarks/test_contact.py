@@ -1,0 +1,21 @@
+"""The time loop in contact: a revolution of the pushrod engine, cam, seat, lash and a spring of eight elements."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.measure.contact import ran, revolution
+from benchmarks.paths import CHOICE, PATHS, used
+
+FORCED = [pytest.param(path, marks=[] if CHOICE or path == "general" else pytest.mark.skip) for path in PATHS[:2]]
+
+
+@pytest.mark.parametrize("path", FORCED)
+def test_revolution(benchmark, path):
+    ready = revolution("pushrod-engine/intake")
+    response = benchmark(ran, ready, path)
+    assert response.status.ok
+    assert response.stats.events > 0
+    assert path in ("auto", used(response))
+    assert np.ptp(response["valve"].displacement) > 0.009  # a lift of 6 mm by a rocker of 1.6, less lash and ramps
