@@ -12,14 +12,19 @@ CHOICE = "path" in inspect.signature(solve).parameters
 """Whether `solve` has more than the general path."""
 
 
+def there(path: str) -> bool:
+    """Tell whether this flexcam has a path."""
+    return CHOICE or path in ("auto", "general")
+
+
 def solved(problem: Problem, path: str = "auto", save: SaveAt | None = None, scheme: Method | None = None) -> Response:
     """Solve by a path."""
     if CHOICE:
         return solve(problem, scheme or newmark(), save=save, path=path)
-    if path in ("auto", "general"):
-        return solve(problem, scheme or newmark(), save=save)
-    message = f"path {path!r} of this flexcam: it has the general one alone"
-    raise NotImplementedError(message)
+    if not there(path):
+        message = f"path {path!r} of this flexcam: it has the general one alone"
+        raise NotImplementedError(message)
+    return solve(problem, scheme or newmark(), save=save)
 
 
 def used(response: Response) -> str:

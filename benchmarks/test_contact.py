@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from benchmarks.measure.contact import ran, revolution
-from benchmarks.paths import CHOICE, PATHS, used
+from benchmarks.measure.linear import PATHS
+from benchmarks.paths import used
 
-FORCED = [pytest.param(path, marks=[] if CHOICE or path == "general" else pytest.mark.skip) for path in PATHS[:2]]
 
-
-@pytest.mark.parametrize("path", FORCED)
+@pytest.mark.parametrize("path", PATHS)
 def test_revolution(benchmark, path):
     ready = revolution("pushrod-engine/intake")
     response = benchmark(ran, ready, path)
