@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.measure.linear import PATHS
-from benchmarks.paths import solved, used
+from benchmarks.paths import BOTH, solved
 from benchmarks.processes import ROOT
 from flexcam import prepare, read_case
 from flexcam.response import Response
@@ -18,7 +17,7 @@ REPEATS = 3
 
 def measured() -> list[dict[str, object]]:
     """Return time per step and how much happens in it, by case and path."""
-    return [_row(name, revolution(name), path) for name in CASES for path in PATHS]
+    return [_row(name, revolution(name), path) for name in CASES for path in BOTH]
 
 
 def revolution(name: str) -> Prepared:
@@ -36,7 +35,7 @@ def _row(name: str, ready: Prepared, path: str) -> dict[str, object]:
     stats = runs[0].stats
     return {
         "case": name, "forces": len(ready.problem.system.local_forces), "unknowns": stats.unknowns,
-        "steps": stats.steps, "path": path, "used": used(runs[0]), "events": stats.events,
+        "steps": stats.steps, "path": path, "used": stats.path, "events": stats.events,
         "iterations": stats.iterations / stats.steps,
         "us_per_step": 1e6 * min(one.stats.seconds for one in runs) / stats.steps,
     }  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from benchmarks.paths import CHOICE, solved, used
+from benchmarks.paths import BOTH, solved
 from benchmarks.peers.with_flexcam import shaft
 from benchmarks.peers.work import Work
 from benchmarks.timing import least
@@ -14,12 +14,11 @@ from flexcam.system import ConstantSpeed
 SHAFTS = (Work(elements=2), *(Work(spans=spans) for spans in (1, 2, 4, 17, 52, 172, 517, 1724)))
 """From 12 to 99994 unknowns; the second is B1."""
 STEPS, FEWEST = 7200, 48
-PATHS = ("auto", "general") if CHOICE else ("general",)
 
 
 def measured() -> list[dict[str, object]]:
     """Return time per step and before the first one, by size, path and what is saved."""
-    ways = [(path, saved) for path in PATHS for saved in ("probes", "all")]
+    ways = [(path, saved) for path in BOTH for saved in ("probes", "all")]
     return [_row(problems, *way) for problems in map(_problems, SHAFTS) for way in ways]
 
 
@@ -40,13 +39,13 @@ def _row(problems: list[Problem], path: str, saved: str) -> dict[str, object]:
 
 
 def _figures(problems: list[Problem], path: str, saved: str) -> dict[str, object]:
-    """Return figures of a short and a long run; their difference is steps and nothing else."""
+    """Return figures of a short and a long run by one way; their difference is steps and nothing else."""
+    way = solved(problems[1], path, _save(saved, problems[1])).stats.path
     few, many = (one.steps for one in problems)
-    took = [least(lambda one=one: solved(one, path, _save(saved, one)), _repeats(one)) for one in problems]
+    took = [least(lambda one=one: solved(one, way, _save(saved, one)), _repeats(one)) for one in problems]
     each = (took[1] - took[0]) / (many - few)
-    response = solved(problems[1], path, _save(saved, problems[1]))
     before = max(took[0] - few * each, 0.0)
-    return {"used": used(response), "us_per_step": 1e6 * each, "before_ms": 1e3 * before, "seconds": took[1]}
+    return {"used": way, "us_per_step": 1e6 * each, "before_ms": 1e3 * before, "seconds": took[1]}
 
 
 def _save(saved: str, problem: Problem) -> SaveAt:
