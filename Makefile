@@ -54,7 +54,7 @@ bench: $(VENV)/.dev
 
 # flexcam beside other solvers; those that are not installed are named and left out.
 bench-peers: $(VENV)/.dev
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[peers]'
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[peers]'
 	$(BIN)/python -m benchmarks.peers.compare
 	$(BIN)/python docs/make_performance.py
 

@@ -108,8 +108,8 @@ def _linear(tables: dict) -> list[str]:
         "",
         "The shaft of B1, and longer ones of the same spans, by Newmark's method: microseconds per step with two probes saved,",
         "and with displacement, velocity and acceleration of all unknowns saved at every step; both are differences of a long",
-        "and a short run. What comes before the first step (factorization or modes, memory) stands apart. The path is the",
-        "one asked for and, where it is chosen by flexcam, the one taken.",
+        "and a short run. What comes before the first step (factorization or modes, memory) stands apart. The path that",
+        "flexcam takes by itself is bold; where that is not the general one, this was forced for comparison.",
         "",
         "| unknowns | path | us per step, probes | us per step, all | before, ms | steps |",
         "|---|---|---|---|---|---|",
@@ -122,22 +122,19 @@ def _linear(tables: dict) -> list[str]:
 def _model(rows: list[dict]) -> list[str]:
     """Return the cost of a step as a function of the unknowns, fitted."""
     lines = []
-    shown = [row for row in rows if row["saved"] == "probes" and "missing" not in row]
-    for path in dict.fromkeys(row["path"] for row in shown):
-        its = [row for row in shown if row["path"] == path]
-        for part, name in _parts(its):
-            n, cost = (np.array([row[key] for row in part], dtype=float) for key in ("unknowns", "us_per_step"))
-            power, (a, b), off = min((_fitted(n, cost, power) for power in (1, 2)), key=lambda found: found[2])
-            words = f"{_number(a)} + {b:.2g} n{'^2' if power == 2 else ''} us"
-            lines.append(f"| {path} | {name} | {n[0]:.0f} to {n[-1]:.0f} | {words} | {100.0 * off:.0f} % |")
+    for part, name in _parts([row for row in rows if row["saved"] == "probes" and "missing" not in row]):
+        n, cost = (np.array([row[key] for row in part], dtype=float) for key in ("unknowns", "us_per_step"))
+        power, (a, b), off = min((_fitted(n, cost, power) for power in (1, 2)), key=lambda found: found[2])
+        words = f"{_number(a)} + {b:.2g} n{'^2' if power == 2 else ''} us"
+        lines.append(f"| {name} | {n[0]:.0f} to {n[-1]:.0f} | {words} | {100.0 * off:.0f} % |")
     if not lines:
         return []
     return [
         "As a model of the cost of a step with probes saved, fitted to the rows above (least squares of relative errors, the",
         "better of a straight line and a parabola in the number of unknowns n):",
         "",
-        "| path asked | taken | unknowns | us per step | largest error of the fit |",
-        "|---|---|---|---|---|",
+        "| path | unknowns | us per step | largest error of the fit |",
+        "|---|---|---|---|",
         *lines,
         "",
     ]
@@ -152,7 +149,7 @@ def _parts(rows: list[dict]) -> list[tuple[list[dict], str]]:
 
     def kind(row: dict) -> str:
         dense = "dense" if row["unknowns"] <= DENSE else "sparse"
-        return f"general, {dense}" if row["used"] == "general" else row["used"]
+        return f"general, {dense}" if row["path"] == "general" else row["path"]
 
     found = {name: [row for row in rows if kind(row) == name] for name in dict.fromkeys(map(kind, rows))}
     return [(its, name) for name, its in found.items() if len(its) >= 3]
@@ -174,11 +171,8 @@ def _bounds(tables: dict) -> list[str]:
     if "linear" not in tables:
         return []
     top, rows = tables["bounds"], []
-    paths = [row["path"] for row in tables["linear"]]
-    best = "auto" if "auto" in paths else paths[0]
-    for unknowns, its in groupby(
-        (row for row in tables["linear"] if row["path"] == best), key=lambda row: row["unknowns"]
-    ):
+    automatic = [row for row in tables["linear"] if row["automatic"]]
+    for unknowns, its in groupby(automatic, key=lambda row: row["unknowns"]):
         probes, full = its
         modal, dense = (flops / top["GFlop/s"] / 1e3 for flops in (10.0 * unknowns, 2.0 * unknowns**2))
         written = 24.0 * unknowns / top["GB/s"] / 1e3
@@ -214,7 +208,7 @@ def _contact(tables: dict) -> list[str]:
         "",
         "One camshaft revolution of cases with contact, as they stand, from their start. Local forces are contacts, seats,",
         "lash, coils that touch, friction and the like; events are instants located within a step, where a contact opens or",
-        "closes; iterations are Newton's, of the local forces, per step.",
+        "closes; iterations are Newton's, of the local forces, per step. Paths as above.",
         "",
         "| case | unknowns | local forces | path | steps | events | iterations | us per step |",
         "|---|---|---|---|---|---|---|---|",
@@ -293,8 +287,7 @@ def _on(found: dict) -> str:
 
 
 def _path(row: dict) -> str:
-    used = row.get("used", "")
-    return f"auto: {used}" if row["path"] == "auto" else row["path"]
+    return f"**{row['path']}**" if row["automatic"] else row["path"]
 
 
 def _cost(row: dict) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.paths import BOTH, solved
+from benchmarks.paths import solved, taken, ways
 from benchmarks.processes import ROOT
 from flexcam import prepare, read_case
 from flexcam.response import Response
@@ -17,7 +17,12 @@ REPEATS = 3
 
 def measured() -> list[dict[str, object]]:
     """Return time per step and how much happens in it, by case and path."""
-    return [_row(name, revolution(name), path) for name in CASES for path in BOTH]
+    rows = []
+    for name in CASES:
+        ready = revolution(name)
+        chosen = taken(ready.problem, ready.scheme, ready.save)
+        rows += [_row(name, ready, *way) for way in ways(chosen).items()]
+    return rows
 
 
 def revolution(name: str) -> Prepared:
@@ -30,12 +35,12 @@ def ran(ready: Prepared, path: str) -> Response:
     return solved(ready.problem, path, ready.save, ready.scheme)
 
 
-def _row(name: str, ready: Prepared, path: str) -> dict[str, object]:
+def _row(name: str, ready: Prepared, path: str, automatic: bool) -> dict[str, object]:
     runs = [ran(ready, path) for _ in range(REPEATS)]
     stats = runs[0].stats
     return {
         "case": name, "forces": len(ready.problem.system.local_forces), "unknowns": stats.unknowns,
-        "steps": stats.steps, "path": path, "used": stats.path, "events": stats.events,
+        "steps": stats.steps, "path": path, "automatic": automatic, "events": stats.events,
         "iterations": stats.iterations / stats.steps,
         "us_per_step": 1e6 * min(one.stats.seconds for one in runs) / stats.steps,
     }  # fmt: skip
