@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke verification extremes docs-pages clean
+.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke bench-peers performance verification extremes docs-pages clean
 .DEFAULT_GOAL := demo
 
 # The matrices are small: threads of the linear algebra would only hinder each other.
@@ -51,6 +51,16 @@ lint: $(VENV)/.dev
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m pytest benchmarks --benchmark-only
+
+# flexcam beside other solvers; those that are not installed are named and left out.
+bench-peers: $(VENV)/.dev
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[peers]'
+	$(BIN)/python -m benchmarks.peers.compare
+	$(BIN)/python docs/make_performance.py
+
+# The page of speed, measured anew on this machine.
+performance: $(VENV)/.dev
+	$(BIN)/python docs/make_performance.py --measure
 
 meshes: $(VENV)/.dev
 	$(BIN)/python meshes/generate.py

@@ -1,0 +1,22 @@
+"""Stiffness and mass of shafts, assembled."""
+
+from __future__ import annotations
+
+from benchmarks.timing import least
+from flexcam import fem
+from flexcam.fem.generate import chain
+
+ELEMENTS = (10, 100, 1_000, 10_000, 100_000)
+
+
+def measured() -> list[dict[str, float]]:
+    """Return the time from a mesh to both matrices, by number of elements."""
+    return [{"elements": elements, "seconds": least(lambda n=elements: assembled(n))} for elements in ELEMENTS]
+
+
+def assembled(elements: int) -> int:
+    """Make mesh, elements and both matrices of a shaft and return its number of unknowns."""
+    mesh = chain((0.0, 0.0, 0.0), (10.0, 3.0, 2.0), elements)
+    member = fem.Member(fem.Material(E=2e11, nu=0.3, density=7800.0), fem.Section.circle(0.02))
+    beams, dofs = fem.beams(mesh, {"shaft": member}), fem.dof_map(mesh, [("start", fem.COMPONENTS)])
+    return (fem.stiffness(beams, dofs) + fem.mass(beams, dofs)).size

@@ -1,0 +1,48 @@
+"""flexcam by its public interface."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.paths import solved
+from benchmarks.peers.work import Result, Work
+from flexcam import fem
+from flexcam.fem.generate import chain
+from flexcam.integrate import Problem, SaveAt
+from flexcam.system import ConstantSpeed, Load, Probe, System
+
+
+def run(work: Work, path: str = "auto") -> Result:
+    """Integrate at all speeds."""
+    started, loop, moved = time.perf_counter(), 0.0, []
+    system = shaft(work)
+    for frequency in work.frequencies:
+        drive = ConstantSpeed(2.0 * math.pi * frequency)
+        problem = Problem(system, drive, step=work.step(frequency), steps=work.steps)
+        begun = time.perf_counter()
+        response = solved(problem, path, SaveAt(field_every=work.steps))
+        loop += time.perf_counter() - begun
+        moved.append(response["middle"].displacement)
+    return Result(np.array(moved), loop, time.perf_counter() - started)
+
+
+def shaft(work: Work) -> System:
+    """Return the equations of the shaft."""
+    line = chain((0.0, 0.0, 0.0), (work.spans * work.length, 0.0, 0.0), work.last)
+    bearings = np.arange(work.elements, work.last + 1, work.elements)
+    mesh = replace(line, points={"start": np.array([0]), "bearings": bearings})
+    steel = fem.Material(E=work.E, nu=work.E / (2.0 * work.G) - 1.0, density=work.density)
+    beams = fem.beams(mesh, {"shaft": fem.Member(steel, fem.Section.circle(work.diameter), rotary_inertia=False)})
+    dofs = fem.dof_map(mesh, [("start", ("ux", "uy", "uz", "rx")), ("bearings", ("uy", "uz"))])
+    mass = fem.mass(beams, dofs) + fem.mass_at(work.middle, fem.PointMass(work.mass), dofs)
+    push, twist = (dofs.vector(work.middle, fem.direction(name)) for name in ("uy", "rx"))
+    loads = (
+        Load("force", push, lambda motion: work.force * (1.0 - np.cos(motion.angle))),
+        Load("torque", twist, lambda motion: work.torque * np.sin(motion.angle)),
+    )
+    probe = Probe("middle", ("uy", "rx"), np.array([push, twist]), (None, None))
+    return System(mass, mass.scaled(0.0), fem.stiffness(beams, dofs), dofs.names, loads, probes=(probe,))

@@ -1,0 +1,38 @@
+"""What measures the page of speed, on the smallest of each kind, and the page made of it."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import pytest
+
+from benchmarks import machine
+from benchmarks.measure import assembly, bounds, contact, linear, modes, process
+from benchmarks.processes import ROOT
+
+
+@pytest.fixture
+def smallest(monkeypatch):
+    monkeypatch.setattr(bounds, "LENGTH", 1000)
+    monkeypatch.setattr(bounds, "ORDER", 50)
+    monkeypatch.setattr(linear, "SHAFTS", linear.SHAFTS[:2])
+    monkeypatch.setattr(linear, "STEPS", 1200)
+    monkeypatch.setattr(contact, "CASES", ("petrescu/valve-spring",))
+    monkeypatch.setattr(contact, "REPEATS", 1)
+    monkeypatch.setattr(assembly, "ELEMENTS", (10,))
+    monkeypatch.setattr(modes, "SHAFTS", modes.SHAFTS[:1])
+    monkeypatch.setattr(process, "COMMANDS", {"Python alone": ["-c", "pass"]})
+
+
+@pytest.mark.usefixtures("smallest")
+def test_the_page_is_made_of_what_is_measured():
+    rooms = (bounds, linear, contact, assembly, modes, process)
+    tables = {room.__name__.rpartition(".")[2]: room.measured() for room in rooms}
+    found = {"machine": machine.described(), "date": machine.today(), "versions": machine.versions("flexcam")}
+    spec = importlib.util.spec_from_file_location("make_performance", ROOT / "docs/make_performance.py")
+    maker = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(maker)
+    text = maker.page(found | {"tables": tables}, {})
+    assert [line for line in text.splitlines() if line.startswith("| 60 | **")]
+    assert "missing" not in text
+    assert text.count("\n## ") == 1 + len(maker.SECTIONS)

@@ -1,0 +1,55 @@
+"""The page of speed is that of its figures, and is made whatever of them there is."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def maker():
+    spec = importlib.util.spec_from_file_location("make_performance", ROOT / "docs/make_performance.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def figures(maker):
+    return maker.read(maker.MEASURED), maker.read(maker.PEERS)
+
+
+def test_the_page_is_that_of_the_figures(maker, figures):
+    assert (ROOT / "docs/performance.md").read_text(encoding="utf-8") == maker.page(*figures)
+
+
+def test_every_table_measured_is_shown(maker, figures):
+    assert set(figures[0]["tables"]) == {"bounds", *maker.SECTIONS}
+
+
+def test_what_is_missing_is_said(maker, figures):
+    """Of a peer in its row; a path that does not fit in memory too; tables that were not measured are left out."""
+    measured, peers = figures
+    gone = peers["solvers"][1] | {"missing": "not installed: pip install it"}
+    text = maker.page({}, peers | {"solvers": [peers["solvers"][0], gone]})
+    assert f"| {gone['title']} | not installed: pip install it | | | | | |" in text
+    assert "## Linear transient" not in text
+    rows = [row | {"missing": "more memory than there is"} for row in measured["tables"]["linear"]]
+    text = maker.page(measured | {"tables": measured["tables"] | {"linear": rows}}, {})
+    assert "| more memory than there is |" in text
+    assert "## Beside other solvers" not in text
+
+
+@pytest.mark.parametrize(("a", "b", "power"), [(15.0, 0.2, 1), (3.0, 1e-3, 2), (0.0, 0.5, 1)])
+def test_the_model_of_cost_is_found_again(maker, a, b, power):
+    n = np.array([12.0, 60.0, 118.0, 234.0])
+    found, (first, slope), off = min((maker._fitted(n, a + b * n**power, p) for p in (1, 2)), key=lambda one: one[2])
+    assert found == power
+    assert off < 1e-12  # exact data, but for rounding
+    assert first == pytest.approx(a, abs=1e-10)
+    assert slope == pytest.approx(b, rel=1e-10)
