@@ -118,9 +118,12 @@ class EnergyAccount:
         angle, half = both.angle, _mean(both.states)
         middle = self._forces.stored(_mean(both.gap), half, 0.5 * (angle[1:] + angle[:-1]))
         curved = 2.0 / 3.0 * _dot(_mean(both.still) - middle.by_gap, deepened)
-        later = self._forces.stored(both.gap[:-1], both.states[:-1], angle[1:]).energy - both.contact[:-1]
-        earlier = both.contact[1:] - self._forces.stored(both.gap[1:], both.states[1:], angle[:-1]).energy
-        return curved, 0.5 * (later + earlier)
+        old, new = (both.gap[:-1], both.states[:-1]), (both.gap[1:], both.states[1:])
+        later, at_new = self._changing(*old, angle[1:]), self._changing(*new, angle[1:])
+        return curved, 0.5 * (later - self._changing(*old, angle[:-1]) + at_new - self._changing(*new, angle[:-1]))
+
+    def _changing(self, gap: FloatArray, states: FloatArray, angle: FloatArray) -> FloatArray:
+        return self._forces.stored(gap, states, angle, changing=True).energy
 
     def _held(self, track: Track, seen: Observed, carried: FloatArray, schedule: Schedule) -> _Held:
         kept = self._forces.stored(seen.gaps, seen.states, schedule.angle)

@@ -6,6 +6,7 @@ are affine in f, and only a small system is left to iterate on (`settle`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -13,7 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.linalg import FloatArray, IntArray
-from flexcam.system import AngleVector, CamMotion, Reaction, Stored, Storing, System
+from flexcam.system import (
+    ONE,
+    AngleFunction,
+    AngleVector,
+    CamMotion,
+    Constant,
+    Evaluated,
+    Formulated,
+    LocalLaw,
+    Reaction,
+    Stored,
+    Storing,
+    System,
+)
 
 _NO_STATE = np.zeros(0)
 
@@ -23,8 +37,10 @@ class _Stack:
     """All vectors of one side (sensing or acting) under each other, and which scalar each belongs to."""
 
     vectors: FloatArray
-    terms: tuple[AngleVector, ...]
     owner: FloatArray
+    still: FloatArray
+    moving: tuple[tuple[int, AngleFunction], ...]
+    """Weights that are constant, and the functions that are the others."""
 
     @classmethod
     def of(cls, terms: tuple[AngleVector, ...], size: int) -> _Stack:
@@ -34,18 +50,30 @@ class _Stack:
         for i, term in enumerate(terms):
             owner[i, first : first + len(term.vectors)] = 1.0
             first += len(term.vectors)
-        return cls(vectors, terms, owner)
+        functions = [function for t in terms for function in t.functions or (ONE,) * len(t.vectors)]
+        return cls(vectors, owner, *_sorted(functions))
 
-    def weights(self, angle: FloatArray, order: int = 0) -> FloatArray:
+    def weights(self, evaluated: Evaluated, order: int = 0) -> FloatArray:
         """Return the weights of all vectors, shape (times, vectors)."""
-        found = np.full((*angle.shape, len(self.vectors)), 0.0 if order else 1.0)
-        first = 0
-        for term in self.terms:
-            behind = first + len(term.vectors)
-            if term.functions:
-                found[..., first:behind] = term.weights(angle, order)
-            first = behind
-        return found
+        return _filled(self.still, self.moving, evaluated, order)
+
+
+def _sorted(functions: Sequence[AngleFunction]) -> tuple[FloatArray, tuple[tuple[int, AngleFunction], ...]]:
+    """Return the values of the functions that are constant, zero for others, and the others with their places."""
+    still = np.array([one.value if isinstance(one, Constant) else 0.0 for one in functions], dtype=float)
+    return still, tuple((i, one) for i, one in enumerate(functions) if not isinstance(one, Constant))
+
+
+def _filled(
+    still: FloatArray, moving: tuple[tuple[int, AngleFunction], ...], evaluated: Evaluated, order: int
+) -> FloatArray:
+    """Return functions side by side, or their derivatives, shape (times, functions)."""
+    found = np.zeros((len(evaluated.angle), len(still)))
+    if order == 0:
+        found += still
+    for i, function in moving:
+        found[:, i] = evaluated(function, order)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +138,8 @@ class LocalForces:
         self.names = [f.name for f in forces for _ in f.sense]
         self.sense = _Stack.of(tuple(t for f in forces for t in f.sense), system.size)
         self.act = _Stack.of(tuple(t for f in forces for t in f.act), system.size)
-        self._offsets = tuple(g for f in forces for g in f.offset)
-        self.count = len(self._offsets)
+        self._offsets = _sorted([g for f in forces for g in f.offset])
+        self.count = len(self._offsets[0])
         self.start_state = np.concatenate([f.law.start_state for f in forces]) if forces else np.zeros(0)
         scalars, states = _slices([len(f.sense) for f in forces]), _slices([len(f.law.start_state) for f in forces])
         self.laws = [(f.law, *places) for f, *places in zip(forces, scalars, states, strict=True)]
@@ -124,12 +152,11 @@ class LocalForces:
 
     def schedule(self, motion: CamMotion) -> Schedule:
         """Return the parts that follow from the cam motion at some instants."""
-        angle, speed = motion.angle, motion.speed
-        offset = [np.stack([g(angle, order) for g in self._offsets], -1) if self.count else np.zeros((len(angle), 0))
-                  for order in (0, 1)]  # fmt: skip
+        evaluated, speed = Evaluated(motion.angle), motion.speed[:, None]
+        offset, slope = (_filled(*self._offsets, evaluated, order) for order in (0, 1))
         return Schedule(
-            self.sense.weights(angle), self.sense.weights(angle, 1) * speed[:, None],
-            self.act.weights(angle), offset[0], offset[1] * speed[:, None], angle, self.sense.owner, self.act.owner,
+            self.sense.weights(evaluated), self.sense.weights(evaluated, 1) * speed, self.act.weights(evaluated),
+            offset, slope * speed, motion.angle, self.sense.owner, self.act.owner,
         )  # fmt: skip
 
     def sensed(self, d: FloatArray, v: FloatArray, schedule: Schedule) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -171,11 +198,14 @@ class LocalForces:
             return Reaction(force, by_gap, by_rate, _NO_STATE)
         return Reaction(force, by_gap, by_rate, *_inner(answers, c, len(state)))
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
-        """Return the energy of all laws that store some, and the derivatives of it, shape (m,), (m, c) and (m, s)."""
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray, *, changing: bool = False) -> Stored:
+        """Return the energy of all laws that store some, and the derivatives of it, shape (m,), (m, c) and (m, s).
+
+        With `changing`, of those alone whose energy depends on the cam angle.
+        """
         energy, by_gap, by_state = np.zeros(len(angle)), np.zeros_like(gap), np.zeros_like(state)
         for law, part, inner in self.laws:
-            if isinstance(law, Storing):
+            if isinstance(law, Storing) and not (changing and _steady(law, part.stop - part.start)):
                 one = law.stored(gap[:, part], state[:, inner], angle)
                 energy += one.energy
                 by_gap[:, part], by_state[:, inner] = one.by_gap, one.by_state
@@ -184,6 +214,12 @@ class LocalForces:
     def pressed(self, gap: FloatArray) -> NDArray[np.bool_]:
         """Return on which side of zero the switching scalars are."""
         return gap[self.switching] > 0.0
+
+
+def _steady(law: LocalLaw, count: int) -> bool:
+    """Tell whether a law is known not to depend on the cam angle."""
+    formulas = law.formulas(count) if isinstance(law, Formulated) else None
+    return formulas is not None and not any(one.functions for one in formulas)
 
 
 def _inner(answers: list[tuple[Reaction, slice, slice]], c: int, s: int) -> tuple[FloatArray, ...]:

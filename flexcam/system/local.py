@@ -25,6 +25,17 @@ class Constant:
         return np.full_like(angle, self.value if order == 0 else 0.0)
 
 
+@dataclass(frozen=True)
+class Derivative:
+    """The derivative of a function of the cam angle."""
+
+    function: AngleFunction
+
+    def __call__(self, angle: FloatArray, order: int) -> FloatArray:
+        """Return it, or a derivative of it."""
+        return self.function(angle, order + 1)
+
+
 @dataclass(frozen=True, eq=False)
 class AngleVector:
     """A vector that depends on the cam angle: a few constant vectors times scalar functions.
@@ -207,4 +218,31 @@ def derivative(function: AngleFunction) -> AngleFunction:
     >>> derivative(constant(2.0))(np.zeros(2), 0)
     array([0., 0.])
     """
-    return lambda angle, order: function(angle, order + 1)
+    return Derivative(function)
+
+
+class Evaluated:
+    """Functions of the cam angle at some angles, each computed once however often it is asked for.
+
+    Parameters
+    ----------
+    angle
+        rad, any shape.
+
+    Examples
+    --------
+    >>> Evaluated(np.zeros(2))(constant(2.0), 0)
+    array([2., 2.])
+    """
+
+    def __init__(self, angle: FloatArray) -> None:
+        self.angle = angle
+        self._known: dict[tuple[AngleFunction, int], FloatArray] = {}
+
+    def __call__(self, function: AngleFunction, order: int) -> FloatArray:
+        """Return a function or its derivative."""
+        while isinstance(function, Derivative):
+            function, order = function.function, order + 1
+        if (function, order) not in self._known:
+            self._known[function, order] = function(self.angle, order)
+        return self._known[function, order]

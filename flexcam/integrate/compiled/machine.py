@@ -11,8 +11,10 @@ import os
 import tempfile
 from collections.abc import Callable
 from functools import lru_cache
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 _SOURCES = ("integrate/compiled/kernel.py", "system/pointwise.py")
 """What is compiled: another text has another folder, for the compiler itself looks at one file only."""
@@ -76,12 +78,11 @@ def machine_code() -> Callable[..., int]:
     Callable
         As `flexcam.integrate.compiled.kernel.march`; compiled at its first call if it is not kept.
     """
-    from numba.core import config  # pyright: ignore[reportMissingTypeStubs]
-
-    before = config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]
-    config.CACHE_DIR = str(folder() or "")  # pyright: ignore[reportAttributeAccessIssue]
+    settings: Any = import_module("numba.core.config")
+    before = settings.CACHE_DIR
+    settings.CACHE_DIR = str(folder() or "")
     try:
         from flexcam.integrate.compiled.kernel import march
     finally:
-        config.CACHE_DIR = before  # pyright: ignore[reportAttributeAccessIssue]
+        settings.CACHE_DIR = before
     return march
