@@ -56,13 +56,19 @@ def free_motions(mesh: Mesh, dofs: DofMap, springs: Iterable[FloatArray]) -> Flo
     free = np.zeros((dofs.size, rigid.shape[-1] + further))
     free[dofs.numbers[dofs.numbers >= 0], : rigid.shape[-1]] = rigid[dofs.numbers >= 0]
     free[nodal:, rigid.shape[-1] :] = np.eye(further)
-    rows = np.concatenate([held, *(row[None, :] @ free for row in springs)])
+    rows = np.concatenate([held, *(_stretched(row, free) for row in springs)])
     size = np.abs(rows).max(axis=1, initial=0.0)
     rows = rows[size > 0.0] / size[size > 0.0, None]
     small = np.linalg.qr(rows, mode="r")  # the same null space in few rows
     _, values, vectors = np.linalg.svd(small)
     rank = int(np.count_nonzero(values > _HELD * max(1.0, float(values.max(initial=0.0)))))
     return free @ vectors[rank:].T
+
+
+def _stretched(row: FloatArray, free: FloatArray) -> FloatArray:
+    """Return the product of a row of few entries with motions, shape (1, k)."""
+    at = np.flatnonzero(row)
+    return row[None, at] @ free[at]
 
 
 def _rigid_motions(mesh: Mesh, parts: Sequence[IntArray]) -> FloatArray:
