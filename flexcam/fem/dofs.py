@@ -161,7 +161,9 @@ def dof_map(
     numbers[free] = np.arange(np.count_nonzero(free))
     nodes, components = (part.tolist() for part in np.nonzero(free))
     ends = [f".{name}" for name in COMPONENTS]
-    return DofMap(numbers, tuple(map(add, map(_node_names(mesh).__getitem__, nodes), map(ends.__getitem__, components))))
+    return DofMap(
+        numbers, tuple(map(add, map(_node_names(mesh).__getitem__, nodes), map(ends.__getitem__, components)))
+    )
 
 
 def _node_names(mesh: Mesh) -> list[str]:

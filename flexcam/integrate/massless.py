@@ -9,7 +9,18 @@ import numpy as np
 
 from flexcam.checks import InputError, refuse
 from flexcam.integrate.local import LocalForces
-from flexcam.linalg import DENSE_LIMIT, Factor, FloatArray, IntArray, Triplets, by_group, factorize, null_space, operator, pins
+from flexcam.linalg import (
+    DENSE_LIMIT,
+    Factor,
+    FloatArray,
+    IntArray,
+    Triplets,
+    by_group,
+    factorize,
+    null_space,
+    operator,
+    pins,
+)
 from flexcam.system import System
 
 TOUCHED = 1e-9

@@ -6,6 +6,7 @@ Another matrix form or solver goes here, behind `factorize`.
 
 from flexcam.linalg.factor import DENSE_LIMIT, Factor, SingularMatrixError, diagonal_scale, factorize, operator
 from flexcam.linalg.groups import by_group, groups
+from flexcam.linalg.held import factorize_held
 from flexcam.linalg.nullspace import null_space, pins
 from flexcam.linalg.pencil import natural
 from flexcam.linalg.rounding import TOO_MUCH, energy_rounding, share_lost
@@ -24,6 +25,7 @@ __all__ = [
     "diagonal_scale",
     "energy_rounding",
     "factorize",
+    "factorize_held",
     "groups",
     "natural",
     "null_space",
