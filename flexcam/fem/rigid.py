@@ -67,7 +67,7 @@ def free_motions(mesh: Mesh, dofs: DofMap, springs: Iterable[FloatArray]) -> Flo
 
 def _stretched(row: FloatArray, free: FloatArray) -> FloatArray:
     """Return the product of a row of few entries with motions, shape (1, k)."""
-    at = np.flatnonzero(row)
+    at = np.flatnonzero(row != 0.0)
     return row[None, at] @ free[at]
 
 

