@@ -70,16 +70,17 @@ def balanced(system: System, forces: LocalForces, load: FloatArray, motion: CamM
     u = np.zeros(system.size)
     # A soft hold of the free motions limits a step along them and vanishes with the step.
     hold = max(float(np.abs(free.T @ load).max(initial=0.0)) / _FALL, 1.0)
+    before = np.inf
     for _ in range(_MOST_ITERATIONS):
         missing, size, tangent = potential.at(u)
         most = float(np.abs(missing).max(initial=0.0))
-        if most <= max(_TOLERANCE * size, potential.rounding(u)):
+        if most <= _TOLERANCE * size or (0.5 * before <= most <= potential.rounding(u)):  # gets no better
             if most > _TOLERANCE * size and share_lost(system.stiffness, u) > TOO_MUCH:
                 raise RunFailedError(TOO_FINE)
             _refuse_buckled(tangent, system)
             return u
         step = factorize_held(tangent, free, hold).solve(missing)
-        u = u + potential.shortened(u, step, missing) * step
+        u, before = u + potential.shortened(u, step, missing) * step, most
     missing, _, tangent = potential.at(u)
     _refuse_buckled(tangent, system)
     raise _unbalanced(system, missing, free)
