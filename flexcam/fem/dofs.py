@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from operator import add
 
 import numpy as np
 
@@ -158,8 +159,11 @@ def dof_map(
             free[mesh.select(point, f"supports.{point}"), component(name, f"supports.{point}")] = False
     numbers = np.full(free.shape, -1, dtype=np.intp)
     numbers[free] = np.arange(np.count_nonzero(free))
-    node_names = _node_names(mesh)
-    return DofMap(numbers, tuple(f"{node_names[n]}.{COMPONENTS[c]}" for n, c in np.argwhere(free).tolist()))
+    nodes, components = (part.tolist() for part in np.nonzero(free))
+    ends = [f".{name}" for name in COMPONENTS]
+    return DofMap(
+        numbers, tuple(map(add, map(_node_names(mesh).__getitem__, nodes), map(ends.__getitem__, components)))
+    )
 
 
 def _node_names(mesh: Mesh) -> list[str]:

@@ -24,20 +24,20 @@ def default_orientation(axis: FloatArray) -> FloatArray:
     Parameters
     ----------
     axis
-        Unit vector along the member, shape (3,), global axes.
+        Unit vectors along members, shape (..., 3), global axes.
 
     Returns
     -------
     ndarray
-        Shape (3,), global axes.
+        Shape (..., 3), global axes.
 
     Examples
     --------
     >>> default_orientation(np.array([0.0, 1.0, 0.0]))
     array([-1.,  0.,  0.])
     """
-    vertical = np.hypot(axis[0], axis[2]) < _NEAR_VERTICAL
-    return np.array([-1.0, 0.0, 0.0]) if vertical else np.array([0.0, 1.0, 0.0])
+    vertical = np.hypot(axis[..., 0], axis[..., 2]) < _NEAR_VERTICAL
+    return np.where(vertical[..., None], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
 
 
 def triads(axes: FloatArray, orientations: FloatArray) -> FloatArray:

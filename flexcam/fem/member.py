@@ -123,6 +123,6 @@ def _orientations(axes: FloatArray, chosen: list[Member], repeats: list[int]) ->
     for member, count in zip(chosen, repeats, strict=True):
         part = slice(first, first + count)
         given = member.orientation
-        vectors[part] = [default_orientation(a) for a in axes[part]] if given is None else given
+        vectors[part] = default_orientation(axes[part]) if given is None else given
         first += count
     return vectors

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexcam.checks import Fault, InputError, did_you_mean, finite_array, refuse
-from flexcam.linalg import FloatArray, IntArray
+from flexcam.linalg import FloatArray, IntArray, by_group, groups
 
 Bools = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
@@ -112,19 +113,17 @@ class Mesh:
         used[self.elements().ravel()] = True
         return used
 
+    @cached_property
     def parts(self) -> list[IntArray]:
-        """Return the node numbers of every connected part, ascending; members meet at shared nodes."""
-        parts: list[set[int]] = []
-        for line in self.lines.values():
-            part = set(line.tolist())
-            touching = [other for other in parts if not part.isdisjoint(other)]
-            parts = [other for other in parts if other not in touching]
-            parts.append(part.union(*touching))
-        return [np.array(sorted(part), dtype=np.intp) for part in parts]
+        """Node numbers of every connected part, ascending; members meet at shared nodes."""
+        ends = self.elements()
+        labels = groups(len(self.nodes), ends[:, 0], ends[:, 1])
+        joined = np.flatnonzero(self.on_members())
+        return [joined[group] for group in by_group(labels[joined])]
 
     def connected(self, node: int) -> IntArray:
         """Return the nodes that members connect to a node, itself included, shape (k,), ascending."""
-        return next((part for part in self.parts() if node in part), np.array([node], dtype=np.intp))
+        return next((part for part in self.parts if (part == node).any()), np.array([node], dtype=np.intp))
 
 
 def refined(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:

@@ -9,7 +9,7 @@ into rounding, and would be taken for a mechanism.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -21,7 +21,7 @@ _HELD = 1e-10
 """Singular values of the constraints below this are rounding: their rows are of size 1."""
 
 
-def free_motions(mesh: Mesh, dofs: DofMap, springs: Sequence[FloatArray]) -> FloatArray:
+def free_motions(mesh: Mesh, dofs: DofMap, springs: Iterable[FloatArray]) -> FloatArray:
     """Return a basis of the motions that cost no strain energy.
 
     Parameters
@@ -31,7 +31,7 @@ def free_motions(mesh: Mesh, dofs: DofMap, springs: Sequence[FloatArray]) -> Flo
     dofs
         The numbering, for the supports.
     springs
-        Row of the stretch of every spring with a stiffness, shape (n,) each.
+        Row of the stretch of every spring with a stiffness, shape (n,) each; one is looked at after the other.
 
     Returns
     -------
@@ -49,20 +49,26 @@ def free_motions(mesh: Mesh, dofs: DofMap, springs: Sequence[FloatArray]) -> Flo
     """
     moved = mesh.on_members() | (dofs.numbers >= 0).any(axis=1)
     single = np.flatnonzero(moved & ~mesh.on_members())
-    rigid = _rigid_motions(mesh, [*mesh.parts(), *single[:, None]])
+    rigid = _rigid_motions(mesh, [*mesh.parts, *single[:, None]])
     nodal = int(np.count_nonzero(dofs.numbers >= 0))
     further = dofs.size - nodal  # unknowns behind the nodes': each is free by itself
     held = np.pad(rigid[moved[:, None] & (dofs.numbers < 0)], ((0, 0), (0, further)))
     free = np.zeros((dofs.size, rigid.shape[-1] + further))
     free[dofs.numbers[dofs.numbers >= 0], : rigid.shape[-1]] = rigid[dofs.numbers >= 0]
     free[nodal:, rigid.shape[-1] :] = np.eye(further)
-    rows = np.concatenate([held, *(row[None, :] @ free for row in springs)])
+    rows = np.concatenate([held, *(_stretched(row, free) for row in springs)])
     size = np.abs(rows).max(axis=1, initial=0.0)
     rows = rows[size > 0.0] / size[size > 0.0, None]
     small = np.linalg.qr(rows, mode="r")  # the same null space in few rows
     _, values, vectors = np.linalg.svd(small)
     rank = int(np.count_nonzero(values > _HELD * max(1.0, float(values.max(initial=0.0)))))
     return free @ vectors[rank:].T
+
+
+def _stretched(row: FloatArray, free: FloatArray) -> FloatArray:
+    """Return the product of a row of few entries with motions, shape (1, k)."""
+    at = np.flatnonzero(row != 0.0)
+    return row[None, at] @ free[at]
 
 
 def _rigid_motions(mesh: Mesh, parts: Sequence[IntArray]) -> FloatArray:

@@ -12,13 +12,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexcam.integrate.local import LocalForces, Schedule
-from flexcam.linalg import DENSE_LIMIT, FloatArray, Triplets, diagonal_scale, factorize, null_space
-from flexcam.response import BUCKLED, Cause, RunFailedError, Status
+from flexcam.linalg import (
+    DENSE_LIMIT,
+    TOO_MUCH,
+    FloatArray,
+    Triplets,
+    diagonal_scale,
+    factorize_held,
+    null_space,
+    share_lost,
+)
+from flexcam.response import BUCKLED, TOO_FINE, Cause, RunFailedError, Status
 from flexcam.system import CamMotion, System
 
 _MOST_ITERATIONS = 300
 _TOLERANCE = 1e-9
 """Of the largest force, by which forces may miss their balance."""
+
+_SUMS = 4.0
+"""Roundings of a sum of a dozen parts, a few of which are large."""
 
 _NEGATIVE = 1e-9
 """Eigenvalue of the scaled stiffness, of size 1, that is negative beyond rounding."""
@@ -56,14 +68,19 @@ def balanced(system: System, forces: LocalForces, load: FloatArray, motion: CamM
     free = np.linalg.qr(free)[0] if free.shape[1] else free
     potential = _Potential(system, forces, forces.schedule(motion), load)
     u = np.zeros(system.size)
-    held = _hold(free, float(np.abs(free.T @ load).max(initial=0.0)) / _FALL)
+    # A soft hold of the free motions limits a step along them and vanishes with the step.
+    hold = max(float(np.abs(free.T @ load).max(initial=0.0)) / _FALL, 1.0)
+    before = np.inf
     for _ in range(_MOST_ITERATIONS):
         missing, size, tangent = potential.at(u)
-        if float(np.abs(missing).max(initial=0.0)) <= _TOLERANCE * size:
+        most = float(np.abs(missing).max(initial=0.0))
+        if most <= _TOLERANCE * size or (0.5 * before <= most <= potential.rounding(u)):  # gets no better
+            if most > _TOLERANCE * size and share_lost(system.stiffness, u) > TOO_MUCH:
+                raise RunFailedError(TOO_FINE)
             _refuse_buckled(tangent, system)
             return u
-        step = factorize(tangent + held).solve(missing)
-        u = u + potential.shortened(u, step, missing) * step
+        step = factorize_held(tangent, free, hold).solve(missing)
+        u, before = u + potential.shortened(u, step, missing) * step, most
     missing, _, tangent = potential.at(u)
     _refuse_buckled(tangent, system)
     raise _unbalanced(system, missing, free)
@@ -90,14 +107,6 @@ def _refuse_buckled(tangent: Triplets, system: System) -> None:
     raise RunFailedError(replace(BUCKLED, text=f"{BUCKLED.text}; it gives way along {moving}"))
 
 
-def _hold(free: FloatArray, stiffness: float) -> Triplets:
-    """Return a soft hold of the free motions: it limits a step along them and vanishes with the step."""
-    total = Triplets.zeros(len(free))
-    for motion in free.T:
-        total = total + Triplets.outer(motion, motion, max(stiffness, 1.0))
-    return total
-
-
 @dataclass(frozen=True, eq=False)
 class _Potential:
     """Potential energy of a system at rest, its negative slope (what is out of balance) and its tangent."""
@@ -117,11 +126,17 @@ class _Potential:
         act = self.schedule.acting(0) @ self.forces.act.vectors
         sense = self.schedule.sensing(0) @ self.forces.sense.vectors
         strain, pushed = self.system.stiffness.times(u), reaction.force @ act
-        tangent = self.system.stiffness
-        for i, j in np.argwhere(reaction.by_gap).tolist():
-            tangent = tangent + Triplets.outer(act[i], sense[j], -float(reaction.by_gap[i, j]))
+        coupled = np.argwhere(reaction.by_gap).tolist()
+        local = [Triplets.outer(act[i], sense[j], -float(reaction.by_gap[i, j])) for i, j in coupled]
+        tangent = Triplets.joined([self.system.stiffness, *local])
         size = max(float(np.abs(part).max(initial=0.0)) for part in (self.load, strain, pushed))
         return self.load + pushed - strain, max(size, np.finfo(float).tiny), tangent
+
+    def rounding(self, u: FloatArray) -> float:
+        """Return what is left out of balance in the best of cases, the strain forces being sums of large parts."""
+        K = self.system.stiffness
+        parts = Triplets(K.size, K.rows, K.cols, np.abs(K.values)).times(np.abs(u))
+        return _SUMS * float(np.finfo(float).eps) * float(parts.max(initial=0.0))
 
     def energy(self, u: FloatArray) -> float:
         """Return the potential energy; laws that store none count with nothing."""

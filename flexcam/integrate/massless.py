@@ -9,7 +9,18 @@ import numpy as np
 
 from flexcam.checks import InputError, refuse
 from flexcam.integrate.local import LocalForces
-from flexcam.linalg import DENSE_LIMIT, Factor, FloatArray, IntArray, Triplets, factorize, null_space, operator, pins
+from flexcam.linalg import (
+    DENSE_LIMIT,
+    Factor,
+    FloatArray,
+    IntArray,
+    Triplets,
+    by_group,
+    factorize,
+    null_space,
+    operator,
+    pins,
+)
 from flexcam.system import System
 
 TOUCHED = 1e-9
@@ -133,13 +144,19 @@ def massless(system: System) -> FloatArray:
         return null_space(system.mass)
     from scipy.sparse.csgraph import connected_components
 
-    light = [np.eye(system.size)[:, system.mass.diagonal() <= 0.0]]
-    labels = connected_components(system.mass.csr(), directed=False)[1]
-    sizes = np.bincount(labels)
-    for label in np.flatnonzero((sizes > 1) & (sizes <= DENSE_LIMIT)).tolist():
-        group = np.flatnonzero(labels == label)
-        within = null_space(system.mass.part(group))
-        spread = np.zeros((system.size, within.shape[1]))
-        spread[group] = within
-        light.append(spread)
+    light = [_unit(system.size, np.flatnonzero(system.mass.diagonal() <= 0.0))]
+    labels = connected_components(system.mass.csr(), directed=False)[1].astype(np.intp)
+    for group in by_group(labels):
+        if 1 < len(group) <= DENSE_LIMIT:
+            within = null_space(system.mass.part(group))
+            spread = np.zeros((system.size, within.shape[1]))
+            spread[group] = within
+            light.append(spread)
     return np.hstack(light)
+
+
+def _unit(size: int, places: IntArray) -> FloatArray:
+    """Return the columns of the identity at some places, shape (size, k)."""
+    columns = np.zeros((size, len(places)))
+    columns[places, np.arange(len(places))] = 1.0
+    return columns

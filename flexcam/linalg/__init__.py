@@ -5,7 +5,8 @@ Another matrix form or solver goes here, behind `factorize`.
 """
 
 from flexcam.linalg.factor import DENSE_LIMIT, Factor, SingularMatrixError, diagonal_scale, factorize, operator
-from flexcam.linalg.groups import groups
+from flexcam.linalg.groups import by_group, groups
+from flexcam.linalg.held import factorize_held
 from flexcam.linalg.nullspace import null_space, pins
 from flexcam.linalg.pencil import natural
 from flexcam.linalg.rounding import TOO_MUCH, energy_rounding, share_lost
@@ -20,9 +21,11 @@ __all__ = [
     "IntArray",
     "SingularMatrixError",
     "Triplets",
+    "by_group",
     "diagonal_scale",
     "energy_rounding",
     "factorize",
+    "factorize_held",
     "groups",
     "natural",
     "null_space",

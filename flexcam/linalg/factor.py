@@ -1,4 +1,4 @@
-"""Solve with one matrix many times: a dense inverse for small systems, sparse LU above."""
+"""Solve with one matrix many times: a dense inverse for small systems, a band or sparse LU above."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from flexcam.checks import FlexcamError
+from flexcam.linalg.band import band_factor
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from scipy.sparse import csr_array
+    from scipy.sparse import csc_array, csr_array
 
     from flexcam.linalg.triplets import FloatArray, Triplets
 
@@ -110,7 +111,7 @@ def factorize(matrix: Triplets) -> Factor:
     scale = diagonal_scale(matrix)
     if matrix.size <= DENSE_LIMIT:
         return _dense_inverse(scale[:, None] * matrix.dense() * scale, scale)
-    return _sparse_lu(matrix, scale)
+    return _sparse(matrix, scale)
 
 
 def _dense_inverse(scaled: FloatArray, scale: FloatArray) -> _Inverse:
@@ -133,12 +134,18 @@ def _largest(motion: FloatArray) -> tuple[int, ...]:
     return tuple(np.flatnonzero(size > 0.5 * size.max()).tolist())
 
 
-def _sparse_lu(matrix: Triplets, scale: FloatArray) -> _SparseLU:
-    from scipy.sparse import diags_array, eye_array
-    from scipy.sparse.linalg import splu
+def _sparse(matrix: Triplets, scale: FloatArray) -> Factor:
+    from scipy.sparse import diags_array
 
     spread = diags_array(scale)
-    scaled = (spread @ matrix.csr() @ spread).tocsc()
+    scaled = (spread @ matrix.csr() @ spread).tocsr()
+    return band_factor(scaled, scale) or _sparse_lu(scaled.tocsc(), scale)
+
+
+def _sparse_lu(scaled: csc_array, scale: FloatArray) -> _SparseLU:
+    from scipy.sparse import eye_array
+    from scipy.sparse.linalg import splu
+
     options = {"SymmetricMode": True}
     try:
         lu = splu(scaled, permc_spec="MMD_AT_PLUS_A", options=options)
@@ -147,8 +154,8 @@ def _sparse_lu(matrix: Triplets, scale: FloatArray) -> _SparseLU:
         lu, regular = None, False
     if lu is None or not regular:
         # Inverse iteration: the shift finds the motion without stiffness, it solves nothing.
-        shifted = splu((scaled + 1e-8 * eye_array(matrix.size)).tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
-        motion = np.random.default_rng(0).standard_normal(matrix.size)
+        shifted = splu((scaled + 1e-8 * eye_array(len(scale))).tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
+        motion = np.random.default_rng(0).standard_normal(len(scale))
         for _ in range(3):
             motion = shifted.solve(motion / np.linalg.norm(motion))
         raise SingularMatrixError(_largest(motion))

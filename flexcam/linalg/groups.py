@@ -40,3 +40,25 @@ def groups(size: int, rows: IntArray, cols: IntArray) -> IntArray:
         while (labels != labels[labels]).any():
             labels = labels[labels]
     return labels
+
+
+def by_group(labels: IntArray) -> list[IntArray]:
+    """Return the members of every group, in the order of their labels.
+
+    Parameters
+    ----------
+    labels
+        Of each thing, shape (size,), such as `groups` returns.
+
+    Returns
+    -------
+    list
+        Positions, ascending, of every group.
+
+    Examples
+    --------
+    >>> by_group(np.array([0, 1, 0]))
+    [array([0, 2]), array([1])]
+    """
+    order = np.argsort(labels, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(labels[order])) + 1) if len(labels) else []

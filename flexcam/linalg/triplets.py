@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
@@ -59,9 +60,18 @@ class Triplets:
     @classmethod
     def outer(cls, left: FloatArray, right: FloatArray, factor: float = 1.0) -> Self:
         """Return ``factor * left right^T`` of two vectors, shape (n,), entry by entry where both are non-zero."""
-        i, j = np.flatnonzero(left), np.flatnonzero(right)
+        if factor == 0.0:
+            return cls.zeros(len(left))
+        i = np.flatnonzero(left != 0.0)  # compared first: numpy then finds few entries ten times as fast
+        j = i if right is left else np.flatnonzero(right != 0.0)
         values = factor * np.outer(left[i], right[j])
         return cls(len(left), np.repeat(i, len(j)), np.tile(j, len(i)), values.ravel())
+
+    @classmethod
+    def joined(cls, matrices: Sequence[Triplets]) -> Self:
+        """Return the sum of some matrices of one size, one at least."""
+        rows, cols, values = (np.concatenate([getattr(m, n) for m in matrices]) for n in ("rows", "cols", "values"))
+        return cls(matrices[0].size, rows, cols, values)
 
     def dense(self) -> FloatArray:
         """Return the matrix as an array, shape (size, size)."""
@@ -94,12 +104,7 @@ class Triplets:
         return type(self)(self.size, self.rows, self.cols, factor * self.values)
 
     def __add__(self, other: Triplets) -> Self:
-        return type(self)(
-            self.size,
-            np.concatenate([self.rows, other.rows]),
-            np.concatenate([self.cols, other.cols]),
-            np.concatenate([self.values, other.values]),
-        )
+        return self.joined((self, other))
 
     def part(self, index: IntArray) -> Self:
         """Return the rows and columns named by `index`, renumbered in its order."""

@@ -96,8 +96,9 @@ def _condensed(M: FloatArray, massive: IntArray, solve: Solve, size: int) -> tup
     """
     values, vectors = np.linalg.eigh(M)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    unit = np.eye(size)[:, massive]
-    answers = np.column_stack([solve(column) for column in (unit @ root).T])
+    loads = np.zeros((size, len(massive)))
+    loads[massive] = root
+    answers = np.column_stack([solve(column) for column in loads.T])
     inverse_squares, inner = np.linalg.eigh(root.T @ answers[massive])
     order = np.argsort(-inverse_squares)
     inverse_squares, inner = inverse_squares[order], inner[:, order]

@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.linalg import FloatArray, IntArray, diagonal_scale, groups
+from flexcam.linalg import FloatArray, IntArray, by_group, diagonal_scale, groups
 from flexcam.system.drive import CamMotion
 from flexcam.system.equations import System
 from flexcam.system.local import Constant, LocalForce, Reaction
@@ -115,7 +115,8 @@ def reach(
     free = np.zeros(n) if system.free is None else np.abs(system.free).sum(axis=1)
     still = tuple(
         Still(group, bool(loads[group].any()), bool(free[group].any()))
-        for group in (np.flatnonzero(labels == label) for label in np.unique(labels[~moving]).tolist())
+        for group in by_group(labels)
+        if not moving[group[0]]
     )
     return Reach(moving, still, np.where(moving, 0.0, d))
 

@@ -108,9 +108,19 @@ def _part(value: Observable, whole: float) -> Observable:
 
 
 def _linear_compression(structure: Structure, elements: IntArray) -> Observable:
-    rows = np.array([local[6] - local[0] for local in (_ends(structure, e) for e in elements.tolist())])
-    stiffness = structure.beams.EA[elements] / structure.beams.length[elements]
-    return lambda seen: -(seen.displacement @ rows.T * stiffness).min(axis=1)
+    """Return the largest compression of some elements, from the motion of their ends along them."""
+    beams = structure.beams.part(elements)
+    numbers, along = structure.dofs.numbers[beams.nodes, :3], beams.triads[:, 0]
+    pulled = (beams.EA / beams.length)[:, None, None] * np.where(numbers >= 0, np.stack([-along, along], axis=1), 0.0)
+    ends = [(numbers[:, i, j], pulled[:, i, j]) for i, j in np.argwhere(pulled.any(axis=0)).tolist()]
+
+    def largest(seen: Observed) -> FloatArray:
+        tension = np.zeros((len(seen.displacement), len(beams)))
+        for at, force in ends:
+            tension += seen.displacement[:, at] * force
+        return -tension.min(axis=1)
+
+    return largest
 
 
 def _compression(law: Bowing, part: slice) -> Observable:

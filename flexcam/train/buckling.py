@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from flexcam import fem
-from flexcam.fem import beam
 from flexcam.linalg import null_space, pins
 from flexcam.train.structure import Structure
 
@@ -34,16 +33,9 @@ def buckling_load(structure: Structure, member: str) -> float:
     --------
     A pushrod guided at both ends bears ``pi^2 E I/L^2``.
     """
-    part = structure.model.mesh.element_ranges()[member]
-    alone = fem.beams(structure.model.mesh, structure.model.members)
-    push = np.zeros(len(alone))
-    push[part] = -1.0
-    stiffness, geometric = beam.stiffness(alone), beam.geometric(alone, push)
-    own = np.zeros(len(alone), dtype=bool)
-    own[part] = True
-    stiffness[~own] = 0.0
-    K, G = (fem.assemble(alone, matrix, structure.dofs) for matrix in (stiffness, geometric))
-    numbers = structure.dofs.numbers[np.unique(alone.nodes[part])]
+    alone = structure.beams.part(structure.model.mesh.element_ranges()[member])
+    K, G = fem.stiffness(alone, structure.dofs), fem.geometric(alone, np.full(len(alone), -1.0), structure.dofs)
+    numbers = structure.dofs.numbers[np.unique(alone.nodes)]
     used = np.unique(numbers[numbers >= 0])
     K, G = K.part(used), G.part(used)
     free = null_space(K)

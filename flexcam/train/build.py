@@ -11,7 +11,7 @@ from flexcam import modal
 from flexcam.checks import refuse
 from flexcam.fem import COMPONENTS
 from flexcam.fem.damping import modal_damping, rayleigh_damping
-from flexcam.linalg import DENSE_LIMIT, IntArray, Triplets, groups
+from flexcam.linalg import DENSE_LIMIT, IntArray, Triplets, by_group, groups
 from flexcam.system import Channel, Observable, Probe, Selection, System
 from flexcam.train.adjuster import couple_adjuster
 from flexcam.train.bowing import bowings
@@ -89,15 +89,14 @@ def _damping(structure: Structure) -> Triplets:
         why = "every mode of the model takes part, and the matrix is full"
         given, remedy = f"modal damping of {structure.dofs.size} unknowns", "use damping = { alpha = ..., beta = ... }"
         raise refuse("run.damping.modal", given, f"up to {_MODAL_LIMIT} unknowns", why, remedy)
-    return sum((_modal_damping(structure, one, given.modal) for one in _uncoupled(structure)), start=matrix)
+    return Triplets.joined([matrix, *(_modal_damping(structure, one, given.modal) for one in _uncoupled(structure))])
 
 
 def _uncoupled(structure: Structure) -> list[IntArray]:
     """Return the unknowns of every part of a structure that neither mass nor stiffness couples with the others."""
     both = structure.mass + structure.stiffness
     coupled = both.values != 0.0
-    labels = groups(both.size, both.rows[coupled], both.cols[coupled])
-    return [np.flatnonzero(labels == label) for label in np.unique(labels).tolist()]
+    return by_group(groups(both.size, both.rows[coupled], both.cols[coupled]))
 
 
 def _modal_damping(structure: Structure, part: IntArray, ratio: float) -> Triplets:

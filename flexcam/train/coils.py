@@ -45,6 +45,8 @@ def coils(structure: Structure) -> Coupling:
     channels: list[Channel] = []
     count = 0
     for name, spring in structure.model.springs.items():
+        if not _told(spring) and spring.pulsation is None and spring.clash_travel is None:
+            continue
         rows = np.array([high - low for low, high in spring_parts(structure, name, spring)])
         channels += _channels(f"springs.{name}", spring, rows)
         if spring.pulsation is not None:
@@ -103,8 +105,13 @@ class Pulsating(Stateless):
         return Stored(0.5 * (stiffness * gap**2).sum(axis=1), stiffness * gap, np.zeros_like(state))
 
 
+def _told(spring: Spring) -> bool:
+    """Tell whether a spring is one whose force is of interest, not a bearing or a stand-in for a stiff part."""
+    return spring.installed_force is not None or spring.elements > 1 or spring.wire is not None
+
+
 def _channels(where: str, spring: Spring, rows: FloatArray) -> list[Channel]:
-    if spring.installed_force is None and spring.elements == 1 and spring.wire is None:
+    if not _told(spring):
         return []
     pushed = _pushed(spring, rows)
     found = [Channel(f"{where}.force", "N", lambda seen: pushed(seen)[:, -1])]

@@ -34,8 +34,10 @@ def constant_loads(structure: Structure) -> list[Load]:
             vector = gathered(structure.beams, _spread(structure, name), structure.dofs)
         loads.append(Load(f"loads.{name}", vector, steady(1.0), steady=True))
     for name, spring in model.springs.items():
+        if not spring.installed_force:
+            continue
         row = spring_row(structure, name, spring)
-        if spring.installed_force and not _of_a_published_load(structure, row):
+        if not _of_a_published_load(structure, row):
             loads.append(Load(f"springs.{name}", -row, steady(spring.installed_force), installed=True, steady=True))
     if any(model.gravity):
         loads.append(Load("gravity", _weight(structure), steady(1.0), installed=True, steady=True))

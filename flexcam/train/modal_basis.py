@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from flexcam import modal
 from flexcam.integrate import Problem, reached
-from flexcam.linalg import FloatArray, IntArray, groups, null_space, pins
+from flexcam.linalg import FloatArray, IntArray, by_group, groups, null_space, pins
 from flexcam.system import Selection, Shapes, System, projected
 
 
@@ -60,7 +60,7 @@ def _parts(system: System, places: FloatArray) -> tuple[IntArray, list[IntArray]
         held = np.flatnonzero(~kept)
     joined = system.stiffness.part(held) + system.mass.part(held)
     labels = groups(len(held), joined.rows, joined.cols)
-    return np.flatnonzero(kept), [held[labels == label] for label in np.unique(labels)]
+    return np.flatnonzero(kept), [held[group] for group in by_group(labels)]
 
 
 def _places(system: System) -> FloatArray:

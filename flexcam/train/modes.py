@@ -81,7 +81,7 @@ def model_modes(
     found = modal.modes(structure.mass, stiffness, count, free=free)
     motions = np.array([structure.dofs.rigid_motion(structure.model.mesh, unit) for unit in np.eye(6)])
     effective = modal.effective_masses(found, structure.mass, motions)
-    return ModelModes(found, effective, tuple(_shares(structure, shape) for shape in found.shapes.T))
+    return ModelModes(found, effective, _shares(structure, found.shapes.T))
 
 
 def _unstressed(free: FloatArray, geometric: Triplets, stiffness: Triplets) -> FloatArray:
@@ -93,10 +93,15 @@ def _unstressed(free: FloatArray, geometric: Triplets, stiffness: Triplets) -> F
     return free @ vectors[:, np.abs(values) <= 1e-12 * size]
 
 
-def _shares(structure: Structure, shape: FloatArray) -> dict[str, float]:
+def _shares(structure: Structure, shapes: FloatArray) -> tuple[dict[str, float], ...]:
+    mass = beam.mass(structure.beams)
+    return tuple(_shares_of(structure, shape, mass) for shape in shapes)
+
+
+def _shares_of(structure: Structure, shape: FloatArray, mass: FloatArray) -> dict[str, float]:
     """Return the kinetic energy of every part, as shares of the whole (mass-orthonormal shapes have 1/2)."""
     nodal = structure.dofs.nodal(shape)
-    shares = _member_shares(structure, nodal)
+    shares = _member_shares(structure, nodal, mass)
     for name, part in structure.model.masses.items():
         rocker = structure.model.rocker_at(part.at)
         if rocker is not None:
@@ -116,11 +121,10 @@ def _shares(structure: Structure, shape: FloatArray) -> dict[str, float]:
     return shares
 
 
-def _member_shares(structure: Structure, nodal: FloatArray) -> dict[str, float]:
+def _member_shares(structure: Structure, nodal: FloatArray, mass: FloatArray) -> dict[str, float]:
     beams = structure.beams
     ends = nodal[beams.nodes].reshape(-1, 4, 3)
     local = np.einsum("eij,ekj->eki", beams.triads, ends).reshape(-1, 2 * len(COMPONENTS))
-    mass = beam.mass(beams)
     shares: dict[str, float] = {}
     for kind, places in _KINDS.items():
         part = local[:, places]

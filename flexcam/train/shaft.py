@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from flexcam.fem.elements import beam
@@ -30,7 +28,7 @@ def shafts(structure: Structure) -> Coupling:
         ``cams.NAME.twist`` (about the sense of rotation) and ``cams.NAME.deflection`` (along the lift) of every cam
         that drives something; ``supports.NAME.torque`` wherever the shaft's rotation is held: what its drive must give.
     """
-    model, parts = structure.model, _parts(structure)
+    model = structure.model
     channels: list[Channel] = []
     driven: dict[int, FloatArray] = {}
     for contact in model.driven.values():
@@ -48,55 +46,43 @@ def shafts(structure: Structure) -> Coupling:
             axis = int(np.argmax(np.abs(along)))
             if abs(float(along[axis])) > _ALONG and ("rx", "ry", "rz")[axis] in held:
                 name = point if len(model.mesh.select(point)) == 1 else model.mesh.node_name(node)
-                channels.append(Channel(f"supports.{name}.torque", "N m", _torque(structure, parts, node, along)))
-    return Coupling(_inertias(structure, parts), (), tuple(channels))
+                channels.append(Channel(f"supports.{name}.torque", "N m", _torque(structure, node, along)))
+    return Coupling(_inertias(structure), (), tuple(channels))
 
 
-@dataclass(frozen=True, eq=False)
-class _Parts:
-    """Stiffness and mass of every element, shape (e, 12, 12), and node and mass (6, 6) of every body; global axes."""
-
-    stiffness: FloatArray
-    mass: FloatArray
-    bodies: tuple[tuple[int, FloatArray], ...]
-
-
-def _parts(structure: Structure) -> _Parts:
-    beams, mesh = structure.beams, structure.model.mesh
+def _bodies(structure: Structure) -> list[tuple[int, FloatArray]]:
+    """Return node and mass matrix (6, 6), global axes, of every body at a node."""
     on_nodes = [part for part in structure.model.masses.values() if structure.is_node(part.at)]
-    return _Parts(
-        beam.to_global(beams, beam.stiffness(beams)),
-        beam.to_global(beams, beam.mass(beams)),
-        tuple((mesh.node(part.at), part.body.matrix()) for part in on_nodes),
-    )
+    return [(structure.model.mesh.node(part.at), part.body.matrix()) for part in on_nodes]
 
 
-def _inertias(structure: Structure, parts: _Parts) -> tuple[Load, ...]:
+def _inertias(structure: Structure) -> tuple[Load, ...]:
     mesh = structure.model.mesh
     shafts: dict[int, Load] = {}
     for contact in structure.model.driven.values():
         nodes = mesh.connected(mesh.node(structure.model.cams[contact.cam].at))
         if int(nodes[0]) not in shafts:
-            shafts[int(nodes[0])] = _inertia(structure, parts, nodes, contact.shaft_axis)
+            shafts[int(nodes[0])] = _inertia(structure, nodes, contact.shaft_axis)
     return tuple(shafts.values())
 
 
-def _torque(structure: Structure, parts: _Parts, node: int, axis: FloatArray) -> Observable:
+def _torque(structure: Structure, node: int, axis: FloatArray) -> Observable:
     """Return the torque that holds a node's rotation, from the elements that end there and the bodies on it.
 
     Modal damping, which couples everything, is left out.
     """
-    beams, dofs, damping = structure.beams, structure.dofs, structure.model.damping
+    dofs, damping = structure.dofs, structure.model.damping
     turning = _turning(axis)
-    elements, ends = np.nonzero(beams.nodes == node)
+    elements, ends = np.nonzero(structure.beams.nodes == node)
+    beams = structure.beams.part(elements)
     turned = np.zeros((len(elements), 2, 6))
     turned[np.arange(len(elements)), ends] = turning
     picked = turned.reshape(-1, 1, 12)
-    numbers, heavy = dofs.numbers[beams.nodes[elements]], picked @ parts.mass[elements]
-    on_d = _assembled(dofs.size, numbers, picked @ parts.stiffness[elements])
+    numbers, heavy = dofs.numbers[beams.nodes], picked @ beam.to_global(beams, beam.mass(beams))
+    on_d = _assembled(dofs.size, numbers, picked @ beam.to_global(beams, beam.stiffness(beams)))
     on_a = _assembled(dofs.size, numbers, heavy)
     inertia = float(np.sum(heavy @ np.tile(turning, 2)))
-    inertia += sum(float(turning @ matrix @ turning) for at, matrix in parts.bodies if at == node)
+    inertia += sum(float(turning @ matrix @ turning) for at, matrix in _bodies(structure) if at == node)
     on_v = damping.alpha * on_a + damping.beta * on_d
 
     def held(seen: Observed) -> FloatArray:
@@ -106,13 +92,13 @@ def _torque(structure: Structure, parts: _Parts, node: int, axis: FloatArray) ->
     return held
 
 
-def _inertia(structure: Structure, parts: _Parts, nodes: IntArray, axis: FloatArray) -> Load:
+def _inertia(structure: Structure, nodes: IntArray, axis: FloatArray) -> Load:
     """Return the load of a shaft's rotary inertia while its speed changes: unknowns turn with the shaft."""
-    beams, dofs = structure.beams, structure.dofs
-    turning = _turning(axis)
-    elements = np.isin(beams.nodes[:, 0], nodes)
-    vector = _assembled(dofs.size, dofs.numbers[beams.nodes[elements]], parts.mass[elements] @ np.tile(turning, 2))
-    for at, matrix in parts.bodies:
+    dofs, turning = structure.dofs, _turning(axis)
+    beams = structure.beams.part(np.flatnonzero(np.isin(structure.beams.nodes[:, 0], nodes)))
+    pulled = beam.to_global(beams, beam.mass(beams)) @ np.tile(turning, 2)
+    vector = _assembled(dofs.size, dofs.numbers[beams.nodes], pulled)
+    for at, matrix in _bodies(structure):
         if at in nodes:
             vector = vector + _assembled(dofs.size, dofs.numbers[at], matrix @ turning)
     return Load(f"shaft of {structure.model.mesh.node_name(int(nodes[0]))}", -vector, lambda motion: motion.rate)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -261,27 +262,37 @@ def build_structure(model: Model) -> Structure:
     dofs = dofs.extended([*model.further_unknowns, *inner])
     nothing = Triplets.zeros(dofs.size)
     bare = Structure(model, beams, dofs, nothing, nothing, nothing, np.zeros((dofs.size, 0)))
-    mass, stiffness, dampers = fem.mass(beams, dofs), fem.stiffness(beams, dofs), nothing
-    for name, part in model.masses.items():
-        mass = mass + _mass(bare, name, part)
-    for rocker in model.rockers.values():
-        mass = mass + along(bare.path(rocker), rocker.inertia / rocker.arms[0] ** 2)
-    stretched: list[FloatArray] = []
-    for lever in model.levers.values():
+    mass, stiffness, dampers = [fem.mass(beams, dofs), *_masses(bare)], [fem.stiffness(beams, dofs)], [nothing]
+    for stretch, spring, damper in _stretches(bare):
+        stiffness.append(along(stretch, spring))
+        dampers.append(along(stretch, damper))
+    mass, stiffness, dampers = (Triplets.joined(parts) for parts in (mass, stiffness, dampers))
+    free = fem.free_motions(model.mesh, dofs, (stretch for stretch, spring, _ in _stretches(bare) if spring > 0.0))
+    return Structure(model, beams, dofs, mass, stiffness, dampers, free)
+
+
+def _masses(bare: Structure) -> Iterator[Triplets]:
+    """Yield the masses of bodies, rockers and springs."""
+    for name, part in bare.model.masses.items():
+        yield _mass(bare, name, part)
+    for rocker in bare.model.rockers.values():
+        yield along(bare.path(rocker), rocker.inertia / rocker.arms[0] ** 2)
+    for name, spring in bare.model.springs.items():
+        if spring.mass > 0.0:
+            for low, high in spring_parts(bare, name, spring):
+                yield _bar_mass(low, high, spring.mass / spring.elements)
+
+
+def _stretches(bare: Structure) -> Iterator[tuple[FloatArray, float, float]]:
+    """Yield the row, the stiffness and the damping of everything that stretches: ends of levers, parts of springs."""
+    for lever in bare.model.levers.values():
         for end, (path, moved) in lever_ends(bare, lever).items():
             bent = float(lever.reach(np.zeros(1), end)[1][0]) * path - moved
-            stiffness = stiffness + along(bent, lever.stiffness[end])
-            dampers = dampers + along(bent, lever.damping[end])
-            stretched.append(bent)
-    for name, spring in model.springs.items():
-        parts = spring_parts(bare, name, spring)
-        for low, high in parts:
-            stretch, share = high - low, float(spring.elements)
-            stiffness = stiffness + along(stretch, share * spring.stiffness)
-            dampers = dampers + along(stretch, share * spring.damping)
-            mass = mass + _bar_mass(low, high, spring.mass / share)
-            stretched += [stretch] if spring.stiffness > 0.0 else []
-    return Structure(model, beams, dofs, mass, stiffness, dampers, fem.free_motions(model.mesh, dofs, stretched))
+            yield bent, lever.stiffness[end], lever.damping[end]
+    for name, spring in bare.model.springs.items():
+        share = float(spring.elements)
+        for low, high in spring_parts(bare, name, spring):
+            yield high - low, share * spring.stiffness, share * spring.damping
 
 
 def _single(model: Model) -> list[tuple[int, FloatArray]]:

@@ -70,6 +70,10 @@ class Beams:
     def __len__(self) -> int:
         return len(self.length)
 
+    def part(self, index: slice | IntArray) -> Beams:
+        """Return some of the elements."""
+        return Beams(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+
 
 def _place(bar: FloatArray, twist: FloatArray, xy: FloatArray, xz: FloatArray) -> FloatArray:
     full = np.zeros((len(xy), 12, 12))
@@ -168,10 +172,14 @@ def to_global(beams: Beams, local: FloatArray) -> FloatArray:
     ndarray
         Shape (e, 12, 12), global axes.
     """
-    R = beams.triads[:, None, None]
-    blocks = local.reshape(-1, 4, 3, 4, 3).swapaxes(2, 3)
-    turned = np.swapaxes(R, -1, -2) @ blocks @ R
-    return turned.swapaxes(2, 3).reshape(-1, 12, 12)
+    rows_turned = _rows_turned(beams, local)
+    return _rows_turned(beams, rows_turned.swapaxes(1, 2)).swapaxes(1, 2)
+
+
+def _rows_turned(beams: Beams, matrices: FloatArray) -> FloatArray:
+    """Return ``T^T m``: rows by three are the components of a vector at each end."""
+    back = np.swapaxes(beams.triads, -1, -2)[:, None]
+    return (back @ matrices.reshape(-1, 4, 3, 12)).reshape(-1, 12, 12)
 
 
 def axial_force(beams: Beams, nodal: FloatArray) -> FloatArray:
