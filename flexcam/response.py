@@ -217,6 +217,8 @@ class SaveAt:
         All unknowns at every so many steps, the first and the last step included.
     fields_per_block
         Saved fields handed out together; None for as many as make a block worth its trouble.
+    channels
+        Whether channels and energies are computed; without them a run cannot go on where laws have internal states.
 
     Examples
     --------
@@ -226,6 +228,7 @@ class SaveAt:
 
     field_every: int = 20
     fields_per_block: int | None = None
+    channels: bool = True
 
     @property
     def block(self) -> int:

@@ -79,7 +79,7 @@ class Prepared:
         return revolution_of(self.case, self.problem.drive)
 
 
-def prepare(case: Case, *, rigid: bool = False) -> Prepared:
+def prepare(case: Case, *, rigid: bool = False, model: Model | None = None) -> Prepared:
     """Build what a case describes, up to the point where time begins.
 
     Parameters
@@ -88,6 +88,8 @@ def prepare(case: Case, *, rigid: bool = False) -> Prepared:
         A checked case.
     rigid
         The same mechanism with rigid members.
+    model
+        That of the case, where it is built already, such as for another speed.
 
     Returns
     -------
@@ -105,7 +107,7 @@ def prepare(case: Case, *, rigid: bool = False) -> Prepared:
     --------
     ``prepare(case).problem.system`` is the `System` of a case, for one's own studies.
     """
-    model, kind = build_model(case), "rigid" if rigid else case.record.fidelity.model
+    model, kind = model or build_model(case), "rigid" if rigid else case.record.fidelity.model
     model = straight(model) if kind in _CHAINS else model
     make = build_rigid if kind == "rigid" else build_system
     try:
@@ -159,7 +161,8 @@ def _problem(case: Case, model: Model, system: System) -> Problem:
         given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
         raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
     adaptive = run.adaptive.made() if run.adaptive else None
-    return Problem(system, drive, step, steps, adaptive=adaptive, prune=case.record.fidelity.prune)
+    prune = case.record.fidelity.prune
+    return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, path=run.path)
 
 
 def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Response:

@@ -118,10 +118,15 @@ def unknowns(response: Response) -> str:
     Returns
     -------
     str
-        Such as ``47 unknowns, 24 integrated``.
+        Such as ``47 unknowns, 24 integrated, in their natural motions``.
     """
     every, integrated = len(response.outline.unknowns), response.stats.unknowns
-    return f"{every} unknowns" + (f", {integrated} integrated" if integrated != every else "")
+    count = f"{every} unknowns" + (f", {integrated} integrated" if integrated != every else "")
+    return count + _PATHS.get(response.stats.path, "")
+
+
+_PATHS = {"modal": ", in their natural motions", "compiled": ", in machine code"}
+"""Ways through time, in words."""
 
 
 def info_table(result: Result) -> Table:

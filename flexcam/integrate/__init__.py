@@ -11,7 +11,7 @@ from flexcam.integrate.floquet import Floquet, floquet
 from flexcam.integrate.method import Method
 from flexcam.integrate.outside import Outside, dop853, radau
 from flexcam.integrate.periodic import periodic
-from flexcam.integrate.problem import Adaptive, Problem, State
+from flexcam.integrate.problem import Adaptive, Path, Problem, State
 from flexcam.integrate.scheme import Scheme, generalized_alpha, hht, newmark
 from flexcam.integrate.solve import outline, solve
 from flexcam.integrate.statics import carried_equilibrium, equilibrium, rest, static_displacement
@@ -27,6 +27,7 @@ __all__ = [
     "Floquet",
     "Method",
     "Outside",
+    "Path",
     "Problem",
     "SaveAt",
     "Scheme",

@@ -63,9 +63,11 @@ def in_range(track: Track, before: FloatArray | None, system: System, angle: Flo
     tuple
         The steps in range, and the status.
     """
+    if all(float(np.abs(one).max(initial=0.0)) < LARGEST for one in (track.d, track.v, track.a, track.local)):
+        return track, Status()
     every = everything(track)
     good = (np.abs(every[track.ends]) < LARGEST).all(axis=1)  # False for NaN as well
-    if good.all():
+    if good.all():  # what left the range did so between the ends
         return track, Status()
     count = int(np.argmin(good))
     at = int(track.ends[count])

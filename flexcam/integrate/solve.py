@@ -36,13 +36,15 @@ from flexcam.response import (
 from flexcam.system import CamMotion, Observed, Probe, System
 
 
-def outline(system: System) -> Outline:
+def outline(system: System, *, channels: bool = True) -> Outline:
     """Return the names of what a run of a system saves.
 
     Parameters
     ----------
     system
         The system.
+    channels
+        Whether channels are computed.
 
     Returns
     -------
@@ -50,11 +52,13 @@ def outline(system: System) -> Outline:
         Unknowns, probes and channels in the order of a block's columns.
     """
     probes = tuple((p.name, p.components) for p in system.probes)
+    names = system.carried.names if system.carried else system.names
+    if not channels:
+        return Outline(names, probes, ())
     energies = tuple((f"energy.{part}", "J") for part in PARTS)
     states = [
         (f"{STATE}{force.name}.{i}", "1") for force in system.local_forces for i in range(len(force.law.start_state))
     ]
-    names = system.carried.names if system.carried else system.names
     return Outline(names, probes, (*((c.name, c.unit) for c in system.channels), *energies, *states))
 
 
@@ -105,11 +109,11 @@ def solve(
     >>> bool(abs(response["x"].displacement.max() - 2.0) < 1e-4)
     True
     """
-    memory = Memory(outline(problem.system))
+    keep = save or SaveAt()
+    memory = Memory(outline(problem.system, channels=keep.channels))
     takers = (memory, *sinks)
     started = time.perf_counter()
     returns = problem.start.periodicity if problem.start else None
-    keep = save or SaveAt()
     way = way_of(problem, scheme, keep)
     inside = way.problem
     stats = Stats(path=way.path, unknowns=inside.system.size, periodicity=-1.0 if returns is None else returns)
@@ -177,21 +181,25 @@ class _Run:
                 return
 
     def _block(self, steps: IntArray, track: Track) -> Block:
-        motion = self._problem.drive.at(track.time)
+        ends = track.ends
+        motion, time = self._problem.drive.at(track.time), track.time[ends]
+        at_ends = CamMotion(motion.angle[ends], motion.speed[ends], motion.rate[ends])
+        series = Series(track.d[ends], track.v[ends], track.a[ends])
+        saved = (steps % self._save.field_every == 0) | (steps == self._problem.steps)
+        return Block(
+            time=time, angle=at_ends.angle, probes=_probe_series(self._system.probes, series, at_ends),
+            channels=self._channels(track, motion) if self._save.channels else np.zeros((len(ends), 0)),
+            field_time=time[saved], field_angle=at_ends.angle[saved],
+            fields=(Series(*self._system.carried.at(at_ends)) if self._system.carried else series).at(saved),
+        )  # fmt: skip
+
+    def _channels(self, track: Track, motion: CamMotion) -> FloatArray:
+        """Return channels, energies and internal states at the ends of steps."""
         schedule = self._forces.schedule(motion)
         seen, carried = self._observed(track, motion, schedule)
         energies = self._account.block(track, seen, carried, schedule)[track.ends]
         seen = seen.at(track.ends)
-        series = Series(seen.displacement, seen.velocity, seen.acceleration)
-        saved = (steps % self._save.field_every == 0) | (steps == self._problem.steps)
-        time, angle = track.time[track.ends], seen.motion.angle
-        channels = [channel.value(seen) for channel in self._system.channels]
-        return Block(
-            time=time, angle=angle, probes=_probe_series(self._system.probes, series, seen.motion),
-            channels=np.column_stack([*channels, energies, seen.states]),
-            field_time=time[saved], field_angle=angle[saved],
-            fields=(Series(*self._system.carried.at(seen.motion)) if self._system.carried else series).at(saved),
-        )  # fmt: skip
+        return np.column_stack([*(channel.value(seen) for channel in self._system.channels), energies, seen.states])
 
     def _observed(self, track: Track, motion: CamMotion, schedule: Schedule) -> tuple[Observed, FloatArray]:
         """Return what is observed, and the part of the sensed rates that the cam alone causes."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -100,6 +101,32 @@ def natural_motions(system: System) -> Natural | None:
     Natural
         All of them; None where they cannot be told apart from each other to working precision.
     """
+    return _motions(_Pair(system.mass, system.stiffness))
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """Mass and stiffness as a key: equal where all entries are, so that runs of one mechanism share its motions."""
+
+    mass: Triplets
+    stiffness: Triplets
+
+    @cached_property
+    def _content(self) -> tuple[bytes, ...]:
+        entries = [(one.rows, one.cols, one.values) for one in (self.mass, self.stiffness)]
+        return tuple(part.tobytes() for each in entries for part in each)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Pair) and self.mass.size == other.mass.size and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash(self._content)
+
+
+@lru_cache(maxsize=8)
+def _motions(pair: _Pair) -> Natural | None:
+    n = pair.mass.size
+    system = System(pair.mass, Triplets.zeros(n), pair.stiffness, ("",) * n)
     light = Massless(system)
     kept = light.spread(np.eye(system.size)[:, light.kept][light.kept])
     M, K = (kept.T @ matrix.times_all(kept) for matrix in (system.mass, system.stiffness))

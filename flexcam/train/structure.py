@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -238,6 +239,7 @@ def find_node(model: Model, point: str, where: str) -> int:
     return model.mesh.node(point, where)
 
 
+@lru_cache(maxsize=4)
 def build_structure(model: Model) -> Structure:
     """Assemble the passive part of a model.
 

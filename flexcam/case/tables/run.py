@@ -191,6 +191,9 @@ class RunRecord(Record):
         None, ge=1, le=100_000_000, strict=True, description="3600 where no step is given"
     )
     step: q.Time | None = Field(None, description="instead of steps_per_revolution")
+    path: integrate.Path = Field(
+        "auto", description="way through time: auto takes the fastest; modal and compiled give what general gives"
+    )
     adaptive: AdaptiveRecord | None = Field(None, description="dividing the steps by their error; fixed by default")
     fluctuation: FluctuationRecord | None = Field(None, description="swing of the speed about its mean")
     free_running: FreeRunningRecord | None = Field(None, description="speed as the cam's own inertia has it")

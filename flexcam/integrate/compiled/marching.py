@@ -54,32 +54,32 @@ class Marching:
             return Track.none(self._system.size, self._forces), STOPPED
         at = self._problem.times(steps)
         loads, schedule = self._prescribed(at)
-        instants = [Instant(float(t), load, schedule, i) for i, (t, load) in enumerate(zip(at, loads, strict=True))]
         before = None if self._last is None else everything(Track.of([[self._last]]))[0]
-        track, status = self._marched(instants, loads, self._march.packed.cam(schedule))
+        track, status = self._marched(at, loads, schedule)
         if not len(track.ends):
             return track, status
         kept, left = in_range(track, before, self._system, schedule.angle)
         return kept, status if left.ok else left
 
-    def _marched(self, instants: list[Instant], loads: FloatArray, cam: FloatArray) -> tuple[Track, Status]:
+    def _marched(self, at: FloatArray, loads: FloatArray, schedule: Schedule) -> tuple[Track, Status]:
         """March from event to event, and walk the step that holds one."""
-        found = np.empty((len(instants), self._march.columns))
+        found, cam = np.empty((len(at), self._march.columns)), self._march.packed.cam(schedule)
         walked: dict[int, list[Moment]] = {}
         row, status = 0, Status()
         if self._last is None:
-            self._last, row = self._starter.first(self._problem.start or State.rest(self._system.size), instants[0]), 1
+            to = Instant(float(at[0]), loads[0], schedule, 0)
+            self._last, row = self._starter.first(self._problem.start or State.rest(self._system.size), to), 1
             walked[0] = [self._last]
-        while row < len(instants):
+        while row < len(at):
             moving = Moving.of(self._last)
-            rows, sides = (row, len(instants)), self._sides(self._last)
+            rows, sides = (row, len(at)), self._sides(self._last)
             ended, reached, iterations = self._march.call(self._whole, moving, rows, loads, cam, found, sides)
             self._iterations += iterations
             if reached > row:
-                self._last, row = moving.moment(instants[reached - 1].time), reached
+                self._last, row = moving.moment(float(at[reached - 1])), reached
             if ended == DONE:
                 break
-            to = instants[row]
+            to = Instant(float(at[row]), loads[row], schedule, row)
             self._window = Window(self._last.time, to.time, self._prescribed)
             try:
                 walked[row] = self._walker.walk(self._last, to)
@@ -88,19 +88,26 @@ class Marching:
                 break
             self._iterations += sum(moment.iterations for moment in walked[row])
             self._last, row = walked[row][-1], row + 1
-        return self._track(np.array([to.time for to in instants[:row]]), found, walked), status
+        return self._track(at[:row], found, walked), status
 
     def _track(self, time: FloatArray, found: FloatArray, walked: dict[int, list[Moment]]) -> Track:
         """Return the rows of a march with those that were walked in their places."""
         n, c = self._system.size, self._forces.count
         tracks: list[Track] = []
         begin = 0
+        for row, moments in walked.items():
+            if len(moments) == 1 and moments[0].impulse is None:
+                one = moments[0]
+                found[row] = np.concatenate([one.d, one.v, one.a, one.local, one.inner.state])
+                del moments[:]
         for row, moments in [*walked.items(), (len(time), [])]:
+            if not moments and row < len(time):
+                continue
             d, v, a, force, inner = np.split(found[begin:row], [n, 2 * n, 3 * n, 3 * n + c], axis=1)
             tracks.append(Track(time[begin:row], d, v, a, force, inner, np.zeros_like(force), np.arange(row - begin)))
             tracks += [Track.of([moments])] if moments else []
             begin = row + 1
-        return Track.joined(tracks)
+        return Track.joined(tracks) if len(tracks) > 1 else tracks[0]
 
     def counted(self, stats: Stats) -> Stats:
         """Return figures of the run with those counted here."""
