@@ -206,6 +206,17 @@ class Block:
     field_angle: FloatArray
     fields: Series
 
+    @classmethod
+    def joined(cls, parts: Sequence[Block]) -> Block:
+        """Return successive blocks as one."""
+        if len(parts) == 1:
+            return parts[0]
+        rows = {name: np.concatenate([getattr(p, name) for p in parts])
+                for name in ("time", "angle", "channels", "field_time", "field_angle")}  # fmt: skip
+        return cls(
+            **rows, probes=Series.joined([p.probes for p in parts]), fields=Series.joined([p.fields for p in parts])
+        )
+
 
 @dataclass(frozen=True)
 class SaveAt:

@@ -172,7 +172,17 @@ class _Run:
         """
         size, end = self._save.block, self._problem.steps + 1
         for first in range(0, end, size):
-            steps = np.arange(first, min(first + size, end))
+            parts = list(self._parts(first, min(first + size, end)))
+            if parts:
+                yield Block.joined(parts)
+            if not self.status.ok:
+                return
+
+    def _parts(self, first: int, end: int) -> Iterator[Block]:
+        """Yield the parts of a block, of which only what is saved stays: a large system has few steps in memory."""
+        size = max(_AT_ONCE // max(self._system.size, 1), 1)
+        for begin in range(first, end, size):
+            steps = np.arange(begin, min(begin + size, end))
             with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
                 track, self.status = self._engine.advance(steps)
             if len(track.ends):
@@ -234,6 +244,9 @@ def _pilot(problem: Problem, method: Method) -> Series:
     first = replace(problem, steps=min(steps, problem.steps), adaptive=None)
     return solve(first, method, save=SaveAt(field_every=max(first.steps // _LOOKS, 1))).fields
 
+
+_AT_ONCE = 1_000_000
+"""Unknowns times steps whose motion is in memory together: its dozen arrays are then reused, not fetched anew."""
 
 _LOOKS = 200
 """Fields of the pilot run that are looked at."""
