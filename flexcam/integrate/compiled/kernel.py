@@ -27,7 +27,18 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def compiled(function: F) -> F:
-    """Return a function in machine code; sums may be taken in any order, what is not a number stays so."""
+    """Return a function in machine code; sums may be taken in any order, what is not a number stays so.
+
+    Parameters
+    ----------
+    function
+        Of numbers and arrays.
+
+    Returns
+    -------
+    Callable
+        Compiled at its first call, or fetched if it is kept.
+    """
     fast = {"reassoc", "contract", "nsz"}
     return cast("F", njit(cache=folder() is not None, nogil=True, error_model="numpy", fastmath=fast)(function))
 
