@@ -69,7 +69,9 @@ def _refined(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatAr
 
 
 def _products(X: LongArray, M: LongArray, K: LongArray) -> tuple[LongArray, LongArray]:
-    return X.T @ (M @ X), X.T @ (K @ X)
+    """Return what both matrices are between vectors, symmetric to the last bit: no rounding then spoils a right angle."""
+    heavy, stiff = X.T @ (M @ X), X.T @ (K @ X)
+    return 0.5 * (heavy + heavy.T), 0.5 * (stiff + stiff.T)
 
 
 def _near(heavy: LongArray, stiff: LongArray) -> IntArray:
