@@ -72,11 +72,17 @@ class Massless:
         motion[self.kept] = kept
         return self.place(motion, np.zeros(motion.shape))
 
+    def passed_on(self, push: FloatArray) -> FloatArray:
+        """Return a push, shape (n, ...), with what the massless motions pass on by their springs, and none on them."""
+        return push - self._K @ self.place(np.zeros(push.shape), push)
+
     def inverse(self, matrix: Triplets) -> Factor:
-        """Return what solves with a matrix that leaves the massless motions alone; the answer has none of them."""
-        if not self.any:
-            return factorize(matrix)
-        return _Within(factorize(matrix.part(self.kept)), self.kept)
+        """Return what solves with a matrix that leaves the massless motions alone.
+
+        They follow their springs in the answer, and what pushes on them pushes by the same springs on the others: the
+        answer does not depend on which unknowns are kept.
+        """
+        return _Following(factorize(matrix.part(self.kept)), self) if self.any else factorize(matrix)
 
     def touched(self, vectors: FloatArray) -> FloatArray:
         """Return by how much a unit of each vector, shape (m, n), pushes on them, shape (m,)."""
@@ -112,16 +118,14 @@ class Massless:
 
 
 @dataclass(frozen=True, eq=False)
-class _Within:
-    """Solves with the kept part of a matrix."""
+class _Following:
+    """Solves with the kept part of a matrix; the massless motions follow."""
 
     factor: Factor
-    kept: IntArray
+    light: Massless
 
     def solve(self, right: FloatArray) -> FloatArray:
-        x = np.zeros(right.shape)
-        x[self.kept] = self.factor.solve(right[self.kept])
-        return x
+        return self.light.spread(self.factor.solve(self.light.passed_on(right)[self.light.kept]))
 
 
 def massless(system: System) -> FloatArray:

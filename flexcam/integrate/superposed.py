@@ -120,8 +120,9 @@ class Superposed:
         motion = self._problem.drive.at(at)
         loads = self._system.load_histories(motion) @ self._vectors
         if self._last is None:
-            first = first_track(self._problem, self._forces)
-            track = Track.joined([first, self._walked(first, loads, at[1:], steps[1:])])
+            track = first = first_track(self._problem, self._forces)
+            if len(steps) > 1:
+                track = Track.joined([first, self._walked(first, loads, at[1:], steps[1:])])
         else:
             first, load = self._last
             track = self._walked(first, np.vstack([load, loads]), at, steps)

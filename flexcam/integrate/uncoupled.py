@@ -14,11 +14,14 @@ import numpy as np
 from flexcam.integrate.massless import Massless
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.within import within
-from flexcam.linalg import FloatArray, Triplets, natural
+from flexcam.linalg import FloatArray, SingularMatrixError, Triplets, natural
 from flexcam.system import Shapes, System
 
 _COUPLED = 1e-9
 """Damping between two motions, as a part of their own, that counts as none."""
+
+_SYMMETRIC = 1e-12
+"""Difference across the diagonal, as a part of it, that is rounding of what was added up."""
 
 _CLEAN = 1e-9
 """What two natural motions may have in common."""
@@ -99,7 +102,7 @@ def natural_motions(system: System) -> Natural | None:
     Returns
     -------
     Natural
-        All of them; None where they cannot be told apart from each other to working precision.
+        All of them; None where there are none, or they cannot be told apart from each other to working precision.
     """
     return _motions(_Pair(system.mass, system.stiffness))
 
@@ -127,13 +130,15 @@ class _Pair:
 def _motions(pair: _Pair) -> Natural | None:
     n = pair.mass.size
     system = System(pair.mass, Triplets.zeros(n), pair.stiffness, ("",) * n)
+    if not (_symmetric(system.mass) and _symmetric(system.stiffness)):
+        return None
     light = Massless(system)
-    kept = light.spread(np.eye(system.size)[:, light.kept][light.kept])
-    M, K = (kept.T @ matrix.times_all(kept) for matrix in (system.mass, system.stiffness))
     try:
+        kept = light.spread(np.eye(system.size)[:, light.kept][light.kept])
+        M, K = (kept.T @ matrix.times_all(kept) for matrix in (system.mass, system.stiffness))
         values, shapes = natural(0.5 * (M + M.T), 0.5 * (K + K.T))
         soft = _unit_stiff(light.motions, system.stiffness)
-    except np.linalg.LinAlgError:  # a mass or a stiffness that is not positive
+    except (np.linalg.LinAlgError, SingularMatrixError):  # a mass or a stiffness that is not positive
         return None
     moving = kept @ shapes
     back = np.vstack([system.mass.times_all(moving).T, system.stiffness.times_all(soft).T])
@@ -142,6 +147,12 @@ def _motions(pair: _Pair) -> Natural | None:
         return None
     heavy = np.concatenate([np.ones(len(values)), np.zeros(few)])
     return Natural(whole, back, heavy, np.concatenate([values, np.ones(few)]))
+
+
+def _symmetric(matrix: Triplets) -> bool:
+    full = matrix.dense()
+    size = np.sqrt(np.abs(np.diag(full)))
+    return bool((np.abs(full - full.T) <= _SYMMETRIC * np.outer(size, size)).all())
 
 
 def _unit_stiff(motions: FloatArray, stiffness: Triplets) -> FloatArray:

@@ -17,6 +17,9 @@ _PASSES = 6
 _SMALL = 1e-9
 """Correction whose square is rounding."""
 
+_ROUNDING = 64.0 * np.finfo(float).eps
+"""Of the stiffness's own entries: an eigenvalue as far below zero is zero."""
+
 _REFINED = 200
 """Size up to which the vectors are refined: products in extended precision cost some ns per term."""
 
@@ -40,6 +43,11 @@ def natural(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
     tuple
         Eigenvalues, rising, shape (n,), and vectors as columns, shape (n, n).
 
+    Raises
+    ------
+    LinAlgError
+        If a matrix is not as positive as asked.
+
     Examples
     --------
     >>> natural(np.diag([4.0, 1.0]), np.diag([4.0, 9.0]))[0]
@@ -49,8 +57,19 @@ def natural(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
     L = np.linalg.cholesky(scale[:, None] * M * scale)
     half = np.linalg.solve(L, scale[:, None] * K * scale)
     values, vectors = np.linalg.eigh(np.linalg.solve(L, half.T))
-    values, shapes = np.maximum(values, 0.0), scale[:, None] * np.linalg.solve(L.T, vectors)
-    return _refined(M, K, shapes) if len(M) <= _REFINED else (values, shapes)
+    shapes = scale[:, None] * np.linalg.solve(L.T, vectors)
+    if len(M) <= _REFINED:
+        values, shapes = _refined(M, K, shapes)
+    _refuse_negative(values, shapes, K)
+    return np.maximum(values, 0.0), shapes
+
+
+def _refuse_negative(values: FloatArray, vectors: FloatArray, K: FloatArray) -> None:
+    sizes = np.sum(np.abs(vectors) * (np.abs(K) @ np.abs(vectors)), axis=0)
+    rounding = _ROUNDING * (sizes if len(K) <= _REFINED else sizes.max())
+    if (values < -rounding).any():
+        message = "the stiffness is not positive"
+        raise np.linalg.LinAlgError(message)
 
 
 def _refined(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -65,11 +84,13 @@ def _refined(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatAr
             break
     values = np.sum(X * (stiff @ X), axis=0)
     order = np.argsort(values)
-    return np.maximum(values, 0.0)[order].astype(float), X[:, order].astype(float)
+    return values[order].astype(float), X[:, order].astype(float)
 
 
 def _products(X: LongArray, M: LongArray, K: LongArray) -> tuple[LongArray, LongArray]:
-    return X.T @ (M @ X), X.T @ (K @ X)
+    """Return what both matrices are between vectors, symmetric to the last bit: no rounding then spoils a right angle."""
+    heavy, stiff = X.T @ (M @ X), X.T @ (K @ X)
+    return 0.5 * (heavy + heavy.T), 0.5 * (stiff + stiff.T)
 
 
 def _near(heavy: LongArray, stiff: LongArray) -> IntArray:

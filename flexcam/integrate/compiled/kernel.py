@@ -207,7 +207,7 @@ def corrected(
     if iteration > _WHOLE_STEPS:
         part = 0.5
     if iteration > _PATIENT:
-        weak = 0.0
+        weak = -1.0  # also those that react through others alone
     for law in range(len(laws)):
         first, size = laws[law, 1], laws[law, 2]
         strong = False
