@@ -63,7 +63,7 @@ def in_range(track: Track, before: FloatArray | None, system: System, angle: Flo
     tuple
         The steps in range, and the status.
     """
-    if all(float(np.abs(one).max(initial=0.0)) < LARGEST for one in (track.d, track.v, track.a, track.local)):
+    if all(_within(one) for one in (track.d, track.v, track.a, track.local)):
         return track, Status()
     every = everything(track)
     good = (np.abs(every[track.ends]) < LARGEST).all(axis=1)  # False for NaN as well
@@ -80,6 +80,11 @@ def in_range(track: Track, before: FloatArray | None, system: System, angle: Flo
     when = instant(float(track.time[at]), float(angle[count]))
     text = f"{names[int(np.argmax(ahead))]} left the range of numbers {when}"
     return track.until(count), Status(Cause.NOT_FINITE, text, "take a smaller step, more damping or a lower speed")
+
+
+def _within(values: FloatArray) -> bool:
+    """Tell whether all values are in range; what is not a number is not."""
+    return values.size == 0 or (float(values.max()) < LARGEST and float(values.min()) > -LARGEST)
 
 
 def everything(track: Track) -> FloatArray:

@@ -180,7 +180,7 @@ class _Run:
 
     def _parts(self, first: int, end: int) -> Iterator[Block]:
         """Yield the parts of a block, of which only what is saved stays: a large system has few steps in memory."""
-        size = max(_AT_ONCE // max(self._system.size, 1), 1)
+        size = max(_AT_ONCE // max(self._system.size, 1), _LEAST_AT_ONCE)
         for begin in range(first, end, size):
             steps = np.arange(begin, min(begin + size, end))
             with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
@@ -191,14 +191,14 @@ class _Run:
                 return
 
     def _block(self, steps: IntArray, track: Track) -> Block:
-        ends = track.ends
+        ends = track.ends if len(track.ends) < len(track.time) else slice(None)
         motion, time = self._problem.drive.at(track.time), track.time[ends]
         at_ends = CamMotion(motion.angle[ends], motion.speed[ends], motion.rate[ends])
         series = Series(track.d[ends], track.v[ends], track.a[ends])
         saved = (steps % self._save.field_every == 0) | (steps == self._problem.steps)
         return Block(
             time=time, angle=at_ends.angle, probes=_probe_series(self._system.probes, series, at_ends),
-            channels=self._channels(track, motion) if self._save.channels else np.zeros((len(ends), 0)),
+            channels=self._channels(track, motion) if self._save.channels else np.zeros((len(steps), 0)),
             field_time=time[saved], field_angle=at_ends.angle[saved],
             fields=(Series(*self._system.carried.at(at_ends)) if self._system.carried else series).at(saved),
         )  # fmt: skip
@@ -245,8 +245,8 @@ def _pilot(problem: Problem, method: Method) -> Series:
     return solve(first, method, save=SaveAt(field_every=max(first.steps // _LOOKS, 1))).fields
 
 
-_AT_ONCE = 1_000_000
-"""Unknowns times steps whose motion is in memory together: its dozen arrays are then reused, not fetched anew."""
+_AT_ONCE, _LEAST_AT_ONCE = 50_000, 8
+"""Unknowns times steps whose motion is in memory together, so that its dozen arrays stay near the processor; steps."""
 
 _LOOKS = 200
 """Fields of the pilot run that are looked at."""
