@@ -19,7 +19,7 @@ from typing import TypeVar, cast
 
 from numba import njit  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
 
-from flexcam.integrate.compiled.machine import folder
+from flexcam.integrate.compiled.machine import keeping
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.system import pointwise
 
@@ -29,7 +29,8 @@ F = TypeVar("F", bound=Callable[..., object])
 def compiled(function: F) -> F:
     """Return a function in machine code; sums may be taken in any order, what is not a number stays so."""
     fast = {"reassoc", "contract", "nsz"}
-    return cast("F", njit(cache=folder() is not None, nogil=True, error_model="numpy", fastmath=fast)(function))
+    with keeping() as kept:
+        return cast("F", njit(cache=kept, nogil=True, error_model="numpy", fastmath=fast)(function))
 
 
 stop, hunt_crossley, oil = compiled(pointwise.stop), compiled(pointwise.hunt_crossley), compiled(pointwise.oil)
