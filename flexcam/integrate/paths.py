@@ -130,9 +130,7 @@ def _natural(problem: Problem, method: Method, path: Path) -> Natural:
         _refuse_uncompiled(system)
     found = natural_motions(system)
     if found is None:
-        raise _UnfitError(
-            "mass or stiffness are not symmetric and positive, or natural motions too close to be told apart"
-        )
+        raise _UnfitError("mass or stiffness are not symmetric and positive, or natural motions not to be told apart")
     if path == "modal" and diagonal(uncoupled(problem, found).system.damping) is None:
         raise _UnfitError("its damping couples the natural motions")
     return found

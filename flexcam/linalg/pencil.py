@@ -10,6 +10,8 @@ from flexcam.linalg.triplets import FloatArray, IntArray
 
 LongArray = NDArray[np.longdouble]
 
+_TWO = np.longdouble(2.0)
+
 _MIXED = 1e-3
 """What two vectors may mix, as a part of either, to be told apart by a first correction."""
 
@@ -66,7 +68,7 @@ def natural(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _refuse_negative(values: FloatArray, vectors: FloatArray, K: FloatArray) -> None:
     sizes = np.sum(np.abs(vectors) * (np.abs(K) @ np.abs(vectors)), axis=0)
-    rounding = _ROUNDING * (sizes if len(K) <= _REFINED else sizes.max())
+    rounding = _ROUNDING * sizes.max(initial=0.0)
     if (values < -rounding).any():
         message = "the stiffness is not positive"
         raise np.linalg.LinAlgError(message)
@@ -88,9 +90,9 @@ def _refined(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatAr
 
 
 def _products(X: LongArray, M: LongArray, K: LongArray) -> tuple[LongArray, LongArray]:
-    """Return what both matrices are between vectors, symmetric to the last bit: no rounding then spoils a right angle."""
+    """Return what both matrices are between vectors, symmetric to the last bit: rounding then spoils no right angle."""
     heavy, stiff = X.T @ (M @ X), X.T @ (K @ X)
-    return 0.5 * (heavy + heavy.T), 0.5 * (stiff + stiff.T)
+    return (heavy + heavy.T) / _TWO, (stiff + stiff.T) / _TWO
 
 
 def _near(heavy: LongArray, stiff: LongArray) -> IntArray:

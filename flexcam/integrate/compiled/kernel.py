@@ -19,7 +19,7 @@ from typing import TypeVar, cast
 
 from numba import njit  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
 
-from flexcam.integrate.compiled.machine import folder
+from flexcam.integrate.compiled.machine import keeping
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.system import pointwise
 
@@ -40,7 +40,8 @@ def compiled(function: F) -> F:
         Compiled at its first call, or fetched if it is kept.
     """
     fast = {"reassoc", "contract", "nsz"}
-    return cast("F", njit(cache=folder() is not None, nogil=True, error_model="numpy", fastmath=fast)(function))
+    with keeping() as kept:
+        return cast("F", njit(cache=kept, nogil=True, error_model="numpy", fastmath=fast)(function))
 
 
 stop, hunt_crossley, oil = compiled(pointwise.stop), compiled(pointwise.hunt_crossley), compiled(pointwise.oil)

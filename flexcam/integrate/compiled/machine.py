@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -24,9 +25,10 @@ def _folder() -> Path | None:
     """Return the folder of this version's machine code; None where nothing can be kept."""
     package = Path(__file__).parents[2]
     text = b"".join((package / name).read_bytes() for name in _SOURCES)
-    home = os.environ.get("FLEXCAM_CACHE") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(home) / "flexcam" / hashlib.sha256(text).hexdigest()[:16]
+    given = os.environ.get("FLEXCAM_CACHE") or os.environ.get("XDG_CACHE_HOME")
     try:
+        home = Path(given) if given else Path.home() / ".cache"
+        folder = home / "flexcam" / hashlib.sha256(text).hexdigest()[:16]
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryFile(dir=folder):
             return folder
@@ -69,7 +71,6 @@ def kept() -> bool:
     return where is not None and any(where.rglob("*.nbc"))
 
 
-@lru_cache
 def machine_code() -> Callable[..., int]:
     """Return the compiled march.
 
@@ -78,11 +79,24 @@ def machine_code() -> Callable[..., int]:
     Callable
         As `flexcam.integrate.compiled.kernel.march`; compiled at its first call if it is not kept.
     """
+    from flexcam.integrate.compiled.kernel import march
+
+    return march
+
+
+@contextmanager
+def keeping() -> Generator[bool]:
+    """Let the compiler keep what is declared meanwhile in `folder`, whoever imports it first.
+
+    Yields
+    ------
+    bool
+        Whether it can be kept.
+    """
     settings: Any = import_module("numba.core.config")
     before = settings.CACHE_DIR
     settings.CACHE_DIR = str(folder() or "")
     try:
-        from flexcam.integrate.compiled.kernel import march
+        yield folder() is not None
     finally:
         settings.CACHE_DIR = before
-    return march
