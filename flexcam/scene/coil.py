@@ -41,7 +41,8 @@ def coil(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: FloatArra
     turns = sizes.coils + 2.0 * _DEAD
     angle = np.linspace(0.0, 2.0 * math.pi * turns, round(_PER_COIL * turns) + 1)
     place = _rise(angle / (2.0 * math.pi), turns, sizes, length)
-    along = np.interp(place, np.linspace(0.0, length, len(moved)), moved) + place
+    closed = (0.5 + _DEAD) * sizes.wire  # coils at the ends move with the ends
+    along = place + np.interp(place, np.linspace(closed, max(length - closed, closed), len(moved)), moved)
     first, second = across(axis)
     out = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
     centres = start + along[:, None] * axis + 0.5 * sizes.diameter * out

@@ -96,6 +96,8 @@ def test_a_cantilever_bends_as_the_closed_form_with_and_without_shear():
         line = centre_line(made, slice(0, 1), mesh.nodes, moved)
         x = line.points[:, 0]
         assert line.points[:, 1] == pytest.approx(F * x**2 * (3 * L - x) / (6 * EI) + sheared * x, abs=1e-15)
+        turned = np.arcsin(line.triads[:, 0, 1])
+        assert turned == pytest.approx(F * (L * x - x**2 / 2) / EI, abs=1e-6 * turned.max())  # sections stay in place
         assert shear == bool(phi)
 
 
@@ -262,6 +264,26 @@ def test_cam_follower_and_valve_stay_together_as_the_train_turns(name):
     moved = [motion.instant(i).at(point, layout.valves[0].away) @ layout.valves[0].away for i in range(24)]
     assert np.array(opened) - opened[0] == pytest.approx(np.array(moved) - moved[0], abs=1e-12)
     assert max(moved) > 0.007
+
+
+@pytest.mark.parametrize("name", ["pushrod-engine/intake", "pushrod-engine/lever", "direct-acting/finger"])
+def test_rocker_valve_and_spring_move_together(name):
+    """The rocker's end lies on the valve at full lift; the spring is pressed by the lift and stands on the ground."""
+    structure = structure_of(name)
+    motion, drawn = case_motion(structure, 100.0, count=360), mechanism(structure)
+    (frame,), valve = drawn.layout.levers.values(), drawn.layout.valves[0]
+    rocker, along = frame.rocker, drawn.layout.valves[0].away
+    lifts = [motion.instant(i).at(valve.point, along) @ along for i in range(360)]
+    still, full = motion.instant(0), motion.instant(int(np.argmax(lifts)))
+    path = full.along(structure.path(rocker))
+    end = frame.space(frame.ends(path)[1]) @ along
+    assert end == pytest.approx((valve.tip + full.at(valve.point, along)) @ along, abs=1e-9)
+    driven = (frame.ends(path)[0] - frame.ends(0.0)[0]).imag
+    moved = full.along(structure.row(rocker.start, rocker.direction))
+    assert driven == pytest.approx(moved, rel=0.05 if rocker.finger else 1e-9)  # a finger's path is an arc
+    before, after = (next(s for s in drawn.solids(one) if s.kind == "spring").points @ along for one in (still, full))
+    assert after.max() == pytest.approx(before.max(), abs=1e-5)
+    assert after.min() - before.min() == pytest.approx(max(lifts), abs=1e-4)
 
 
 def test_the_scale_leaves_the_lift_alone():
