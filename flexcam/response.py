@@ -41,6 +41,7 @@ class Cause(StrEnum):
     ROUNDING = "rounding"
     STEP_TOO_SMALL = "step-too-small"
     TOLERANCE = "tolerance-not-met"
+    NO_RENDERING = "no-rendering"
 
 
 @dataclass(frozen=True)

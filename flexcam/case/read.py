@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +20,7 @@ from flexcam.case.tables.base import Record
 from flexcam.case.tables.run import NewmarkRecord
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
-from flexcam.io import read_mesh
+from flexcam.io import Result, read_mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,9 +151,42 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     ``read_case("cases/tayeb/model-3-shm.toml", ["run.speed=4000rpm"])`` is the published case at another speed.
     """
     source = Path(path)
-    text, raw = _parsed(source)
+    return _case(source, _text(source), overrides)
+
+
+def recalled_case(result: Result) -> Case:
+    """Return the case that a result was computed from, out of the result itself, on the result's mesh.
+
+    Parameters
+    ----------
+    result
+        From `flexcam.read_result`.
+
+    Returns
+    -------
+    Case
+        As it was run. Neither its file nor that of its mesh is read; files of laws and lifts that it names are.
+
+    Raises
+    ------
+    InputError
+        If such a file is gone, or the case is none that this version reads.
+
+    Examples
+    --------
+    ``recalled_case(read_result("results/intake.vtkhdf")).record.title``
+    """
+    about = result.about
+    case = _case(Path(about["case_file"]), about["case"], json.loads(about["overrides"]), result.mesh)
+    members = {name: one.model_copy(update={"elements": 1}) for name, one in case.record.members.items()}
+    return replace(case, record=case.record.model_copy(update={"members": members}), mesh=result.mesh)
+
+
+def _case(source: Path, text: str, overrides: Sequence[str], known: Mesh | None = None) -> Case:
+    """Return the case of a text; `known` stands for the mesh of its file."""
+    raw = _tables(source, text)
     places, found = _overridden(raw, text, overrides)
-    mesh, mesh_faults = _mesh(raw, source, places)
+    mesh, mesh_faults = _mesh(raw, source, places) if known is None or "mesh" not in raw else (known, [])
     record, record_faults = _record(CaseRecord, raw, places, source.parent)
     found += [*record_faults, *mesh_faults, *References(raw, mesh, places).faults(), *_either_or(raw, places)]
     if found or record is None:
@@ -163,8 +197,12 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
 def _parsed(source: Path) -> tuple[str, dict[str, Any]]:
     """Return the text of a file and its tables."""
     text = _text(source)
+    return text, _tables(source, text)
+
+
+def _tables(source: Path, text: str) -> dict[str, Any]:
     try:
-        return text, tomllib.loads(text)
+        return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as fault:
         remedy = "strings need quotes, tables need [brackets]"
         raise refuse(str(source), str(fault), "a TOML document", "", remedy) from None

@@ -17,8 +17,10 @@ FILES = {
     "files": ("export", "info", "schema"),
     "laws": ("law", "laws"),
     "limits": ("limits", "parting", "stability"),
+    "new": ("new",),
     "settings": ("settings",),
     "synthesize": ("synthesize",),
+    "view": ("view",),
 }
 """Files of this room and the commands that each defines."""
 

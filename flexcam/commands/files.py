@@ -14,7 +14,17 @@ from flexcam.case import CaseRecord, build_model, read_case
 from flexcam.checks import refuse
 from flexcam.commands.app import Json, Overwrite, ResultPath, app
 from flexcam.console.results import info_table
-from flexcam.io import made_folder, read_result, write_csv, write_mesh, write_pvd
+from flexcam.io import (
+    Result,
+    free_to_write,
+    macro_of,
+    made_folder,
+    read_result,
+    write_csv,
+    write_macro,
+    write_mesh,
+    write_pvd,
+)
 from flexcam.response import Response
 from flexcam.terminal import out, print_json
 
@@ -22,6 +32,7 @@ from flexcam.terminal import out, print_json
 @app.command(
     help_prologue="""\
 flexcam export results/case.vtkhdf --format pvd --every 5 --field displacement
+flexcam export results/case.vtkhdf --paraview
 flexcam export results/case.vtkhdf --format csv --probe valve
 flexcam export results/case.vtkhdf --format csv --instants 720
 flexcam export case.toml --format msh -o meshes
@@ -37,9 +48,14 @@ def export(
     instants: Annotated[
         int | None, Parameter("--instants", help="csv: so many, evenly spaced, between those of the run too.")
     ] = None,
+    macro: Annotated[
+        bool, Parameter("--paraview", negative=(), help="pvd: with NAME.paraview.py, which shows it in ParaView.")
+    ] = False,
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Write a result as a ParaView collection or CSV table, or a case's mesh as a Gmsh file."""
+    if macro and form != "pvd":
+        raise refuse("--paraview", f"--format {form}", "--format pvd", "the macro opens that collection")
     target = made_folder(folder or source.parent) / f"{source.stem}.{form}"
     if form == "msh":
         write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
@@ -48,11 +64,28 @@ def export(
         response = _at_instants(read_result(source).response, instants)
         files = [write_csv(response, target, probes=probes, every=every, overwrite=overwrite)]
     else:
-        files = write_pvd(read_result(source), target, every=every, fields=fields, overwrite=overwrite)
+        files = _collection(read_result(source), target, every, fields, macro=macro, overwrite=overwrite)
     if as_json:
         print_json({"status": "ok", "files": [str(path) for path in files]})
     else:
         out().print(f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0]))
+        if macro:
+            out().print(f"paraview --script={files[1]}")
+
+
+def _collection(
+    result: Result, target: Path, every: int, fields: list[str] | None, *, macro: bool, overwrite: bool
+) -> list[Path]:
+    """Write a collection, and the macro that shows it behind its first file; nothing, if one of both may not be."""
+    if not macro:
+        return write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
+    if fields is not None and "displacement" not in fields:
+        raise refuse("--field", ", ".join(fields), "displacement among them", "the macro warps by it")
+    free_to_write("export", macro_of(target), overwrite=overwrite)
+    first, *rest = write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
+    shown = (*result.field_names, *result.recovered) if fields is None else tuple(fields)
+    degrees = np.degrees(result.response.field_angle[::every]).tolist()
+    return [first, write_macro(first, shown, degrees, overwrite=overwrite), *rest]
 
 
 def _at_instants(response: Response, count: int | None) -> Response:

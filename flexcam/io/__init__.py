@@ -10,6 +10,7 @@ from flexcam.io.lift_file import LiftColumns, read_lift, write_lift_table
 from flexcam.io.mesh_file import read_mesh, write_mesh
 from flexcam.io.modes_file import write_modes
 from flexcam.io.motion_file import write_law, write_lift
+from flexcam.io.paraview_macro import macro_of, write_macro
 from flexcam.io.profile_file import ProfileTable, write_profile
 from flexcam.io.profile_points import read_profile
 from flexcam.io.pvd import write_pvd
@@ -24,6 +25,7 @@ __all__ = [
     "Result",
     "ResultFile",
     "free_to_write",
+    "macro_of",
     "made_folder",
     "read_lift",
     "read_mesh",
@@ -33,6 +35,7 @@ __all__ = [
     "write_law",
     "write_lift",
     "write_lift_table",
+    "write_macro",
     "write_mesh",
     "write_modes",
     "write_profile",

@@ -1,12 +1,12 @@
 """ParaView collections: a ``.pvd`` file that names one ``.vtp`` per instant, for ParaView up to 5.11.
 
-The point data are those of the result file.
+The point data are those of the result file; the cam angle is field data.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -19,14 +19,18 @@ from flexcam.io.vtkhdf import VECTORS
 from flexcam.io.vtp import write_polylines
 from flexcam.linalg import FloatArray, IntArray
 
+CAM_ANGLE = "cam_angle_deg"
+"""Field data of every instant: the cam angle, deg."""
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One instant: a mesh, the mesh node of every point, and point data by name."""
+    """One instant: a mesh, the mesh node of every point, point data by name, and numbers of the whole by name."""
 
     mesh: Mesh
     node: IntArray
     data: Mapping[str, FloatArray | IntArray]
+    whole: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 def write_pvd(
@@ -67,7 +71,11 @@ def write_pvd(
             raise refuse("fields", repr(name), ", ".join(known), remedy=did_you_mean(name, known))
     moving = {name: known[name] for name in fields or known}
     instants = range(0, len(result.response.field_time), every)
-    frames = (Frame(result.mesh, node, {**{n: v[i] for n, v in moving.items()}, **result.still}) for i in instants)
+    degrees = np.degrees(result.response.field_angle).tolist()
+    frames = (
+        Frame(result.mesh, node, {**{n: v[i] for n, v in moving.items()}, **result.still}, {CAM_ANGLE: degrees[i]})
+        for i in instants
+    )
     return write_collection(path, result.response.field_time[::every], frames)
 
 
@@ -119,4 +127,5 @@ def write_vtp(path: Path, frame: Frame) -> None:
     points = frame.mesh.nodes[frame.node]
     vertices = np.full(len(points) - sum(lengths), -1)
     members = np.concatenate([vertices, np.arange(len(lengths))])
-    write_polylines(path, points, lengths, point_data=frame.data, cell_data={"member": members})
+    whole = {name: np.array([value]) for name, value in frame.whole.items()}
+    write_polylines(path, points, lengths, point_data=frame.data, cell_data={"member": members}, field_data=whole)

@@ -16,7 +16,13 @@ Data = Mapping[str, FloatArray | IntArray]
 
 
 def write_polylines(
-    path: Path, points: FloatArray, lengths: Sequence[int], *, point_data: Data, cell_data: Data
+    path: Path,
+    points: FloatArray,
+    lengths: Sequence[int],
+    *,
+    point_data: Data,
+    cell_data: Data,
+    field_data: Data | None = None,
 ) -> None:
     """Write polylines whose points follow each other; points behind the last one's become vertices.
 
@@ -30,6 +36,8 @@ def write_polylines(
         Points per line, up to n together.
     point_data, cell_data
         Arrays by name, a row per point; per vertex and then per line.
+    field_data
+        Arrays of the whole by name.
     """
     drawn = sum(lengths)
     vertices, ends = np.arange(drawn, len(points)), np.cumsum([0, *lengths])[1:]
@@ -37,6 +45,7 @@ def write_polylines(
         '<?xml version="1.0"?>',
         '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
         "<PolyData>",
+        "<FieldData>", *(_array(name, v, whole=True) for name, v in (field_data or {}).items()), "</FieldData>",
         f'<Piece NumberOfPoints="{len(points)}" NumberOfVerts="{len(vertices)}" NumberOfLines="{len(lengths)}">',
         "<PointData>", *(_array(name, values) for name, values in point_data.items()), "</PointData>",
         "<CellData>", *(_array(name, values) for name, values in cell_data.items()), "</CellData>",
@@ -47,9 +56,10 @@ def write_polylines(
     ]), encoding="ascii")  # fmt: skip
 
 
-def _array(name: str, values: FloatArray | IntArray) -> str:
+def _array(name: str, values: FloatArray | IntArray, *, whole: bool = False) -> str:
     data = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
     width = data.shape[1] if data.ndim == 2 else 1
     raw = np.array([data.nbytes], dtype="<u8").tobytes() + data.tobytes()
-    head = f'<DataArray type="{_TYPES[values.dtype.name]}" Name="{name}" NumberOfComponents="{width}" format="binary">'
+    told = f'NumberOfTuples="{len(data)}"' if whole else f'NumberOfComponents="{width}"'
+    head = f'<DataArray type="{_TYPES[values.dtype.name]}" Name="{name}" {told} format="binary">'
     return f"{head}{base64.b64encode(raw).decode('ascii')}</DataArray>"

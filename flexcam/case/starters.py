@@ -1,0 +1,81 @@
+"""Starter cases: commented files in the package, written to where the user works."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+
+from flexcam.checks import did_you_mean, refuse
+from flexcam.io import free_to_write, made_folder
+
+_FOLDER = files("flexcam") / "templates"
+
+
+def templates() -> dict[str, str]:
+    """Return the starter cases.
+
+    Returns
+    -------
+    dict
+        Name to the first line of the file, which says what it is.
+
+    Examples
+    --------
+    >>> templates()["pushrod-engine"]
+    'Pushrod engine: cam, flat tappet, tube pushrod, rocker, valve on its seat, spring that surges, lash.'
+    """
+    names = sorted(item.name for item in _FOLDER.iterdir() if item.name.endswith(".toml"))
+    return {name.removesuffix(".toml"): _text(name).partition("\n")[0].lstrip("# ") for name in names}
+
+
+def new_case(template: str, path: Path | None = None, *, overwrite: bool = False) -> list[Path]:
+    """Write a starter case, with the files it names beside it.
+
+    Parameters
+    ----------
+    template
+        Name of the template.
+    path
+        The case file; by default the template's name in the current folder.
+    overwrite
+        Whether existing files may be replaced.
+
+    Returns
+    -------
+    list
+        The files written, the case first.
+
+    Raises
+    ------
+    InputError
+        If there is no such template, or a file exists and may not be replaced.
+    """
+    known = templates()
+    if template not in known:
+        raise refuse("template", repr(template), ", ".join(known), remedy=did_you_mean(template, known))
+    text = _text(f"{template}.toml")
+    target = path or Path(f"{template}.toml")
+    if target.suffix != ".toml":
+        raise refuse("-o", str(target), "a name that ends in .toml", "it is a case file")
+    written = {target: text, **{target.with_name(name): _text(name) for name in _beside(tomllib.loads(text))}}
+    for one in written:
+        free_to_write("case", one, overwrite=overwrite)
+    made_folder(target.parent)
+    for one, content in written.items():
+        one.write_text(content, encoding="utf-8")
+    return list(written)
+
+
+def _text(name: str) -> str:
+    return (_FOLDER / name).read_text(encoding="utf-8")
+
+
+def _beside(value: object) -> Iterator[str]:
+    """Yield the names of the package's files that stand in a case."""
+    if isinstance(value, dict):
+        for one in value.values():  # pyright: ignore[reportUnknownVariableType]
+            yield from _beside(one)  # pyright: ignore[reportUnknownArgumentType]
+    elif isinstance(value, str) and value.endswith(".csv"):
+        yield value

@@ -1,0 +1,111 @@
+"""Commands that show a mechanism: view."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from flexcam.case import Case, build_model, recalled_case
+from flexcam.checks import refuse
+from flexcam.commands.app import Json, Overrides, Overwrite, app, load
+from flexcam.console.drawing import drawing_words
+from flexcam.io import Result, read_result
+from flexcam.runner import modes as case_modes
+from flexcam.terminal import out, print_json
+from flexcam.train import Structure, build_structure
+
+if TYPE_CHECKING:
+    from flexcam.scene import Motion
+
+
+@app.command(
+    help_prologue="""\
+flexcam view results/intake.vtkhdf
+flexcam view results/intake.vtkhdf --color stress_von_mises --scale 50 --save train.gif
+flexcam view case.toml --at 120 --save train.png
+flexcam view case.toml --mode 2 --save mode.mp4
+"""
+)
+def view(
+    source: Annotated[Path, Parameter(help="Result file, or a case file: then its rigid mechanism moves.")], *,
+    picture: Annotated[Path | None, Parameter("--save", help="Write it (.png, .gif, .mp4, .html), no window.")] = None,
+    color: Annotated[str | None, Parameter(help="Colour members by a saved field or recovered stress.")] = None,
+    scale: Annotated[float, Parameter(help="Of what the members give way; the lift is shown as it is.")] = 1.0,
+    at: Annotated[float | None, Parameter("--at", help="Cam angle of a picture, or to begin with, deg.")] = None,
+    mode: Annotated[int | None, Parameter(help="Swing a natural mode, counted as by flexcam modes.")] = None,
+    size: Annotated[str, Parameter(help="Of the window, pixels.")] = "1024x768",
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Show the mechanism as solids: in a window with a slider over the cam angle, or off-screen in a file."""
+    from flexcam.scene import mechanism
+    from flexcam.view.rendering import ready_to_render
+    from flexcam.view.saving import FRAMES, free_to_save, save
+
+    pixels = _pixels(size)
+    if picture is not None:
+        free_to_save(picture, pixels, overwrite=overwrite)
+    case, result = _read(source, overrides)
+    structure = build_structure(build_model(case))
+    motion, title = _motion(case, structure, result, color, mode)
+    drawn, still = mechanism(structure), 0 if at is None else motion.nearest(math.radians(at))
+    ready_to_render(off_screen=picture is not None)
+    from flexcam.view.solid import Looks, Stage, show
+
+    stage = Stage(drawn, motion, Looks(scale, pixels, title), off_screen=picture is not None)
+    if picture is None:
+        show(stage, still, swings=mode is not None)
+    else:
+        save(stage, picture, motion.spread(FRAMES), still)
+    if as_json:
+        files = [] if picture is None else [str(picture)]
+        print_json({"status": "ok", "files": files, "instants": len(motion), "drawn": list(drawn.notes)})
+        return
+    for sentence in drawing_words(drawn.notes):
+        out().print(sentence)
+    if picture is not None:
+        out().print(str(picture))
+
+
+def _pixels(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d+)x(\d+)", text)
+    sides = (int(found[1]), int(found[2])) if found else (0, 0)
+    if not all(_LEAST <= side <= _MOST for side in sides):
+        raise refuse("--size", repr(text), f"WIDTHxHEIGHT of {_LEAST} to {_MOST} pixels each, such as 1024x768")
+    return sides
+
+
+_LEAST, _MOST = 64, 8192
+
+
+def _read(source: Path, overrides: Overrides) -> tuple[Case, Result | None]:
+    """Return the case of a case file, or that of a result with the result."""
+    if source.suffix != ".vtkhdf":
+        return load(source, overrides), None
+    if overrides:
+        raise refuse("--set", str(overrides), "a case file to lay it over", "a result is shown as it was computed")
+    result = read_result(source)
+    return recalled_case(result), result
+
+
+def _motion(
+    case: Case, structure: Structure, result: Result | None, color: str | None, mode: int | None
+) -> tuple[Motion, str]:
+    """Return what is shown, and its title."""
+    from flexcam.scene import case_motion, mode_motion, result_motion
+
+    title = case.record.title or case.name
+    if mode is not None:
+        found = case_modes(case, max(mode, 1)).modes
+        if not 1 <= mode <= found.shapes.shape[1]:
+            raise refuse("--mode", mode, f"1 to {found.shapes.shape[1]}, as flexcam modes counts them")
+        if color not in (None, "displacement"):
+            raise refuse("--color", repr(color), "displacement", "a mode has no size, and so no stress")
+        shown = mode_motion(structure, found.shapes[:, mode - 1], coloured=color is not None)
+        return shown, f"{title}: mode {mode}, {found.frequencies[mode - 1]:.4g} Hz"
+    if result is not None:
+        return result_motion(structure, result, case.speed, color).last_revolution(), title
+    return case_motion(structure, case.speed, color), f"{title}: rigid mechanism"

@@ -1,0 +1,26 @@
+"""Words beside drawn mechanisms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def drawing_words(notes: Sequence[str]) -> list[str]:
+    """Return what is said of the sizes that a picture has and its case does not give.
+
+    Parameters
+    ----------
+    notes
+        A sentence each.
+
+    Returns
+    -------
+    list
+        Lines; none where every size is the case's.
+
+    Examples
+    --------
+    >>> drawing_words(["valve head at valve: 38.4 mm, four lifts across"])
+    ['Drawn with sizes that the case does not give:', '  valve head at valve: 38.4 mm, four lifts across']
+    """
+    return ["Drawn with sizes that the case does not give:", *(f"  {note}" for note in notes)] if notes else []

@@ -1,0 +1,259 @@
+"""What moves a scene over the cam angle or over one swing of a mode, from a result, a case or its modes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.checks import did_you_mean, refuse
+from flexcam.io import Result
+from flexcam.io.geometry import RECOVERED
+from flexcam.io.vtkhdf import VECTORS
+from flexcam.linalg import FloatArray, IntArray
+from flexcam.response import Response
+from flexcam.scene.instant import Instant
+from flexcam.scene.sizes import model_size
+from flexcam.system import CamMotion
+from flexcam.train import Structure, build_rigid
+
+REVOLUTION = 2.0 * math.pi
+SWING = 0.05
+"""Largest translation of a drawn mode, as a part of the model's size."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion of a structure.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    angle
+        Cam angles, rad, shape (f,).
+    rigid
+        Displacements of the unknowns as the rigid mechanism moves, m and rad, shape (f, n).
+    elastic
+        What comes to that by the members' giving way: only this part is exaggerated. Shape (f, n).
+    values
+        Colours at the points of the members' polylines, shape (f, points); None for none.
+    label
+        What the colours are, with their unit.
+
+    Examples
+    --------
+    ``motion.instant(0, scale=100.0)`` shows the bending a hundred times as large, and the lift as it is.
+    """
+
+    structure: Structure
+    angle: FloatArray
+    rigid: FloatArray
+    elastic: FloatArray
+    values: FloatArray | None = None
+    label: str = ""
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    def instant(self, i: int, scale: float = 1.0) -> Instant:
+        """Return instant i with its elastic part times `scale`."""
+        values = None if self.values is None else self.values[i]
+        return Instant(self.structure, float(self.angle[i]), self.rigid[i] + scale * self.elastic[i], values)
+
+    def at(self, instants: Sequence[int] | IntArray) -> Motion:
+        """Return chosen instants."""
+        values = None if self.values is None else self.values[instants]
+        return replace(
+            self, angle=self.angle[instants], rigid=self.rigid[instants], elastic=self.elastic[instants], values=values
+        )
+
+    def last_revolution(self) -> Motion:
+        """Return the last revolution, or all of a shorter motion."""
+        return self.at(np.flatnonzero(self.angle > self.angle[-1] - REVOLUTION * (1.0 - 1e-9)))
+
+    def spread(self, count: int) -> list[int]:
+        """Return up to `count` instants, evenly over the motion."""
+        return sorted({i * len(self) // count for i in range(count)} if count < len(self) else range(len(self)))
+
+    def nearest(self, angle: float) -> int:
+        """Return the instant nearest to a cam angle (rad, whole revolutions do not count), the last of equals."""
+        away = np.abs(np.angle(np.exp(1j * (self.angle - angle))))
+        return len(away) - 1 - int(np.argmin(away[::-1].round(9)))
+
+
+def result_motion(structure: Structure, result: Result, speed: float, colour: str | None = None) -> Motion:
+    """Return the motion of a result at its saved fields.
+
+    Parameters
+    ----------
+    structure
+        Of the model it was computed with.
+    result
+        The result.
+    speed
+        Camshaft speed, rad/s.
+    colour
+        Name of a saved field or recovered stress; the length of a vector is shown.
+
+    Returns
+    -------
+    Motion
+        Of the whole run.
+
+    Raises
+    ------
+    InputError
+        If the field does not exist, or nothing was saved.
+    """
+    response = result.response
+    if not len(response.field_time):
+        raise refuse("result", "no saved field", "at least one", "", "run the case again")
+    rigid = carried(structure, response.field_angle, speed)[0]
+    moved = _unknowns(structure, response, rigid)
+    motion = Motion(structure, response.field_angle, rigid, moved - rigid)
+    return motion if colour is None else replace(motion, values=_colours(result, colour), label=_label(colour))
+
+
+def case_motion(structure: Structure, speed: float, colour: str | None = None, count: int = 180) -> Motion:
+    """Return the motion of the rigid mechanism over a revolution.
+
+    Parameters
+    ----------
+    structure
+        Of the model.
+    speed
+        Camshaft speed, rad/s.
+    colour
+        ``displacement``, ``velocity`` or ``acceleration``; None for none.
+    count
+        Instants.
+
+    Returns
+    -------
+    Motion
+        With no elastic part.
+
+    Raises
+    ------
+    InputError
+        If the colour is another.
+    """
+    angle = np.linspace(0.0, REVOLUTION, count, endpoint=False)
+    series = dict(zip(("displacement", "velocity", "acceleration"), carried(structure, angle, speed), strict=True))
+    rigid = series["displacement"]
+    motion = Motion(structure, angle, rigid, np.zeros_like(rigid))
+    if colour is None:
+        return motion
+    if colour not in series:
+        why, remedy = "a case is shown as its rigid mechanism moves", "solve it with flexcam run and view the result"
+        raise refuse("--color", repr(colour), ", ".join(series), why, remedy)
+    values = _shown_in(colour)[1] * _lengths(_on_members(structure, series[colour]))
+    return replace(motion, values=values, label=_label(colour))
+
+
+def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = False, count: int = 24) -> Motion:
+    """Return one swing of a mode about the mechanism as installed.
+
+    Parameters
+    ----------
+    structure
+        Of the model.
+    shape
+        Over the unknowns, shape (n,); any size.
+    coloured
+        Whether members are coloured by the length of their displacement, as a part of the largest one.
+    count
+        Instants of the swing.
+
+    Returns
+    -------
+    Motion
+        Scaled so that the largest translation is 5 % of the model's size.
+    """
+    moved = np.linalg.norm(structure.dofs.nodal(shape)[:, :3], axis=1).max(initial=0.0)
+    others = np.abs(shape[int((structure.dofs.numbers >= 0).sum()) :]).max(initial=0.0)
+    largest = float(max(moved, others)) or 1.0
+    swing = np.cos(REVOLUTION * np.arange(count) / count)[:, None]
+    elastic = SWING * model_size(structure.model) / largest * swing * shape
+    motion = Motion(structure, np.zeros(count), np.zeros_like(elastic), elastic)
+    if not coloured:
+        return motion
+    values = np.abs(swing) * _lengths(_on_members(structure, shape[None] / largest))
+    return replace(motion, values=values, label="displacement\n(largest = 1)")
+
+
+def carried(structure: Structure, angle: FloatArray, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return displacement, velocity and acceleration of the rigid mechanism at constant speed.
+
+    Parameters
+    ----------
+    structure
+        Of the model.
+    angle
+        Cam angles, rad, shape (f,).
+    speed
+        Camshaft speed, rad/s.
+
+    Returns
+    -------
+    tuple
+        Three arrays of shape (f, n), over the structure's unknowns; zeros where no cam moves anything.
+    """
+    shown = build_rigid(structure.model, speed).carried
+    if shown is None:
+        nothing = np.zeros((len(angle), structure.dofs.size))
+        return nothing, nothing, nothing
+    return shown.at(CamMotion(angle, np.full_like(angle, speed), np.zeros_like(angle)))
+
+
+def _unknowns(structure: Structure, response: Response, rigid: FloatArray) -> FloatArray:
+    """Return the structure's unknowns at the saved fields; what a result does not hold moves as the rigid one."""
+    numbers = structure.dofs.numbers
+    nodal = response.fields.displacement.reshape(len(rigid), -1, 6)
+    moved = rigid.copy()
+    moved[:, numbers[numbers >= 0]] = nodal[:, numbers >= 0]
+    rows = np.clip(np.searchsorted(response.time, response.field_time - 1e-12), 0, len(response.time) - 1)
+    components = dict(response.outline.probes)
+    for i, name in enumerate(structure.dofs.names[int((numbers >= 0).sum()) :], start=int((numbers >= 0).sum())):
+        group, _, own = name.rpartition(".")
+        if name in components or own in components.get(group, ()):
+            moved[:, i] = response[name].displacement[rows]
+    return moved
+
+
+def _colours(result: Result, colour: str) -> FloatArray:
+    known = [*VECTORS, *RECOVERED]
+    if colour not in known:
+        raise refuse("--color", repr(colour), ", ".join(known), remedy=did_you_mean(colour, known))
+    if colour in result.recovered:
+        values = result.recovered[colour]
+    else:
+        values = result.field(colour)[:, result.still["node"].astype(np.intp)]
+    return _shown_in(colour)[1] * (values if values.ndim == 2 else _lengths(values))
+
+
+def _on_members(structure: Structure, unknowns: FloatArray) -> FloatArray:
+    """Return translations at the points of the members' polylines, shape (f, points, 3)."""
+    points = np.concatenate([np.zeros(0, np.intp), *structure.model.mesh.lines.values()])
+    return structure.dofs.nodal(unknowns)[:, points, :3]
+
+
+def _lengths(vectors: FloatArray) -> FloatArray:
+    return np.linalg.norm(vectors, axis=-1)
+
+
+_SHOWN = {"Pa": ("MPa", 1e-6), "m": ("mm", 1e3)}
+"""Units of legends in place of SI's, and their number per SI unit."""
+
+
+def _shown_in(colour: str) -> tuple[str, float]:
+    """Return the unit of a field in legends and its number per SI unit."""
+    unit = VECTORS[colour][2] if colour in VECTORS else RECOVERED[colour][0]
+    return _SHOWN.get(unit, (unit, 1.0))
+
+
+def _label(colour: str) -> str:
+    return f"{colour.replace('_', ' ')}\n{_shown_in(colour)[0]}"

@@ -1,0 +1,176 @@
+"""What hangs on a follower: which nodes move with it, and where its valve is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexcam.linalg import FloatArray
+from flexcam.train import CamContact, Model, PublishedLoad, Rocker, Seat, Spring
+
+Driven = PublishedLoad | CamContact
+
+
+def unit(vector: FloatArray) -> FloatArray:
+    """Return a vector's direction in space.
+
+    Parameters
+    ----------
+    vector
+        Shape (3,), or (6,) of which the translation counts; not zero.
+
+    Returns
+    -------
+    ndarray
+        Shape (3,), of length 1.
+    """
+    return vector[:3] / np.linalg.norm(vector[:3])
+
+
+def moved_nodes(model: Model, contact: Driven) -> set[int]:
+    """Return the nodes that a follower moves through members, links and plays.
+
+    Parameters
+    ----------
+    model, contact
+        The model and the contact of a cam.
+
+    Returns
+    -------
+    set
+        Node numbers; none where a finger is the follower.
+    """
+    if contact.follower not in model.mesh.points:
+        return set()
+    found = set(model.connected(model.mesh.node(contact.follower)).tolist())
+    for _ in model.plays:  # each pass goes on by one play at least
+        for play in model.plays:
+            if model.mesh.node(play.ends[0]) in found:
+                found.update(model.connected(model.mesh.node(play.ends[1])).tolist())
+    return found
+
+
+def rocker_of(model: Model, contact: Driven) -> Rocker | None:
+    """Return the rocker that a follower drives or is, or None.
+
+    Parameters
+    ----------
+    model, contact
+        The model and the contact of a cam.
+
+    Returns
+    -------
+    Rocker or None
+        The first one.
+    """
+    nodes, points = moved_nodes(model, contact), model.mesh.points
+    own = (
+        one
+        for one in model.rockers.values()
+        if one.start == contact.follower or (one.start in points and model.mesh.node(one.start) in nodes)
+    )
+    return next(own, None)
+
+
+def seat_at(model: Model, point: str) -> Seat | None:
+    """Return the seat at a point, or None.
+
+    Parameters
+    ----------
+    model, point
+        The model and the name of the point.
+
+    Returns
+    -------
+    Seat or None
+        The first one.
+    """
+    return next((one for one in model.contacts.values() if isinstance(one, Seat) and one.at == point), None)
+
+
+def closing_spring(model: Model, nodes: set[int]) -> Spring | None:
+    """Return the stiffest spring from some nodes to ground that is no bearing, or None.
+
+    Parameters
+    ----------
+    model, nodes
+        The model and node numbers.
+
+    Returns
+    -------
+    Spring or None
+        The spring.
+    """
+    own = [
+        one
+        for one in model.springs.values()
+        if one.at in model.mesh.points and one.to is None and model.mesh.node(one.at) in nodes and is_coil(model, one)
+    ]
+    return max(own, key=lambda one: one.stiffness, default=None)
+
+
+def is_coil(model: Model, spring: Spring) -> bool:
+    """Tell whether a spring is drawn as a coil: it acts along a line, and is no bearing of a shaft.
+
+    Parameters
+    ----------
+    model, spring
+        The model and the spring.
+
+    Returns
+    -------
+    bool
+        A spring to ground from a node of a cam's shaft is a bearing.
+    """
+    return bool(spring.direction[:3].any()) and not is_bearing(model, spring)
+
+
+def is_bearing(model: Model, spring: Spring) -> bool:
+    """Tell whether a spring is drawn as a bearing: from a node of a cam's shaft to ground.
+
+    Parameters
+    ----------
+    model, spring
+        The model and the spring.
+
+    Returns
+    -------
+    bool
+        Whether it is.
+    """
+    if spring.to is not None or spring.at not in model.mesh.points:
+        return False
+    return model.mesh.node(spring.at) in shaft_nodes(model)
+
+
+def shaft_nodes(model: Model) -> set[int]:
+    """Return the nodes of the members that carry cams.
+
+    Parameters
+    ----------
+    model
+        The model.
+
+    Returns
+    -------
+    set
+        Node numbers.
+    """
+    cams = {model.mesh.node(cam.at) for cam in model.cams.values()}
+    return {node for line in model.mesh.lines.values() if cams.intersection(line.tolist()) for node in line.tolist()}
+
+
+def shafts(model: Model) -> list[str]:
+    """Return the names of the members that carry cams.
+
+    Parameters
+    ----------
+    model
+        The model.
+
+    Returns
+    -------
+    list
+        In the order of the mesh.
+    """
+    cams = {model.mesh.node(cam.at) for cam in model.cams.values()}
+    return [name for name, line in model.mesh.lines.items() if cams.intersection(line.tolist())]

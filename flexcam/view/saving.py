@@ -1,0 +1,99 @@
+"""Pictures, movies and pages of a stage, by the ending of their name."""
+
+# pyright: reportUnknownMemberType=false
+# pyvista leaves most of its types open.
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flexcam.checks import refuse
+from flexcam.io import free_to_write, made_folder
+from flexcam.view.page import write_page
+
+if TYPE_CHECKING:
+    from flexcam.view.solid import Stage
+
+NEEDS = {
+    ".png": ("", ()),
+    ".gif": ("movie", ("imageio",)),
+    ".mp4": ("movie", ("imageio", "imageio_ffmpeg")),
+    ".html": ("html", ("trame_vtk",)),
+}
+"""What a kind of file needs: the extra of flexcam, and its modules."""
+
+FRAMES = 72
+"""Frames of a revolution."""
+
+_PER_SECOND = 24
+
+
+def free_to_save(path: Path, size: tuple[int, int], *, overwrite: bool = False) -> None:
+    """Refuse a file that cannot be written, before anything is drawn.
+
+    Parameters
+    ----------
+    path
+        With the ending ``.png``, ``.gif``, ``.mp4`` or ``.html``.
+    size
+        Pixels.
+    overwrite
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the ending is another, an extra is not installed, a movie has odd sides, or the file exists.
+    """
+    if path.suffix not in NEEDS:
+        raise refuse("--save", str(path), f"a name that ends in {', '.join(NEEDS)}")
+    extra, modules = NEEDS[path.suffix]
+    lacking = [name for name in modules if find_spec(name) is None]
+    if lacking:
+        why = f"{' and '.join(lacking)} cannot be imported"
+        raise refuse("--save", str(path), "a kind of file whose packages are installed", why,
+                     f"pip install 'flexcam[{extra}]'")  # fmt: skip
+    if path.suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
+        raise refuse("--size", f"{size[0]}x{size[1]}", "even numbers", "the colours of a movie are kept by fours")
+    free_to_write("picture", path, overwrite=overwrite)
+
+
+def save(stage: Stage, path: Path, frames: Sequence[int], still: int) -> None:
+    """Write a picture or page of one instant, or a movie of many.
+
+    Parameters
+    ----------
+    stage
+        Off-screen.
+    path
+        As `free_to_save` takes it.
+    frames
+        Instants of a movie.
+    still
+        Instant of a picture or page.
+    """
+    made_folder(path.parent)
+    if path.suffix in (".gif", ".mp4"):
+        _movie(stage, path, frames)
+        return
+    stage.show(still)
+    if path.suffix == ".png":
+        stage.plotter.screenshot(path)
+    else:
+        stage.plotter.render()
+        write_page(stage.plotter.render_window, path, stage.title)
+    stage.plotter.close()
+
+
+def _movie(stage: Stage, path: Path, frames: Sequence[int]) -> None:
+    if path.suffix == ".gif":
+        stage.plotter.open_gif(str(path), fps=_PER_SECOND, loop=0)
+    else:
+        stage.plotter.open_movie(str(path), framerate=_PER_SECOND, macro_block_size=2)
+    for i in frames:
+        stage.show(i)
+        stage.plotter.write_frame()
+    stage.plotter.close()

@@ -1,0 +1,62 @@
+"""The case out of a result: the same model on the same mesh, wherever case and mesh have gone."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import InputError, read_case, run
+from flexcam.case import build_model, new_case, recalled_case
+from flexcam.io import read_result
+from flexcam.runner import prepare, result_file
+from flexcam.scene import result_motion
+from flexcam.train import build_structure
+
+ROOT = Path(__file__).parents[2]
+CASES = ["tayeb/model-3-shm", "pushrod-engine/lever", "li/valve-train", "petrescu/valve-spring", "checks/cantilever"]
+
+
+def solved(path, folder, *overrides):
+    """Run a case for a few steps; return it and its result."""
+    case = read_case(path, ["run.revolutions=0.05", "output.field_every=5", *overrides])
+    sink = result_file(prepare(case), folder)
+    response = run(case, sinks=[sink])
+    return case, response, read_result(sink.path)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_model_and_motion_are_those_of_the_run(name, tmp_path):
+    """Unknowns of nodes, of points with play and of springs' parts: all come back from the file, in their places."""
+    shutil.copytree(ROOT / "meshes", tmp_path / "meshes")
+    (tmp_path / "cases" / name).parent.mkdir(parents=True)
+    source = shutil.copy(ROOT / f"cases/{name}.toml", tmp_path / f"cases/{name}.toml")
+    case, response, result = solved(source, tmp_path / "results")
+    shutil.rmtree(tmp_path / "meshes")
+    Path(source).unlink()
+    model, again = build_model(case) if "mesh" not in case.text else None, build_model(recalled_case(result))
+    if model is not None:
+        assert np.array_equal(model.mesh.nodes, again.mesh.nodes)
+        assert {n: line.tolist() for n, line in model.mesh.lines.items()} == {
+            n: line.tolist() for n, line in again.mesh.lines.items()
+        }
+    structure = build_structure(again)
+    motion = result_motion(structure, result, case.speed)
+    drawn = motion.rigid + motion.elastic
+    assert structure.dofs.names == response.outline.unknowns
+    assert np.allclose(drawn, response.fields.displacement, rtol=1e-12, atol=1e-18)
+
+
+def test_overrides_count(tmp_path):
+    _, _, result = solved(ROOT / "cases/petrescu/valve-spring.toml", tmp_path, "cams.valve.lift=4 mm")
+    assert recalled_case(result).record.cams["valve"].lift == pytest.approx(0.004)
+
+
+def test_a_lift_table_that_is_gone_is_named(tmp_path):
+    new_case("measured-lift", tmp_path / "case.toml")
+    _, _, result = solved(tmp_path / "case.toml", tmp_path)
+    (tmp_path / "measured-lift.csv").unlink()
+    with pytest.raises(InputError, match=r"measured-lift\.csv"):
+        recalled_case(result)

@@ -1,0 +1,72 @@
+"""Starter cases: listed, commented key by key, checked and run, and never written over what is there."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from importlib.resources import files
+
+import pytest
+
+from flexcam.case import templates
+
+NAMES = sorted(templates())
+KEY = re.compile(r"^[A-Za-z_][\w-]* = ")
+
+
+def test_all_six_are_there(flexcam):
+    wanted = {"published-model", "pushrod-engine", "direct-acting", "finger-follower", "lumped-train", "measured-lift"}
+    assert set(NAMES) == wanted
+    assert flexcam("new", "--json").json["templates"] == templates()
+    told = flexcam("new").out
+    assert all(name in told for name in wanted)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_key_has_a_comment(name):
+    text = (files("flexcam") / "templates" / f"{name}.toml").read_text(encoding="utf-8")
+    bare = [line for line in text.splitlines() if KEY.match(line) and " # " not in line]
+    assert not bare
+    assert text.startswith("# ")
+    assert tomllib.loads(text)["title"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_passes_the_check_and_runs(name, flexcam):
+    """Without a warning: a beginner's first case must not begin with one."""
+    made = flexcam("new", name, "-o", "cases/mine.toml", "--json").json
+    assert made["files"][0] == "cases/mine.toml"
+    checked = flexcam("check", "cases/mine.toml", "--json")
+    assert checked.code == 0
+    assert checked.json["warnings"] == []
+    run = flexcam("run", "cases/mine.toml", "--json", "--set", "run.revolutions=0.6")
+    assert run.code == 0
+    assert run.json["status"] == "done"
+    assert run.json["warnings"] == []
+
+
+def test_a_measured_lift_comes_with_its_table(flexcam, tmp_path):
+    made = flexcam("new", "measured-lift", "-o", "mine.toml", "--json").json
+    assert made["files"] == ["mine.toml", "measured-lift.csv"]
+    assert (tmp_path / "measured-lift.csv").read_text(encoding="utf-8").startswith("crank_deg, lift_mm")
+
+
+def test_nothing_is_written_over(flexcam, tmp_path):
+    (tmp_path / "measured-lift.csv").write_text("mine")
+    refused = flexcam("new", "measured-lift")
+    assert refused.code == 2
+    assert "measured-lift.csv" in refused.err
+    assert not (tmp_path / "measured-lift.toml").exists()
+    assert (tmp_path / "measured-lift.csv").read_text() == "mine"
+    assert flexcam("new", "measured-lift", "--overwrite").code == 0
+
+
+def test_a_misspelled_name_is_told(flexcam):
+    refused = flexcam("new", "pushrod-engin")
+    assert refused.code == 2
+    assert "did you mean 'pushrod-engine'" in refused.err
+
+
+def test_a_case_file_ends_in_toml(flexcam, tmp_path):
+    assert flexcam("new", "pushrod-engine", "-o", "mine").code == 2
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,258 @@
+"""Pictures, movies and pages of mechanisms, and what is said where none can be drawn.
+
+Pictures are compared by perceptual hash (16 x 16 bits, the words at the top left out) with small reference pictures.
+Measured on them: 0 between Mesa's EGL and GLX, 0 after softening by resampling, up to 4 at nine tenths of the
+brightness; 14 and more 30 deg of the cam away, 60 and more for another case. Eight bits tell the one from the other.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam.response import RunFailedError
+from flexcam.view import rendering
+
+imagehash = pytest.importorskip("imagehash")
+Image = pytest.importorskip("PIL.Image")
+pytest.importorskip("pyvista")
+
+ROOT = Path(__file__).parents[2]
+INTAKE, FINGER = (ROOT / f"cases/{name}.toml" for name in ("pushrod-engine/intake", "direct-acting/finger"))
+PICTURES = {
+    "finger": (FINGER, "--at", "236"),
+    "intake": (INTAKE, "--at", "180"),
+    "camshaft": (ROOT / "cases/camshaft-4cyl/camshaft.toml", "--at", "20"),
+    "mode": (INTAKE, "--mode", "3", "--color", "displacement"),
+}
+TITLE = "Roller finger follower with hydraulic lash adjuster: rigid mechanism"
+SIZE = ("--size", "400x300")
+WORDS = 30
+"""Pixels at the top that words may take: fonts differ between machines."""
+ALIKE = 8
+"""Bits of 256 by which pictures of one scene may differ."""
+
+
+@pytest.fixture(scope="module")
+def drawing():
+    """Skip where nothing can be drawn, but not where everything must run."""
+    try:
+        rendering.ready_to_render(off_screen=True)
+    except RunFailedError as failure:
+        if os.environ.get("FLEXCAM_REQUIRE_PARAVIEW") == "1":
+            pytest.fail(f"FLEXCAM_REQUIRE_PARAVIEW=1, but {failure}")
+        pytest.skip(f"NOTHING WAS DRAWN: {failure}")
+
+
+def opened(path, mode="L"):
+    with Image.open(path) as picture:
+        return picture.convert(mode)
+
+
+def seen(path):
+    picture = opened(path)
+    return imagehash.phash(picture.crop((0, WORDS, *picture.size)), hash_size=16)
+
+
+@pytest.mark.usefixtures("drawing")
+@pytest.mark.parametrize("name", PICTURES)
+def test_a_picture_looks_like_its_reference(name, flexcam):
+    ended = flexcam("view", *PICTURES[name], *SIZE, "--save", "made.png")
+    assert ended.code == 0, ended.err
+    assert "Drawn with sizes that the case does not give:" in ended.out
+    assert opened("made.png").size == (400, 300)
+    assert seen("made.png") - seen(ROOT / f"tests/data/pictures/{name}.png") <= ALIKE
+
+
+@pytest.mark.usefixtures("drawing")
+def test_the_measure_tells_another_instant_and_another_case(flexcam):
+    flexcam("view", INTAKE, "--at", "150", *SIZE, "--save", "made.png")
+    assert seen("made.png") - seen(ROOT / "tests/data/pictures/intake.png") > ALIKE
+    assert seen("made.png") - seen(ROOT / "tests/data/pictures/finger.png") > 5 * ALIKE
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    """Solve half a revolution of the intake case into a folder of its own."""
+    folder = tmp_path_factory.mktemp("result")
+    words = ["run", INTAKE, "-o", folder, "--set", "run.revolutions=0.6", "--set", "run.steps_per_revolution=1800"]
+    subprocess.run([sys.executable, "-m", "flexcam", *map(str, words)], check=True, capture_output=True, timeout=120)
+    return folder / "intake.vtkhdf"
+
+
+@pytest.mark.usefixtures("drawing")
+def test_a_result_is_coloured_by_its_stress(flexcam, result, tmp_path):
+    """As its picture says: the same scene, coloured apart from the rest, at the instant asked for."""
+    moved = shutil.copy(result, tmp_path / "elsewhere.vtkhdf")
+    plain = ("view", moved, *SIZE, "--at", "180")
+    assert flexcam(*plain, "--save", "plain.png").code == 0
+    told = flexcam(*plain, "--save", "stress.png", "--color", "stress_von_mises", "--json").json
+    assert told["files"] == ["stress.png"]
+    assert any("valve head" in line for line in told["drawn"])
+    assert seen("plain.png") - seen(ROOT / "tests/data/pictures/intake.png") <= ALIKE
+    assert colours("plain.png", members=False) > 500
+    assert colours("stress.png", members=True) > 500
+
+
+def colours(path, *, members):
+    """Count the pixels of viridis' green and purple right of the middle, or of the lobe's orange."""
+    pixels = np.asarray(opened(path, "RGB")).reshape(-1, 3).astype(int).tolist()
+    if members:
+        return sum(g > r + 40 or b > g + 25 for r, g, b in pixels)
+    return sum(r > 100 and r > 2 * b and g < 0.6 * r for r, g, b in pixels)
+
+
+@pytest.mark.usefixtures("drawing")
+def test_a_movie_turns_the_cam(flexcam, result, monkeypatch):
+    monkeypatch.setattr("flexcam.view.saving.FRAMES", 5)
+    for name in ("train.gif", "train.mp4"):
+        ended = flexcam("view", result, "--size", "320x240", "--save", name)
+        assert ended.code == 0, ended.err
+    with Image.open("train.gif") as film:
+        assert (film.n_frames, film.size) == (5, (320, 240))
+        for i in range(5):
+            film.seek(i)
+            film.save(f"{i}.png")
+    hashes = [seen(f"{i}.png") for i in range(5)]
+    assert any(one - hashes[0] > 0 for one in hashes)
+    assert Path("train.mp4").read_bytes()[4:8] == b"ftyp"
+    assert Path("train.mp4").stat().st_size > 2000
+
+
+@pytest.mark.usefixtures("drawing")
+def test_a_page_stands_alone(flexcam, tmp_path):
+    """The scene lies in the page; nothing is fetched, and the title is escaped."""
+    case = tmp_path / "case.toml"
+    text = FINGER.read_text(encoding="utf-8").replace('title = "Roller finger', 'title = "<b>&Roller finger')
+    case.write_text(text, encoding="utf-8")
+    assert flexcam("view", case, "--save", "page.html").code == 0
+    page = Path("page.html").read_text(encoding="utf-8")
+    assert "<title>&lt;b&gt;&amp;Roller finger follower" in page
+    assert not re.search(r"favicon-|<script[^>]+src=|<link[^>]+href=", page)
+    packed = re.search(r'base64Str = "([^"]+)"', page)
+    with zipfile.ZipFile(io.BytesIO(base64.b64decode(packed[1]))) as archive:
+        scene = json.loads(archive.read("index.json"))
+    kinds = [one["type"] for one in scene["scene"]["dependencies"][0]["dependencies"]]
+    assert kinds.count("vtkOpenGLActor") >= 8
+    assert scene["hashes"]
+
+
+def test_nothing_is_written_over(flexcam, tmp_path):
+    (tmp_path / "made.png").write_text("mine")
+    refused = flexcam("view", FINGER, "--save", "made.png")
+    assert refused.code == 2
+    assert "add --overwrite" in refused.err
+    assert (tmp_path / "made.png").read_text() == "mine"
+
+
+REFUSED = {
+    ("--save", "made.bmp"): "a name that ends in .png, .gif, .mp4, .html",
+    ("--save", "a.png", "--size", "big"): "WIDTHxHEIGHT",
+    ("--save", "a.png", "--size", "10x100000"): "WIDTHxHEIGHT",
+    ("--save", "a.mp4", "--size", "401x300"): "even numbers",
+    ("--save", "a.png", "--mode", "0"): "as flexcam modes counts them",
+    ("--save", "a.png", "--mode", "100000"): "as flexcam modes counts them",
+    ("--save", "a.png", "--color", "stress_von_mises"): "solve it with flexcam run",
+    ("--save", "a.png", "--color", "velocity", "--mode", "1"): "a mode has no size",
+}
+
+
+@pytest.mark.parametrize("words", REFUSED, ids=" ".join)
+def test_what_cannot_be_shown_is_refused(words, flexcam, tmp_path):
+    refused = flexcam("view", FINGER, *words)
+    assert refused.code == 2
+    assert REFUSED[words] in refused.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_result_knows_its_fields_and_its_case(flexcam, result):
+    refused = flexcam("view", result, "--color", "stress_von_mise", "--save", "a.png")
+    assert refused.code == 2
+    assert "did you mean 'stress_von_mises'" in refused.err
+    assert flexcam("view", result, "--set", "run.speed=3rpm", "--save", "a.png").code == 2
+
+
+EXTRAS = [("a.gif", "imageio", "movie"), ("a.mp4", "imageio_ffmpeg", "movie"), ("a.html", "trame_vtk", "html")]
+
+
+@pytest.mark.parametrize(("name", "module", "extra"), EXTRAS)
+def test_a_missing_extra_is_named(name, module, extra, flexcam, monkeypatch):
+    from importlib.util import find_spec
+
+    monkeypatch.setattr("flexcam.view.saving.find_spec", lambda one: None if one == module else find_spec(one))
+    refused = flexcam("view", FINGER, "--save", name)
+    assert refused.code == 2
+    assert f"{module} cannot be imported" in refused.err
+    assert f"pip install 'flexcam[{extra}]'" in refused.err
+
+
+def test_no_display_and_no_file_is_refused(flexcam, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setattr(rendering.sys, "platform", "linux")
+    refused = flexcam("view", FINGER)
+    assert refused.code == 2
+    assert "add --save picture.png" in refused.err
+
+
+@pytest.mark.parametrize("words", [("--save", "a.png"), ()], ids=["off-screen", "window"])
+def test_a_renderer_that_ends_its_process_ends_only_that(words, flexcam, monkeypatch, tmp_path):
+    """What VTK does without libEGL or libGL, for which a process that aborts stands here."""
+    monkeypatch.setattr(
+        rendering, "_PROBE", "import os, sys; sys.stderr.write('(12s) [7F] x: 150 WARN| no GL\\n'); os.abort()"
+    )
+    monkeypatch.setenv("DISPLAY", ":0")
+    rendering._drawn_by.cache_clear()
+    failed = flexcam("view", FINGER, *words)
+    rendering._drawn_by.cache_clear()
+    assert failed.code == 3
+    assert "no-rendering: nothing can be drawn here: no GL" in failed.err
+    assert "apt-get install libgl1 libegl1" in failed.err
+    assert not list(tmp_path.iterdir())
+
+
+WINDOW = """
+import sys
+from flexcam import read_case
+from flexcam.case import build_model
+from flexcam.scene import case_motion, mechanism
+from flexcam.train import build_structure
+from flexcam.view.rendering import ready_to_render
+ready_to_render(off_screen=False)
+from flexcam.view.solid import Looks, Stage
+structure = build_structure(build_model(read_case(sys.argv[1])))
+looks = Looks(size=(400, 300), title=sys.argv[3])
+stage = Stage(mechanism(structure), case_motion(structure, 100.0), looks, off_screen=False)
+stage.slide(0)
+stage.plotter.show(interactive=False, auto_close=False)
+slider = stage.plotter.widgets.slider_widgets[0]
+slider.GetRepresentation().SetValue(236.0)
+slider.InvokeEvent("InteractionEvent")
+slider.Off()
+stage.plotter.render()
+stage.plotter.screenshot(sys.argv[2])
+"""
+
+
+def test_the_slider_of_the_window_turns_the_cam(tmp_path):
+    """In a window of a virtual display, as a user drags it."""
+    if shutil.which("xvfb-run") is None:
+        if os.environ.get("FLEXCAM_REQUIRE_PARAVIEW") == "1":
+            pytest.fail("FLEXCAM_REQUIRE_PARAVIEW=1, but xvfb-run cannot be found")
+        pytest.skip("NO WINDOW WAS OPENED: no xvfb-run; apt-get install xvfb xauth")
+    made = tmp_path / "window.png"
+    command = ["xvfb-run", "-a", "-s", "-screen 0 800x600x24", sys.executable, "-c", WINDOW, FINGER, made, TITLE]
+    environment = {name: value for name, value in os.environ.items() if name != "VTK_DEFAULT_OPENGL_WINDOW"}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert seen(made) - seen(ROOT / "tests/data/pictures/finger.png") <= ALIKE

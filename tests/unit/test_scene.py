@@ -1,0 +1,315 @@
+"""Scenes: closed solids of the right volume, real profiles, centre lines through nodes, parts where they belong."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import read_case
+from flexcam.cam import FlatFollower, RollerFollower, SwingRollerFollower, cam_profile
+from flexcam.case import build_model
+from flexcam.fem import Material, Member, Mesh, Section, beams
+from flexcam.motion import LAWS, LiftEvent
+from flexcam.scene import Instant, case_motion, loft, mechanism, merged, mode_motion
+from flexcam.scene.centre_line import centre_line, swept, turn
+from flexcam.scene.coil import coil
+from flexcam.scene.lobes import cam_frame, lobe
+from flexcam.scene.shapes import AROUND, ball, capsule, cylinder, prism, ring, section_outlines
+from flexcam.scene.sizes import CoilSizes
+from flexcam.scene.solid import Solid
+from flexcam.train import Cam, build_structure
+
+ROOT = Path(__file__).parents[2]
+STEEL = Material(E=207e9, nu=0.29, density=7800.0)
+FACETS = AROUND / math.pi * math.sin(math.pi / AROUND) * math.cos(math.pi / AROUND)
+"""Area of the polygon of a circle by that of the circle: what facets take of a volume, exactly."""
+
+CASES = ["pushrod-engine/intake", "pushrod-engine/lever", "direct-acting/bucket", "direct-acting/finger",
+         "camshaft-4cyl/camshaft", "li/valve-train", "petrescu/valve-spring", "tayeb/model-3-shm", "checks/cantilever",
+         "checks/mathieu"]  # fmt: skip
+
+
+def structure_of(name):
+    return build_structure(build_model(read_case(ROOT / f"cases/{name}.toml")))
+
+
+def bar(section, moved=None, length=0.3, direction=(1.0, 2.0, -0.5), shear=False, elements=3):
+    along = length * np.array(direction) / np.linalg.norm(direction)
+    nodes = np.linspace(0.0, 1.0, elements + 1)[:, None] * along
+    mesh = Mesh(nodes, {"bar": np.arange(elements + 1)}, {})
+    made = beams(mesh, {"bar": Member(STEEL, section, shear=shear)})
+    nodal = np.zeros((elements + 1, 6)) if moved is None else moved
+    return mesh, made, centre_line(made, slice(0, elements), mesh.nodes, nodal)
+
+
+@pytest.mark.parametrize(
+    ("section", "area"),
+    [(Section.circle(0.02), math.pi * 1e-4 * FACETS), (Section.tube(0.02, 0.012), math.pi * 64e-6 * FACETS),
+     (Section.rectangle(0.02, 0.01), 2e-4), (Section(A=3e-4, Iy=2e-9, Iz=8e-9, J=1e-9), 3e-4)],
+    ids=["circle", "tube", "rectangle", "given"],
+)  # fmt: skip
+def test_a_straight_member_has_the_volume_of_its_section(section, area):
+    """To rounding: the facets of a circle are counted exactly."""
+    _, _, line = bar(section)
+    rings = [swept(outline, line) for outline in section_outlines(section)]
+    there_and_back = rings[0] if len(rings) == 1 else np.concatenate([rings[0], rings[1][::-1]])
+    solid = loft("member", there_and_back, cyclic=len(rings) == 2)
+    assert solid.closed
+    assert solid.volume == pytest.approx(0.3 * area, rel=1e-12)
+
+
+def test_a_rectangle_lies_with_its_sides_in_the_local_axes():
+    section = Section.rectangle(0.02, 0.01)
+    mesh, made, line = bar(section)
+    corners = (swept(section_outlines(section)[0], line)[0] - mesh.nodes[0]) @ made.triads[0].T
+    assert np.abs(corners).max(axis=0) == pytest.approx([0.0, 0.01, 0.005], abs=1e-15)
+
+
+@pytest.mark.parametrize("shear", [False, True])
+def test_the_centre_line_passes_through_the_nodes_with_their_rotations(shear, rng):
+    """Slopes are those of the nodes where nothing shears; sections stand as the nodes turn, with shear too."""
+    moved = 1e-3 * rng.standard_normal((4, 6))
+    mesh, made, line = bar(Section.circle(0.05), moved, shear=shear)
+    at_nodes = np.flatnonzero(line.part == np.round(line.part))
+    assert np.allclose(line.points[at_nodes], mesh.nodes + moved[:, :3], rtol=0.0, atol=1e-15)
+    turned = made.triads[[0, 1, 2, 2]] @ turn(moved[:, 3:])
+    assert np.allclose(line.triads[at_nodes], turned, rtol=0.0, atol=1e-14)
+    if not shear:
+        fine = centre_line(made, slice(0, 3), mesh.nodes, moved, parts=4096)
+        step = np.diff(fine.points[:2], axis=0)[0] @ made.triads[0].T * 4096 / made.length[0]
+        slope = moved[0, 3:] @ made.triads[0].T
+        assert step[1:] == pytest.approx([slope[2], -slope[1]], abs=3e-5)  # a chord of 1/4096 of an element
+
+
+def test_a_cantilever_bends_as_the_closed_form_with_and_without_shear():
+    """One element under an end load: v = F x^2 (3L - x)/6EI + F x/kappa A G, which is in the element's space."""
+    for shear in (False, True):
+        section = Section.circle(0.05)
+        mesh, made, _ = bar(section, length=0.3, direction=(1, 0, 0), shear=shear, elements=1)
+        F, L, EI, phi = 1e3, 0.3, made.EIz[0], made.phi_y[0]
+        sheared = phi * L**2 / (12.0 * EI) * F  # per length: phi = 12 EI/(kappa A G L^2)
+        moved = np.zeros((2, 6))
+        moved[1, 1], moved[1, 5] = F * L**3 / (3 * EI) + sheared * L, F * L**2 / (2 * EI)
+        line = centre_line(made, slice(0, 1), mesh.nodes, moved)
+        x = line.points[:, 0]
+        assert line.points[:, 1] == pytest.approx(F * x**2 * (3 * L - x) / (6 * EI) + sheared * x, abs=1e-15)
+        turned = np.arcsin(line.triads[:, 0, 1])
+        assert turned == pytest.approx(F * (L * x - x**2 / 2) / EI, abs=1e-6 * turned.max())  # sections stay in place
+        assert shear == bool(phi)
+
+
+@pytest.fixture(scope="module")
+def rng():
+    return np.random.default_rng(20240)
+
+
+def test_rotations_are_rotations(rng):
+    made = turn(rng.standard_normal((20, 3)))
+    assert np.allclose(made @ np.swapaxes(made, 1, 2), np.eye(3), atol=1e-14)
+    assert np.linalg.det(made) == pytest.approx(1.0)
+    assert np.allclose(turn(np.zeros((1, 3)))[0], np.eye(3))
+
+
+EVENT = LiftEvent(LAWS["4-5-6-7"], 0.006, 1.3, 1.3, 0.0, 1.0)
+FOLLOWERS = [FlatFollower(0.024), RollerFollower(0.02, 0.009, 0.003), SwingRollerFollower(0.016, 0.0085, 0.02, 0.0305),
+             SwingRollerFollower(0.016, 0.0085, 0.02, 0.0305, -1)]  # fmt: skip
+
+
+@pytest.mark.parametrize("cam_turn", [1, -1])
+@pytest.mark.parametrize("follower", FOLLOWERS)
+def test_a_lobe_is_the_profile(follower, cam_turn):
+    """Points of the solid are those of the profile at the same angles, and none lies inside the follower."""
+    cam, lift, axis = Cam("cam", EVENT, follower, cam_turn), np.array([0.0, 0.6, 0.8]), np.array([-1.0, 0.0, 0.0])
+    frame = cam_frame(cam, follower, np.zeros(3), lift, axis, 0.012)
+    profile = cam_profile(EVENT, follower, count=360, turn=cam_turn)
+    for angle in (0.0, 1.0, 2.3, 4.0):
+        solid = lobe(frame, angle, np.zeros(6))
+        assert solid.closed
+        radii = np.linalg.norm(profile.points, axis=1)
+        drawn = solid.points[:360] - solid.points[:360] @ axis[:, None] * axis
+        assert np.sort(np.linalg.norm(drawn, axis=1)) == pytest.approx(np.sort(radii), rel=1e-12)
+        area = solid.volume / 0.012
+        x, y = profile.points.T
+        assert area == pytest.approx(abs(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))), rel=1e-12)
+        lifted = float(EVENT(np.array([angle]))[0])
+        touching = frame.drawn(lifted)
+        if np.isfinite(follower.roller_radius):
+            away = np.abs(frame.contour(angle) - touching).min()
+            assert away == pytest.approx(follower.roller_radius, abs=2e-5)  # between points a degree apart
+        else:
+            assert frame.contour(angle).imag.max() == pytest.approx(follower.base_radius + lifted, abs=1e-5)
+
+
+@pytest.mark.parametrize("follower", FOLLOWERS)
+def test_a_cam_turns_in_the_sense_of_its_axis(follower):
+    axis = np.array([0.0, 0.0, 1.0])
+    frame = cam_frame(Cam("cam", EVENT, follower), follower, np.zeros(3), np.array([0.0, 1.0, 0.0]), axis, 0.01)
+    before, after = (frame.space(frame.contour(angle)) for angle in (0.2, 0.2 + 1e-6))
+    turned = np.cross(before, after) @ axis
+    assert (turned > 0.0).all()
+
+
+def test_a_follower_begins_to_move_along_the_lift():
+    for follower in FOLLOWERS:
+        frame = cam_frame(
+            Cam("cam", EVENT, follower), follower, np.zeros(3), np.array([0.0, -1.0, 0.0]), np.array([1.0, 0, 0]), 0.01
+        )
+        step = (frame.drawn(1e-7) - frame.drawn(0.0)) / 1e-7
+        assert abs(step - 1j) < 1e-5
+
+
+def test_bodies_of_closed_form():
+    zero, axis = np.zeros(3), np.array([0.0, 0.0, 1.0])
+    assert cylinder("a", zero, 0.1 * axis, 0.02).volume == pytest.approx(math.pi * 4e-5 * FACETS)
+    assert ring("a", zero, axis, (0.01, 0.02), 0.03).volume == pytest.approx(math.pi * 3e-4 * 0.03 * FACETS)
+    assert ball("a", zero, 0.1).volume == pytest.approx(4e-3 / 3.0 * math.pi, rel=0.02)  # 17 cones of 32 facets
+    outline = capsule(0j, 0.1 + 0j, (0.03, 0.02))
+    body = prism("a", outline, np.eye(3)[:2], zero, 0.01)
+    open_by = math.acos(0.1)
+    area = 0.05 * math.sqrt(0.1**2 - 0.01**2) + (math.pi - open_by) * 9e-4 + open_by * 4e-4
+    assert body.volume == pytest.approx(0.01 * area, rel=0.01)  # arcs of 16 points
+    for solid in (cylinder("a", zero, axis, 1.0), ring("a", zero, axis, (1.0, 2.0), 1.0), ball("a", zero, 1.0), body):
+        assert solid.closed
+
+
+def test_an_open_or_inside_out_surface_is_told():
+    cube = cylinder("a", np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.0)
+    assert not Solid("a", cube.points, cube.faces[1:]).closed
+    assert Solid("a", cube.points, cube.faces[:, ::-1]).volume < 0.0
+
+
+def test_merged_solids_keep_volume_and_values():
+    square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    one = loft("a", np.array([square, square + np.eye(3)[2]]), values=np.array([3.0, 4.0]))
+    both = merged([one, one])
+    assert both.volume == pytest.approx(2.0 * one.volume)
+    assert both.values is not None
+    assert both.values.tolist() == [*one.values.tolist()] * 2
+    assert merged([one, Solid("a", one.points, one.faces)]).values is None
+
+
+def test_a_coil_follows_the_ends_and_the_parts_of_its_spring():
+    """Wire of the volume of its length; both ends where the spring's ends are; the middle where its middle moved."""
+    sizes, axis = CoilSizes(0.03, 0.004, 0.06, 6.0), np.array([0.0, 1.0, 0.0])
+    at_rest = coil(sizes, np.zeros(3), axis, np.zeros(2), 0.06)
+    assert at_rest.closed
+    turns = sizes.coils + 2.0
+    length = turns * math.pi * 0.03
+    assert at_rest.volume == pytest.approx(length * math.pi * 0.002**2, rel=0.08)  # ten facets, pitch left out
+    assert (at_rest.points[:, 1].min(), at_rest.points[:, 1].max()) == pytest.approx((0.0, 0.06), abs=2e-4)  # facets
+    pressed = coil(sizes, np.zeros(3), axis, np.array([0.0, 0.004, -0.01]), 0.06)
+    assert pressed.points[:, 1].max() == pytest.approx(0.05, abs=1e-3)
+    # Parts move on their own: the middle by 4 mm, where no straight line between the ends goes.
+    assert (pressed.points - at_rest.points)[:, 1].max() == pytest.approx(0.004, rel=0.02)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_case_is_drawn_with_closed_solids(name):
+    structure = structure_of(name)
+    motion, drawn = case_motion(structure, 100.0), mechanism(structure)
+    kinds = []
+    for i in (0, 60):
+        solids = drawn.solids(motion.instant(i))
+        assert all(solid.closed and solid.volume > 0.0 for solid in solids), [s.kind for s in solids if not s.closed]
+        kinds.append([solid.kind for solid in solids])
+    assert kinds[0] == kinds[1]
+
+
+PARTS = {
+    "pushrod-engine/intake": {"shaft": 1, "member": 1, "lobe": 1, "follower": 1, "rocker": 2, "spring": 2, "valve": 1,
+                              "seat": 1, "drive": 1, "bearing": 3},
+    "direct-acting/finger": {"shaft": 1, "lobe": 1, "roller": 1, "rocker": 2, "spring": 1, "valve": 1, "seat": 1},
+    "direct-acting/bucket": {"shaft": 1, "member": 2, "lobe": 1, "follower": 1, "spring": 3, "valve": 1, "seat": 1},
+    "camshaft-4cyl/camshaft": {"shaft": 1, "lobe": 8, "follower": 8, "spring": 8, "valve": 8, "bearing": 13,
+                               "drive": 1},
+    "li/valve-train": {"lobe": 1, "mass": 1, "spring": 3, "valve": 1},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_train_has_its_parts(name):
+    structure = structure_of(name)
+    solids = mechanism(structure).solids(case_motion(structure, 100.0).instant(0))
+    counts = {kind: sum(solid.kind == kind for solid in solids) for kind in PARTS[name]}
+    assert counts == PARTS[name]
+
+
+TRAINS = ["pushrod-engine/intake", "pushrod-engine/lever", "direct-acting/bucket", "direct-acting/finger"]
+
+
+@pytest.mark.parametrize("name", TRAINS)
+def test_cam_follower_and_valve_stay_together_as_the_train_turns(name):
+    """The lobe touches its follower all the way round, the valve opens by its lift, away from its seat."""
+    structure = structure_of(name)
+    motion, drawn = case_motion(structure, 100.0, count=24), mechanism(structure)
+    layout = drawn.layout
+    gaps, opened = [], []
+    for i in range(24):
+        instant = motion.instant(i)
+        solids = {solid.kind: solid for solid in drawn.solids(instant)}
+        lift = layout.cams[0].lift
+        cam, touching = solids["lobe"].points @ lift, solids.get("roller", solids.get("follower"))
+        if "roller" in solids:
+            centre = touching.points.mean(axis=0)
+            plane = layout.cams[0].frame.plane
+            gaps.append(np.linalg.norm((solids["lobe"].points - centre) @ plane.T, axis=1).min() - 0.0085)
+        else:
+            gaps.append((touching.points @ lift).min() - cam.max())
+        opened.append(float((solids["valve"].points @ layout.valves[0].away).max()))
+    assert np.abs(gaps).max() < 3e-5  # between the points of a profile a degree apart
+    point = layout.valves[0].point
+    moved = [motion.instant(i).at(point, layout.valves[0].away) @ layout.valves[0].away for i in range(24)]
+    assert np.array(opened) - opened[0] == pytest.approx(np.array(moved) - moved[0], abs=1e-12)
+    assert max(moved) > 0.007
+
+
+@pytest.mark.parametrize("name", ["pushrod-engine/intake", "pushrod-engine/lever", "direct-acting/finger"])
+def test_rocker_valve_and_spring_move_together(name):
+    """The rocker's end lies on the valve at full lift; the spring is pressed by the lift and stands on the ground."""
+    structure = structure_of(name)
+    motion, drawn = case_motion(structure, 100.0, count=360), mechanism(structure)
+    (frame,), valve = drawn.layout.levers.values(), drawn.layout.valves[0]
+    rocker, along = frame.rocker, drawn.layout.valves[0].away
+    lifts = [motion.instant(i).at(valve.point, along) @ along for i in range(360)]
+    still, full = motion.instant(0), motion.instant(int(np.argmax(lifts)))
+    path = full.along(structure.path(rocker))
+    end = frame.space(frame.ends(path)[1]) @ along
+    assert end == pytest.approx((valve.tip + full.at(valve.point, along)) @ along, abs=1e-9)
+    driven = (frame.ends(path)[0] - frame.ends(0.0)[0]).imag
+    moved = full.along(structure.row(rocker.start, rocker.direction))
+    assert driven == pytest.approx(moved, rel=0.05 if rocker.finger else 1e-9)  # a finger's path is an arc
+    before, after = (next(s for s in drawn.solids(one) if s.kind == "spring").points @ along for one in (still, full))
+    assert after.max() == pytest.approx(before.max(), abs=1e-5)
+    assert after.min() - before.min() == pytest.approx(max(lifts), abs=1e-4)
+
+
+def test_the_scale_leaves_the_lift_alone():
+    """A mode swings about the mechanism as installed; exaggeration touches the elastic part only."""
+    structure = structure_of("pushrod-engine/intake")
+    motion = case_motion(structure, 100.0)
+    assert np.array_equal(motion.instant(80, 1000.0).unknowns, motion.instant(80).unknowns)
+    shape = np.zeros(structure.dofs.size)
+    shape[structure.dofs.names.index("cam.uy")] = -3.0
+    swing = mode_motion(structure, shape)
+    drawn = swing.instant(0).nodal[structure.model.mesh.node("cam"), 1]
+    size = np.linalg.norm(np.ptp(structure.model.mesh.nodes, axis=0))
+    assert drawn == pytest.approx(-0.05 * size)
+    assert swing.instant(0, 2.0).unknowns == pytest.approx(2.0 * swing.instant(0).unknowns)
+    assert swing.instant(12).unknowns == pytest.approx(-swing.instant(0).unknowns)
+
+
+def test_colours_lie_where_the_points_are():
+    """A value per point of the polylines: linear between them, exact at the ends of members."""
+    structure = structure_of("pushrod-engine/intake")
+    count = sum(len(line) for line in structure.model.mesh.lines.values())
+    values = np.arange(count, dtype=float)
+    instant = Instant(structure, 0.0, np.zeros(structure.dofs.size), values)
+    shaft, rod = (s for s in mechanism(structure).solids(instant) if s.kind in ("shaft", "member"))
+    ends = len(structure.model.mesh.lines["camshaft"])
+    assert (shaft.values.min(), shaft.values.max()) == (0.0, ends - 1.0)
+    assert (rod.values.min(), rod.values.max()) == (float(ends), count - 1.0)
+    top = shaft.points[shaft.values == 0.0]
+    assert np.abs(top[:, 0]).max() < 1e-15  # the drive's end
