@@ -16,7 +16,7 @@ from flexcam.integrate.local import LocalForces
 from flexcam.integrate.massless import Massless
 from flexcam.integrate.method import At, Method, Stepper
 from flexcam.integrate.moment import Instant, Moment
-from flexcam.linalg import FloatArray
+from flexcam.linalg import FloatArray, natural
 from flexcam.system import System
 
 _MOST = 600
@@ -74,7 +74,8 @@ class _Stepper:
         self._light, self._dt = Massless(system), step
         basis = self._light.spread(np.eye(system.size)[self._light.kept][:, self._light.kept])
         M, C, K = (basis.T @ matrix.times_all(basis) for matrix in (system.mass, system.damping, system.stiffness))
-        self._omega, shapes = _natural(M, K)
+        values, shapes = natural(0.5 * (M + M.T), 0.5 * (K + K.T))
+        self._omega = np.sqrt(values)
         self._shapes = basis @ shapes
         self._weigh = system.mass.times_all(self._shapes).T
         self._damping = shapes.T @ C @ shapes
@@ -129,15 +130,6 @@ def _exponential(matrices: FloatArray) -> FloatArray:
     from scipy.linalg import expm
 
     return np.asarray(expm(matrices), dtype=float)
-
-
-def _natural(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return angular frequencies and mass-orthonormal modes of a regular mass."""
-    scale = 1.0 / np.sqrt(np.diag(M))
-    L = np.linalg.cholesky(scale[:, None] * M * scale)
-    half = np.linalg.solve(L, scale[:, None] * K * scale)
-    values, vectors = np.linalg.eigh(np.linalg.solve(L, half.T))
-    return np.sqrt(np.maximum(values, 0.0)), scale[:, None] * np.linalg.solve(L.T, vectors)
 
 
 def exact() -> Exact:
