@@ -6,20 +6,34 @@ A new kind of scalar is a line in `scalars`; a new way of sampling one in `plan`
 
 from flexcam.sweep.axis import Axis, Value, axes, axis
 from flexcam.sweep.evaluate import Row, evaluate, row_of
+from flexcam.sweep.files import csv_text, write_table
+from flexcam.sweep.frames import history_dataset, history_frame, table_dataset, table_frame
+from flexcam.sweep.hdf5 import read_table
 from flexcam.sweep.plan import Plan, Sample, made_plan, sample
 from flexcam.sweep.scalars import scalars_of
+from flexcam.sweep.table import Column, Table, tabulated
 
 __all__ = [
     "Axis",
+    "Column",
     "Plan",
     "Row",
     "Sample",
+    "Table",
     "Value",
     "axes",
     "axis",
+    "csv_text",
     "evaluate",
+    "history_dataset",
+    "history_frame",
     "made_plan",
+    "read_table",
     "row_of",
     "sample",
     "scalars_of",
+    "table_dataset",
+    "table_frame",
+    "tabulated",
+    "write_table",
 ]

@@ -73,7 +73,7 @@ def _row(case: Case) -> Row:
         response = solve(ready.problem, ready.scheme, save=ready.save)
         row = row_of(ready, response)
     except InputError as refusal:
-        return Row(Status(Cause.REFUSED, str(refusal)))
+        return Row(Status(Cause.REFUSED, " | ".join(map(str, refusal.faults))))
     except RunFailedError as failure:
         return Row(failure.status)
     except Exception as fault:  # noqa: BLE001 - a fault in one variant must not cost the others
