@@ -19,6 +19,7 @@ from flexcam.case.references import References
 from flexcam.case.report import faults
 from flexcam.case.tables.base import Record
 from flexcam.case.tables.run import NewmarkRecord
+from flexcam.case.tables.sweep import SweepOnly, SweepRecord
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
 from flexcam.io import Result, read_mesh
@@ -246,6 +247,23 @@ class CaseFile:
         if found or record is None:
             raise InputError(found)
         return Case(self.path, self.text, tuple(overrides), record, own, places)
+
+    @property
+    def sweep(self) -> SweepRecord | None:
+        """The checked table ``[sweep]``; None where there is none.
+
+        Raises
+        ------
+        InputError
+            With all faults of the table.
+        """
+        if "sweep" not in self.raw:
+            return None
+        places = Places.of_text(self.text)
+        record, found = _record(SweepOnly, {"sweep": self.raw["sweep"]}, places, self.path.parent)
+        if record is None:
+            raise InputError(found)
+        return record.sweep
 
     def _mesh(self, raw: Mapping[str, Any], places: Places) -> tuple[Mesh | None, list[Fault]]:
         name = raw.get("mesh")

@@ -13,7 +13,7 @@ from flexcam.checks import InputError
 from flexcam.fidelity import chosen
 from flexcam.integrate import solve
 from flexcam.response import Cause, Response, RunFailedError, Status
-from flexcam.runner import Prepared, prepare
+from flexcam.runner import Prepared, prepare, result_file
 from flexcam.sweep.scalars import scalars_of
 
 
@@ -44,13 +44,15 @@ class Row:
     seconds: float = 0.0
 
 
-def evaluate(case: Case) -> Row:
+def evaluate(case: Case, *, folder: Path | None = None) -> Row:
     """Run a case and return what a sweep keeps of it.
 
     Parameters
     ----------
     case
         The case; where it asks for a tolerance, the cheapest model within it is run.
+    folder
+        Where its result file goes; None for none.
 
     Returns
     -------
@@ -62,18 +64,19 @@ def evaluate(case: Case) -> Row:
     ``evaluate(read_case("cases/tayeb/model-1-shm.toml")).scalars["deviation.peak"]`` is 1.238.
     """
     begun = time.perf_counter()
-    row = _row(case)
+    row = _row(case, folder)
     return Row(row.status, row.scalars, row.units, time.perf_counter() - begun)
 
 
-def _row(case: Case) -> Row:
+def _row(case: Case, folder: Path | None) -> Row:
     try:
         read, choice = chosen(case)
         ready = prepare(read)
-        response = solve(ready.problem, ready.scheme, save=ready.save)
+        sinks = [] if folder is None else [result_file(ready, folder)]
+        response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks)
         row = row_of(ready, response)
     except InputError as refusal:
-        return Row(Status(Cause.REFUSED, " | ".join(map(str, refusal.faults))))
+        return refused(refusal)
     except RunFailedError as failure:
         return Row(failure.status)
     except Exception as fault:  # noqa: BLE001 - a fault in one variant must not cost the others
@@ -103,6 +106,22 @@ def row_of(ready: Prepared, response: Response) -> Row:
     figures = scalars_of(ready, response)
     values, units = {one.name: one.value for one in figures}, {one.name: one.unit for one in figures}
     return Row(response.status, values, units, response.stats.seconds)
+
+
+def refused(refusal: InputError) -> Row:
+    """Return the row of a variant that cannot start.
+
+    Parameters
+    ----------
+    refusal
+        With its faults.
+
+    Returns
+    -------
+    Row
+        Without scalars.
+    """
+    return Row(Status(Cause.REFUSED, " | ".join(map(str, refusal.faults))))
 
 
 def _fault(fault: Exception) -> Status:
