@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import warnings
 from collections.abc import Generator
@@ -17,7 +18,7 @@ from flexcam.sweep.bundle import Bundle
 from flexcam.sweep.chunks import Outcome, evaluated
 from flexcam.sweep.workers import Pool, Variants, undisturbed
 
-_PATIENCE = 8.0
+_PATIENCE = 6.0
 """Seconds that a scheduler, and then its workers, have to answer."""
 
 LOCAL = "local"
@@ -85,13 +86,35 @@ def _client(asked: Cluster) -> Generator[Any]:
         with local, Client(local, timeout=_PATIENCE) as client:
             yield client
         return
-    try:
-        client = Client(asked.address, timeout=_PATIENCE)
-    except (OSError, ValueError, TimeoutError) as fault:
-        why, remedy = f"none answers there within {_PATIENCE:g} s: {fault}", "start one: dask scheduler; or --workers N"
-        raise refuse("--scheduler", asked.address, "the address of a Dask scheduler", why, remedy) from None
-    with client:
+    _greet(asked)
+    with Client(asked.address, timeout=_PATIENCE) as client:
         yield client
+
+
+def _greet(asked: Cluster) -> None:
+    """Refuse an address where no scheduler answers in time; Dask's own client may wait for ever."""
+    from distributed.core import rpc
+    from distributed.security import Security
+
+    security: Any = Security()
+
+    async def greeted() -> None:
+        async with asyncio.timeout(_PATIENCE):
+            made: Any = rpc(asked.address, connection_args=security.get_connection_args("client"))
+            async with made as scheduler:
+                await scheduler.identity()
+
+    try:
+        asyncio.run(greeted())
+    except (OSError, ValueError, TypeError) as fault:
+        raise _nobody(asked, str(fault) or "it keeps silent") from None
+    except (MemoryError, EOFError, RuntimeError, LookupError, AttributeError):
+        raise _nobody(asked, "something else does") from None
+
+
+def _nobody(asked: Cluster, why: str) -> InputError:
+    why, remedy = f"none answers there within {_PATIENCE:g} s: {why}", "start one: dask scheduler; or use --workers N"
+    return refuse("--scheduler", asked.address or "nothing", "the address of a Dask scheduler", why, remedy)
 
 
 def _answers(client: Any, asked: Cluster) -> None:  # noqa: ANN401 - distributed has no types

@@ -46,8 +46,6 @@ class Journal:
     ----------
     rows
         Chunk index to its rows, of what was found.
-    found
-        Whether a journal of the same plan was there.
 
     Raises
     ------
@@ -62,29 +60,33 @@ class Journal:
             why, remedy = "a sweep was begun here", "--resume finishes it, --overwrite begins anew"
             raise refuse("journal", str(path), "none, or --resume", why, remedy)
         made_folder(path.parent)
+        self._path, self._head, self._fresh = path, dict(belongs), True
         try:
             self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         except OSError as fault:
             raise refuse("journal", str(path), "a file that can be written", str(fault)) from None
         try:
             _lock(self._file, path)
-            self.rows, end = _read(path, belongs) if resume else (dict[int, list[Row]](), 0)
-        except BaseException:
+            self.rows, self._end = _read(path, belongs) if resume else (dict[int, list[Row]](), 0)
+        except InputError:
             self.close()
             raise
-        self.found = end > 0
-        os.ftruncate(self._file, end)
-        os.lseek(self._file, end, os.SEEK_SET)
-        if not end:
-            self._line(dict(belongs))
 
     def add(self, index: int, rows: Sequence[Row]) -> None:
         """Keep the rows of a chunk; they are on the disk when this returns."""
+        if self._fresh:  # until there is something to keep, what was there stays as it was
+            os.ftruncate(self._file, self._end)
+            os.lseek(self._file, self._end, os.SEEK_SET)
+            self._fresh = False
+            if not self._end:
+                self._line(self._head)
         units = {name: unit for row in rows for name, unit in row.units.items()}
         self._line({"chunk": index, "units": units, "rows": [_told(row) for row in rows]})
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Let go of the file; one that holds nothing is removed."""
+        if not os.fstat(self._file).st_size:
+            self._path.unlink(missing_ok=True)
         os.close(self._file)
 
     def _line(self, content: Mapping[str, Any]) -> None:
