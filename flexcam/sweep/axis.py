@@ -24,7 +24,7 @@ from typing import NamedTuple
 from flexcam.checks import Fault, InputError, refuse
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_UNIT = r"\s*([A-Za-z%µ°][^:#,]*?)?\s*"
+_UNIT = r"\s*((?:[A-Za-z%µ°]|(?<=\s)1\s*/)[^:#,]*?)?\s*"
 _QUANTITY = re.compile(rf"\s*({_NUMBER}){_UNIT}$")
 _RANGE = re.compile(rf"\s*({_NUMBER}){_UNIT}:\s*({_NUMBER}){_UNIT}(?::\s*({_NUMBER}){_UNIT}|#\s*(\d{{1,15}}){_UNIT})?$")
 _LIKE_A_RANGE = re.compile(rf"\s*{_NUMBER}[^,:]*:")
@@ -266,7 +266,7 @@ def _list(key: str, where: str, spec: str, limit: int) -> Axis:
         raise refuse(
             where, repr(spec), FORMS, "some numbers have a unit and the last one has none", "give each its unit"
         )
-    texts = [f"{part}{unit}" if one and not one[2] else part for part, one in zip(parts, found, strict=True)]
+    texts = [_joined(part, unit) if one and not one[2] else part for part, one in zip(parts, found, strict=True)]
     if all(found) and set(units) <= {None, unit or None}:
         numbers = [float(one[1]) for one in found if one]
         return Axis(key, where, tuple(map(Value, texts, numbers)), unit)
@@ -292,4 +292,9 @@ def _quantity(number: Decimal, unit: str) -> Value:
     """Return a number with its unit, written out within sixteen digits, so that whole numbers stay whole."""
     plain = number.normalize() if number else Decimal(0)
     text = f"{plain:f}" if _SMALL <= plain.adjusted() < _LONG else f"{plain}"
-    return Value(f"{text}{unit}", float(plain))
+    return Value(_joined(text, unit), float(plain))
+
+
+def _joined(number: str, unit: str) -> str:
+    """Return a number with its unit; "1/s" needs a blank before it."""
+    return f"{number} {unit}" if unit[:1] == "1" else f"{number}{unit}"

@@ -12,7 +12,7 @@ from pathlib import Path
 from flexcam import __version__
 from flexcam.case import CaseFile
 from flexcam.case.lines import Places
-from flexcam.checks import Fault, InputError
+from flexcam.checks import Fault, InputError, refuse
 from flexcam.sweep.axis import LIMIT, Axis, axes, axis
 from flexcam.sweep.bundle import Bundle, bundle_of
 from flexcam.sweep.chunks import Chunk, chunk_size, chunks_of
@@ -123,6 +123,9 @@ def study(
     number = seed if seed is not None else own.seed if own else 0
     plan = made_plan(found, None if how == GRID else sample(how, number), limit=limit)
     first = validated(file, plan)
+    if first.record.fidelity.estimate:
+        where, why = first.place(("fidelity", "estimate")), "a sweep keeps what was computed, without estimates"
+        raise refuse(where, "true", "false", why, "--set fidelity.estimate=false")
     kept = tuple(scalars or (own.scalars if own else ()))
     return Study(first.name, first.record.title, plan, bundle_of(file, plan), chunk_size(plan, first), kept)
 

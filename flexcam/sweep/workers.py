@@ -15,6 +15,7 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Protocol
 
@@ -173,6 +174,7 @@ def undisturbed() -> Generator[None]:
     if not hasattr(signal, "pthread_sigmask"):  # not on every system
         yield
         return
+    resource_tracker.ensure_running()  # its own start would end the block
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
