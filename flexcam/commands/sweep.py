@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +12,7 @@ from flexcam import sweep as sweeps
 from flexcam.checks import refuse
 from flexcam.commands.app import CaseFile, Folder, Json, Overwrite, app
 from flexcam.console.sweep import sweep_json, sweep_status, sweep_table, sweep_words
-from flexcam.response import Cause, Status
+from flexcam.response import Status
 from flexcam.terminal import counting, out, print_json
 
 Axes = Annotated[
@@ -62,12 +61,9 @@ def sweep(
     kept = [name.strip() for words in scalars or [] for name in words.split(",")]
     asked = sweeps.study(case, settings or (), sampled=sample, seed=seed, scalars=kept, limit=limit)
     target = sweeps.Target(folder, resume, overwrite, histories, parquet)
-    done, runners = list[int](), _workers(scheduler, workers)
-    try:
-        with counting(len(asked.plan), "variants") as shown:
-            table, files = sweeps.sweep_files(asked, target, runners, advance=_both(done.append, shown))
-    except KeyboardInterrupt:
-        return _stopped(sum(done), len(asked.plan), target.journal(asked.name), as_json)
+    runners = _workers(scheduler, workers)
+    with counting(len(asked.plan), "variants") as shown:
+        table, files = sweeps.sweep_files(asked, target, runners, advance=shown)
     ended = sweep_status(table)
     if as_json:
         print_json(sweep_json(table, ended, files))
@@ -78,16 +74,6 @@ def sweep(
     for path in files:
         out().print(str(path))
     return ended
-
-
-def _both(one: Callable[[int], None], other: Callable[[int], None]) -> Callable[[int], None]:
-    """Return what tells a count to both."""
-
-    def tell(count: int) -> None:
-        one(count)
-        other(count)
-
-    return tell
 
 
 def _workers(scheduler: str | None, count: int | None) -> sweeps.Workers:
@@ -106,11 +92,3 @@ def _workers(scheduler: str | None, count: int | None) -> sweeps.Workers:
 def _cores() -> int:
     """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _stopped(done: int, count: int, journal: Path, as_json: bool) -> Status:
-    text = f"stopped by the user: {done} of {count} variants are kept in {journal}"
-    status = Status(Cause.INTERRUPTED, text, "the same command with --resume does the rest")
-    if as_json:
-        print_json({"status": str(status.cause), "message": status.text, "remedy": status.remedy, "done": done})
-    return status

@@ -17,7 +17,7 @@ _NAMED = 3
 
 
 def sweep_table(found: Table) -> RichTable:
-    """Return the range of every scalar that is not the same in all variants.
+    """Return the range of every scalar; one that is the same in all variants is left out.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def sweep_table(found: Table) -> RichTable:
     rows: list[tuple[str, ...]] = []
     for name, values in found.scalars.items():
         known = values[np.isfinite(values)]
-        if len(known) and np.ptp(known) > 0.0:
+        if len(known) == 1 or (len(known) and np.ptp(known) > 0.0):
             least, largest = int(np.nanargmin(values)), int(np.nanargmax(values))
             ends = (f"{values[least]:.5g}", _at(found, least), f"{values[largest]:.5g}", _at(found, largest))
             rows.append((name, found.units[name], *ends))
@@ -64,10 +64,8 @@ def sweep_words(found: Table) -> list[str]:
     for cause, rows in _failures(found).items():
         named = ", ".join(str(i + 1) for i in rows[:_NAMED])
         more = f" and {len(rows) - _NAMED} more" if len(rows) > _NAMED else ""
-        one = "variant" if len(rows) == 1 else "variants"
-        words.append(
-            f"{len(rows)} of {len(found)} {one} failed ({cause}): {named}{more}. The first: {found.statuses[rows[0]]}"
-        )
+        one, first = "variant" if len(rows) == 1 else "variants", found.statuses[rows[0]]
+        words.append(f"{len(rows)} of {len(found)} failed ({cause}): {one} {named}{more}. The first: {first.text}")
     return words
 
 

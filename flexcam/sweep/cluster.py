@@ -18,7 +18,7 @@ from flexcam.sweep.bundle import Bundle
 from flexcam.sweep.chunks import Outcome, evaluated
 from flexcam.sweep.workers import Pool, Variants, undisturbed
 
-_PATIENCE = 6.0
+_PATIENCE = 5.0
 """Seconds that a scheduler, and then its workers, have to answer."""
 
 LOCAL = "local"

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from flexcam.checks import InputError
 from flexcam.io import free_to_write, made_folder
+from flexcam.response import Cause, RunFailedError, Status
 from flexcam.sweep.chunks import Chunk, Outcome
 from flexcam.sweep.evaluate import Row
 from flexcam.sweep.execute import executed
@@ -113,23 +115,49 @@ def sweep_files(
         If files are there and may not be replaced, the journal is that of another sweep, or there are no such workers
         or scalars.
     RunFailedError
-        If the workers were lost.
+        If the workers were lost, or the sweep was interrupted; what is finished is kept.
     """
     if target.parquet:
         can_write_parquet()
-    tell = advance or _silent
-    with _opened(asked, target) as journal:
-        rows = dict(journal.rows)
-        tell(sum(len(some) for some in rows.values()))
-        left = [chunk for chunk in asked.chunks if chunk.index not in rows]
-        for chunk, outcomes in executed(asked.bundle, left, workers or Here(), histories=target.histories):
-            _keep_histories(asked, target, chunk, outcomes)
-            rows[chunk.index] = [one.row for one in outcomes]
-            journal.add(chunk.index, rows[chunk.index])
-            tell(len(outcomes))
-        table = _tabulated(asked, rows)
-        table = table.keeping(asked.scalars) if asked.scalars else table
-        return table, [write_table(table, path, overwrite=True) for path in target.tables(asked.name)]
+    try:
+        with _opened(asked, target) as journal:
+            table = _kept(_journaled(asked, target, journal, workers or Here(), advance or _silent), asked.scalars)
+            return table, [write_table(table, path, overwrite=True) for path in target.tables(asked.name)]
+    except KeyboardInterrupt:
+        raise RunFailedError(_stopped(asked, target)) from None
+
+
+def _journaled(asked: Study, target: Target, journal: Journal, workers: Workers, tell: Callable[[int], None]) -> Table:
+    """Run what the journal does not have, and return the table of everything."""
+    rows = dict(journal.rows)
+    tell(sum(len(some) for some in rows.values()))
+    left = [chunk for chunk in asked.chunks if chunk.index not in rows]
+    for chunk, outcomes in executed(asked.bundle, left, workers, histories=target.histories):
+        _keep_histories(asked, target, chunk, outcomes)
+        rows[chunk.index] = [one.row for one in outcomes]
+        journal.add(chunk.index, rows[chunk.index])
+        tell(len(outcomes))
+    return _tabulated(asked, rows)
+
+
+def _stopped(asked: Study, target: Target) -> Status:
+    """Return how a sweep ends that was interrupted: what is kept is what the journal has."""
+    path, kept = target.journal(asked.name), 0
+    if path.exists():
+        with _opened(asked, replace(target, resume=True)) as journal:
+            kept = sum(len(some) for some in journal.rows.values())
+    text = f"stopped by the user: {kept} of {len(asked.plan)} variants are kept in {path}"
+    return Status(Cause.INTERRUPTED, text, "the same command with --resume does the rest")
+
+
+def _kept(table: Table, names: Sequence[str]) -> Table:
+    """Return a table with the scalars asked for."""
+    try:
+        return table.keeping(names) if names else table
+    except InputError as refusal:
+        remedy = "nothing is lost: --resume with other --scalars writes the tables at once"
+        mended = [replace(one, remedy="; ".join(filter(None, (one.remedy, remedy)))) for one in refusal.faults]
+        raise InputError(mended) from None
 
 
 def _silent(count: int) -> None:
