@@ -196,6 +196,8 @@ class CaseFile:
         Its text.
     raw
         Its tables, not yet checked.
+    meshes
+        Those read so far, by the name the case gives them.
 
     Examples
     --------
@@ -205,7 +207,7 @@ class CaseFile:
     path: Path
     text: str
     raw: Mapping[str, Any]
-    _meshes: dict[str, Mesh] = field(default_factory=dict[str, Mesh])
+    meshes: dict[str, Mesh] = field(default_factory=dict[str, Mesh])
 
     @classmethod
     def opened(cls, path: str | Path) -> CaseFile:
@@ -270,11 +272,11 @@ class CaseFile:
         if not isinstance(name, str):
             return None, []
         try:
-            mesh = self._meshes.get(name) or read_mesh(self.path.parent / name)
+            mesh = self.meshes.get(name) or read_mesh(self.path.parent / name)
         except InputError as refusal:
             where = places.place(("mesh",))
             return None, [replace(f, where=f"{where}{f.where.removeprefix('mesh')}") for f in refusal.faults]
-        return self._meshes.setdefault(name, mesh), []
+        return self.meshes.setdefault(name, mesh), []
 
 
 def _parsed(source: Path) -> tuple[str, dict[str, Any]]:

@@ -170,7 +170,13 @@ def _one_thread() -> Generator[None]:
 
 @contextmanager
 def undisturbed() -> Generator[None]:
-    """Let processes and threads started meanwhile not see a Ctrl-C: this process decides how a sweep ends."""
+    """Let processes and threads started meanwhile not see a Ctrl-C: this process decides how a sweep ends.
+
+    Yields
+    ------
+    None
+        What is started inside inherits it.
+    """
     if not hasattr(signal, "pthread_sigmask"):  # not on every system
         yield
         return
