@@ -118,10 +118,10 @@ def _processes(bundle: Bundle, count: int, histories: bool) -> Generator[Pool]:
             awake = executor.submit(_version)
         try:
             yield Pool(submit, count + 1, (BrokenProcessPool,))
+            if awake.done() and awake.exception() is not None:
+                raise RunFailedError(_ASLEEP)
         finally:
             _ended(executor, before)
-        if not awake.cancelled() and awake.exception() is not None:
-            raise RunFailedError(_ASLEEP)
 
 
 _ASLEEP = Status(

@@ -6,6 +6,7 @@ import json
 import multiprocessing
 import os
 import signal
+import subprocess
 import sys
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
@@ -156,6 +157,9 @@ def test_files_of_a_case_come_along(tmp_path):
     (home / "case.toml").write_text(text.replace("../../meshes/tayeb-1.msh", "../case.msh"), encoding="utf-8")
     bundle = bundle_of(CaseFile.opened(home / "case.toml"), Plan(axes(["mesh=../case.msh,../none.msh"])))
     assert set(bundle.files) == {"case.toml", "lift.csv", "../case.msh"}
+    unpacked = bundle.unpacked(tmp_path / "far/away")
+    assert unpacked.is_relative_to(tmp_path / "far/away")
+    assert (tmp_path / "far/away").resolve() in (unpacked.parent / "../case.msh").resolve().parents
     here = evaluated(home / "case.toml", [tuple(QUICK)])[0].row
     (tmp_path / "home").rename(tmp_path / "gone")
     there = evaluated(bundle, [tuple(QUICK), ("mesh=../none.msh",)])
@@ -163,6 +167,24 @@ def test_files_of_a_case_come_along(tmp_path):
     assert there[1].row.status.cause is Cause.REFUSED
     assert str(tmp_path) not in there[1].row.status.text
     assert "flexcam-" not in there[1].row.status.text
+
+
+def test_worker_processes_have_one_thread_of_linear_algebra(asked, monkeypatch):
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
+    with Processes(1).ready(asked.bundle, histories=False):
+        assert os.environ["OPENBLAS_NUM_THREADS"] == os.environ["MKL_NUM_THREADS"] == "1"
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
+    assert "MKL_NUM_THREADS" not in os.environ
+
+
+def test_a_script_that_worker_processes_cannot_read_is_told_so(tmp_path):
+    script = f"from flexcam import sweep\nsweep.swept(sweep.study({str(TAYEB)!r}, {VARIED!r}), sweep.Processes(2))\n"
+    (tmp_path / "script.py").write_text(script, encoding="utf-8")
+    done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.stderr.splitlines()[-1].startswith(
+        "flexcam.response.RunFailedError: worker-lost: no worker process could"
+    )
 
 
 def test_chunks_do_not_depend_on_who_runs_them():

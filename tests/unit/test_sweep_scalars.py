@@ -61,3 +61,14 @@ def test_a_tolerance_chooses_the_model_and_is_a_cause_where_none_meets_it():
     missed = evaluate(read_case("tests/data/inline.toml", [*words, "fidelity.tolerance=1e-9"]))
     assert missed.status.cause is Cause.TOLERANCE
     assert missed.scalars  # of the closest model
+
+
+def test_largest_values_are_those_of_the_last_revolution():
+    start = 'run.start={ velocity = { "tappet.uy" = "5 m/s" } }'
+    words = [start, "run.damping.modal=0.3", "run.steps_per_revolution=720", "run.revolutions=2"]
+    row = evaluate(read_case("tests/data/inline.toml", words))
+    one = evaluate(read_case("tests/data/inline.toml", [*words, "run.revolutions=1"]))
+    name = "probes.valve.acceleration.largest"
+    assert (
+        row.scalars[name] < 0.5 * one.scalars[name]
+    )  # struck at the start, at rest but for the cam a revolution later
