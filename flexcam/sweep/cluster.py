@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import warnings
 from collections.abc import Generator
@@ -93,6 +92,8 @@ def _client(asked: Cluster) -> Generator[Any]:
 
 def _greet(asked: Cluster) -> None:
     """Refuse an address where no scheduler answers in time; Dask's own client may wait for ever."""
+    import asyncio
+
     from distributed.core import rpc
     from distributed.security import Security
 
