@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
-from flexcam import console
+from flexcam import sweep as sweeps
 from flexcam.checks import refuse
 from flexcam.commands.app import CaseFile, Folder, Json, Overwrite, app
 from flexcam.console.sweep import sweep_json, sweep_status, sweep_table, sweep_words
 from flexcam.response import Status
 from flexcam.terminal import counting, out, print_json
-
-if TYPE_CHECKING:
-    from flexcam import sweep as sweeps
 
 Axes = Annotated[
     list[str] | None,
@@ -54,15 +51,13 @@ def sweep(
     resume: Annotated[bool, Parameter(negative=(), help="Do the rest of a sweep that was stopped.")] = False,
     histories: Annotated[bool, Parameter(negative=(), help="Also keep every variant's result file.")] = False,
     parquet: Annotated[bool, Parameter(negative=(), help="Also write a Parquet table.")] = False,
-    limit: Annotated[int, Parameter(help="Most variants.")] = 10_000,
+    limit: Annotated[int, Parameter(help="Most variants.")] = sweeps.LIMIT,
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status | None:  # fmt: skip
     """Run many variants of a case and write one table: a row per variant, with its scalars and how it ended.
 
     What the case's table [sweep] says counts too; --set lays over it. See docs/sweeps.md.
     """
-    from flexcam import sweep as sweeps
-
     kept = [name.strip() for words in scalars or [] for name in words.split(",")]
     asked = sweeps.study(case, settings or (), sampled=sample, seed=seed, scalars=kept, limit=limit)
     target = sweeps.Target(folder, resume, overwrite, histories, parquet)
@@ -83,8 +78,6 @@ def sweep(
 
 def _workers(scheduler: str | None, count: int | None) -> sweeps.Workers:
     """Return who runs the variants."""
-    from flexcam import sweep as sweeps
-
     if scheduler is not None and scheduler != sweeps.LOCAL:
         if count is not None:
             why = "a cluster has the workers it has"

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.table import Table as RichTable
 
 from flexcam.response import Cause, Status
+from flexcam.sweep import Table
 from flexcam.terminal import table
-
-if TYPE_CHECKING:
-    from flexcam.sweep import Table
 
 _NAMED = 3
 """Variants that a sentence names."""
