@@ -138,10 +138,11 @@ def _version() -> str:
 def _ended(executor: Executor, before: set[int | None]) -> None:
     """End the processes of an executor, in the middle of a run if need be."""
     executor.shutdown(wait=False, cancel_futures=True)
-    for process in multiprocessing.active_children():
-        if process.pid not in before:
-            process.terminate()
-    executor.shutdown(wait=True)
+    own = [process for process in multiprocessing.active_children() if process.pid not in before]
+    for process in own:
+        process.terminate()
+    for process in own:
+        process.join()
 
 
 def _begin() -> None:

@@ -31,7 +31,7 @@ from flexcam.sweep.plan import Plan
 ROOT = Path(__file__).parents[2]
 TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"
 QUICK = ["run.revolutions=0.25", "run.steps_per_revolution=720"]
-VARIED = [*QUICK, "run.speed=1000:3000:250rpm", "springs.valve.stiffness=30,40kN/m"]
+VARIED = [*QUICK, "run.speed=1000:2000:250rpm", "springs.valve.stiffness=30,40kN/m"]
 
 
 def written(table, folder, name):
