@@ -56,8 +56,7 @@ def _cluster(asked: Cluster, bundle: Bundle, histories: bool) -> Generator[Pool]
         raise refuse("--scheduler", asked.address, "processes of this machine (--workers)", why, remedy)
     from distributed import KilledWorker
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost worker is told by its rows
-    with ExitStack() as stack, warnings.catch_warnings():
+    with _quiet(), warnings.catch_warnings(), ExitStack() as stack:
         warnings.filterwarnings("ignore", module="distributed")  # large cases, other versions of other packages
         client = stack.enter_context(_client(asked))
         _answers(client, asked)
@@ -69,6 +68,20 @@ def _cluster(asked: Cluster, bundle: Bundle, histories: bool) -> Generator[Pool]
             return executor.submit(evaluated, case, variants, histories=histories)
 
         yield Pool(submit, _EVERYTHING, (KilledWorker,))
+
+
+@contextmanager
+def _quiet() -> Generator[None]:
+    """Keep Dask's own log out of what a user reads: a lost worker is told by its rows, a lost scheduler by a status."""
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
+    levels = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
 
 
 _EVERYTHING = 1_000_000

@@ -19,7 +19,7 @@ _KILLER = Status(
     "the process that ran this variant alone was killed, as the ones before it",
     "memory is the usual cause: save fewer fields (output.field_every), or run fewer at a time (--workers)",
 )
-_GONE = Status(Cause.WORKER_LOST, "the connection to the scheduler was lost", "what was finished is kept")
+_GONE = Status(Cause.WORKER_LOST, "the connection to the scheduler was lost", "--resume does the rest")
 
 
 def executed(
