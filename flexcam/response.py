@@ -42,6 +42,9 @@ class Cause(StrEnum):
     STEP_TOO_SMALL = "step-too-small"
     TOLERANCE = "tolerance-not-met"
     NO_RENDERING = "no-rendering"
+    REFUSED = "refused"
+    WORKER_LOST = "worker-lost"
+    FAULT = "fault"
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ import numpy as np
 
 from flexcam.case import Case, build_model
 from flexcam.checks import InputError, refuse
+from flexcam.fem import COMPONENTS
 from flexcam.integrate import (
     Method,
     Problem,
@@ -163,6 +164,58 @@ def _problem(case: Case, model: Model, system: System) -> Problem:
     adaptive = run.adaptive.made() if run.adaptive else None
     prune = case.record.fidelity.prune
     return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, path=run.path)
+
+
+def default_probe(case: Case) -> str:
+    """Return the probe that is a rocker's point, or the first one.
+
+    Parameters
+    ----------
+    case
+        The case.
+
+    Returns
+    -------
+    str
+        Its name.
+
+    Raises
+    ------
+    InputError
+        If the case has no probe.
+    """
+    rockers = [rocker.to for rocker in case.record.rockers.values()]
+    known = [*(p for p in case.record.output.probes if p in rockers), *case.record.output.probes]
+    if not known:
+        raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
+    return known[0]
+
+
+def scalar_probe(ready: Prepared) -> str:
+    """Return the default probe, or its component along the follower's direction where it has several.
+
+    Parameters
+    ----------
+    ready
+        A case made ready to run.
+
+    Returns
+    -------
+    str
+        Such as ``"valve"`` or ``"tappet.uy"``.
+
+    Raises
+    ------
+    InputError
+        If the case has no probe.
+    """
+    name = default_probe(ready.case)
+    components = next(probe.components for probe in ready.problem.system.probes if probe.name == name)
+    if len(components) == 1:
+        return name
+    contact = next(iter(ready.model.driven.values()), None)
+    along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
+    return f"{name}.{along if along in components else components[0]}"
 
 
 def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Response:

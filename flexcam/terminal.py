@@ -75,6 +75,45 @@ def progress(steps: int) -> Generator[list[Sink]]:
         yield [_Bar(partial(shown.advance, shown.add_task("steps", total=steps + 1)))]
 
 
+@contextmanager
+def counting(total: int, what: str) -> Generator[Callable[[int], None]]:
+    """Show how many of many things are finished, their rate and the time left, if somebody sees it.
+
+    Parameters
+    ----------
+    total
+        How many there are.
+    what
+        They are.
+
+    Yields
+    ------
+    callable
+        To be told how many more are finished; the first call says how many were before.
+    """
+    if not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (what, BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task(what, total=total, rate="")
+
+        def advance(count: int) -> None:
+            shown.advance(task, count)
+            shown.update(task, rate=_rate(shown.tasks[0].speed))
+
+        yield advance
+
+
+def _rate(speed: float | None) -> str:
+    """Return how many are finished per second, or how many seconds one takes."""
+    if not speed:
+        return ""
+    return f"{speed:.1f}/s" if speed >= 1.0 else f"{1.0 / speed:.1f} s each"
+
+
 def bare(title: str) -> Table:
     """Return a table without lines, as wide as its title at least.
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -18,6 +19,7 @@ from flexcam.case.references import References
 from flexcam.case.report import faults
 from flexcam.case.tables.base import Record
 from flexcam.case.tables.run import NewmarkRecord
+from flexcam.case.tables.sweep import SweepOnly, SweepRecord
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
 from flexcam.io import Result, read_mesh
@@ -150,8 +152,7 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     --------
     ``read_case("cases/tayeb/model-3-shm.toml", ["run.speed=4000rpm"])`` is the published case at another speed.
     """
-    source = Path(path)
-    return _case(source, _text(source), overrides)
+    return CaseFile.opened(path).read(overrides)
 
 
 def recalled_case(result: Result) -> Case:
@@ -177,21 +178,105 @@ def recalled_case(result: Result) -> Case:
     ``recalled_case(read_result("results/intake.vtkhdf")).record.title``
     """
     about = result.about
-    case = _case(Path(about["case_file"]), about["case"], json.loads(about["overrides"]), result.mesh)
+    source, text = Path(about["case_file"]), about["case"]
+    case = CaseFile(source, text, _tables(source, text)).read(json.loads(about["overrides"]), mesh=result.mesh)
     members = {name: one.model_copy(update={"elements": 1}) for name, one in case.record.members.items()}
     return replace(case, record=case.record.model_copy(update={"members": members}), mesh=result.mesh)
 
 
-def _case(source: Path, text: str, overrides: Sequence[str], known: Mesh | None = None) -> Case:
-    """Return the case of a text; `known` stands for the mesh of its file."""
-    raw = _tables(source, text)
-    places, found = _overridden(raw, text, overrides)
-    mesh, mesh_faults = _mesh(raw, source, places) if known is None or "mesh" not in raw else (known, [])
-    record, record_faults = _record(CaseRecord, raw, places, source.parent)
-    found += [*record_faults, *mesh_faults, *References(raw, mesh, places).faults(), *_either_or(raw, places)]
-    if found or record is None:
-        raise InputError(found)
-    return Case(source, text, tuple(overrides), record, mesh, places)
+@dataclass(frozen=True, eq=False)
+class CaseFile:
+    """A case file in memory, from which many variants are read: text and meshes are taken from the disk once.
+
+    Parameters
+    ----------
+    path
+        The file.
+    text
+        Its text.
+    raw
+        Its tables, not yet checked.
+    meshes
+        Those read so far, by the name the case gives them.
+
+    Examples
+    --------
+    ``[file.read([f"run.speed={n}rpm"]) for n in (1000, 2000)]``
+    """
+
+    path: Path
+    text: str
+    raw: Mapping[str, Any]
+    meshes: dict[str, Mesh] = field(default_factory=dict[str, Mesh])
+
+    @classmethod
+    def opened(cls, path: str | Path) -> CaseFile:
+        """Return the file of a path.
+
+        Raises
+        ------
+        InputError
+            If it is no readable TOML document.
+        """
+        source = Path(path)
+        return cls(source, *_parsed(source))
+
+    def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
+        """Return the checked case with values laid over the file's.
+
+        Parameters
+        ----------
+        overrides
+            Values laid over the file's.
+        mesh
+            Stands for that of the file it names.
+
+        Returns
+        -------
+        Case
+            With every default filled in, in SI.
+
+        Raises
+        ------
+        InputError
+            As `read_case`.
+        """
+        raw = deepcopy(dict(self.raw))
+        places, found = _overridden(raw, self.text, overrides)
+        own, mesh_faults = self._mesh(raw, places) if mesh is None or "mesh" not in raw else (mesh, [])
+        record, record_faults = _record(CaseRecord, raw, places, self.path.parent)
+        found += [*record_faults, *mesh_faults, *References(raw, own, places).faults(), *_either_or(raw, places)]
+        if found or record is None:
+            raise InputError(found)
+        return Case(self.path, self.text, tuple(overrides), record, own, places)
+
+    @property
+    def sweep(self) -> SweepRecord | None:
+        """The checked table ``[sweep]``; None where there is none.
+
+        Raises
+        ------
+        InputError
+            With all faults of the table.
+        """
+        if "sweep" not in self.raw:
+            return None
+        places = Places.of_text(self.text)
+        record, found = _record(SweepOnly, {"sweep": self.raw["sweep"]}, places, self.path.parent)
+        if record is None:
+            raise InputError(found)
+        return record.sweep
+
+    def _mesh(self, raw: Mapping[str, Any], places: Places) -> tuple[Mesh | None, list[Fault]]:
+        name = raw.get("mesh")
+        if not isinstance(name, str):
+            return None, []
+        try:
+            mesh = self.meshes.get(name) or read_mesh(self.path.parent / name)
+        except InputError as refusal:
+            where = places.place(("mesh",))
+            return None, [replace(f, where=f"{where}{f.where.removeprefix('mesh')}") for f in refusal.faults]
+        return self.meshes.setdefault(name, mesh), []
 
 
 def _parsed(source: Path) -> tuple[str, dict[str, Any]]:
@@ -258,17 +343,6 @@ def _toml_value(text: str) -> object:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
-
-
-def _mesh(raw: Mapping[str, Any], source: Path, places: Places) -> tuple[Mesh | None, list[Fault]]:
-    name = raw.get("mesh")
-    if not isinstance(name, str):
-        return None, []
-    try:
-        return read_mesh(source.parent / name), []
-    except InputError as refusal:
-        where = places.place(("mesh",))
-        return None, [replace(f, where=f"{where}{f.where.removeprefix('mesh')}") for f in refusal.faults]
 
 
 AnyRecord = TypeVar("AnyRecord", bound=Record)

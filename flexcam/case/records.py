@@ -18,6 +18,7 @@ from flexcam.case.tables.members import MaterialRecord, MemberRecord, SectionRec
 from flexcam.case.tables.parts import BearingRecord, LoadRecord, MassRecord, RockerRecord, SpringRecord
 from flexcam.case.tables.run import OutputRecord, RunRecord
 from flexcam.case.tables.settings import SettingRecord
+from flexcam.case.tables.sweep import SweepRecord
 
 
 class CaseRecord(Record):
@@ -44,6 +45,7 @@ class CaseRecord(Record):
     )
     run: RunRecord
     fidelity: FidelityRecord = Field(default_factory=lambda: FidelityRecord.model_validate({}))
+    sweep: SweepRecord | None = Field(None, description="variants that `sweep` runs")
     output: OutputRecord = Field(default_factory=lambda: OutputRecord.model_validate({}))
 
 

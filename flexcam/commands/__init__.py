@@ -19,6 +19,7 @@ FILES = {
     "limits": ("limits", "parting", "stability"),
     "new": ("new",),
     "settings": ("settings",),
+    "sweep": ("sweep",),
     "synthesize": ("synthesize",),
     "view": ("view",),
 }

@@ -10,14 +10,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from cyclopts import App, Parameter
 
 from flexcam import __version__
 from flexcam.case import Case, read_case
 from flexcam.checks import refuse
-from flexcam.fem import COMPONENTS
-from flexcam.runner import prepare
 from flexcam.units import parse
 
 
@@ -95,23 +92,3 @@ def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
             why, remedy = "this is asked of all unknowns of the members", f"leave fidelity.{key} out"
             raise refuse(case.place(("fidelity", key)), str(given), "beams with every unknown", why, remedy)
     return case
-
-
-def scalar_probe(case: Case) -> str:
-    """Return the default probe, or its component along the follower's direction where it has several."""
-    ready, name = prepare(case), default_probe(case)
-    components = next(probe.components for probe in ready.problem.system.probes if probe.name == name)
-    if len(components) == 1:
-        return name
-    contact = next(iter(ready.model.driven.values()), None)
-    along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
-    return f"{name}.{along if along in components else components[0]}"
-
-
-def default_probe(case: Case) -> str:
-    """Return the probe that is a rocker's point, or the first one."""
-    rockers = [rocker.to for rocker in case.record.rockers.values()]
-    known = [*(p for p in case.record.output.probes if p in rockers), *case.record.output.probes]
-    if not known:
-        raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
-    return known[0]

@@ -10,7 +10,6 @@ from cyclopts import Parameter
 
 from flexcam import fidelity
 from flexcam.case import Case, build_model, read_case
-from flexcam.case.tables.run import ResultStartRecord
 from flexcam.checks import did_you_mean, refuse
 from flexcam.commands.app import (
     CaseFile,
@@ -19,11 +18,9 @@ from flexcam.commands.app import (
     Overrides,
     Overwrite,
     app,
-    default_probe,
     load,
     load_beams,
     running,
-    scalar_probe,
 )
 from flexcam.console.cases import (
     claim_table,
@@ -43,7 +40,7 @@ from flexcam.console.results import operation_table, periodicity, run_table, str
 from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, read_result, write_modes
 from flexcam.response import Cause, Response, RunFailedError, Status
-from flexcam.runner import geometry_of, mode_likeness, prepare, result_file
+from flexcam.runner import default_probe, geometry_of, mode_likeness, prepare, result_file, scalar_probe
 from flexcam.runner import modes as case_modes
 from flexcam.runner import run as solve_case
 from flexcam.terminal import out, print_json, progress
@@ -103,8 +100,8 @@ def run(
     as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Solve a case in time and write its result file."""
-    read, choice = _chosen(load(case, overrides))
-    probe = scalar_probe(read) if read.record.fidelity.estimate else ""
+    read, choice = fidelity.chosen(load(case, overrides))
+    probe = scalar_probe(prepare(read)) if read.record.fidelity.estimate else ""
     ready = prepare(read)
     sink = result_file(ready, folder, overwrite=overwrite)
     strength = StrengthSink(build_structure(ready.model))
@@ -254,17 +251,6 @@ def compare(
 
 def _standing(case: Case) -> Case:
     return case.with_run({"start": "equilibrium"}) if case.record.run.start == "periodic" else case
-
-
-def _chosen(case: Case) -> tuple[Case, fidelity.Choice | None]:
-    """Return the case to run: the cheapest model within the tolerance it asks for, or itself."""
-    if not case.record.fidelity.tolerances:
-        return case, None
-    if isinstance(case.record.run.start, ResultStartRecord):
-        why, remedy = "a result fits one mesh, and others are tried", "leave one of them out"
-        raise refuse(case.place(("fidelity", "tolerance")), "a start from a result", "another start", why, remedy)
-    choice = fidelity.choose(case, scalar_probe(case), case.record.fidelity.tolerances)
-    return choice.rung.case.with_fidelity({"estimate": case.record.fidelity.estimate}), choice
 
 
 def _estimated(case: Case, probe: str) -> tuple[list[fidelity.Error], list[str]]:

@@ -9,9 +9,10 @@ from cyclopts import Parameter
 
 from flexcam import fidelity
 from flexcam.checks import refuse
-from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load, scalar_probe
+from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load
 from flexcam.console.fidelity import trade_csv, trade_json, trade_table
 from flexcam.io import free_to_write, write_text
+from flexcam.runner import prepare, scalar_probe
 from flexcam.terminal import out, print_json
 
 
@@ -39,7 +40,7 @@ def trade(
         from flexcam.view import free_for_picture
 
         free_for_picture(plot, overwrite=overwrite)
-    against, found = fidelity.trade(read, probe or scalar_probe(read), repeats=repeats)
+    against, found = fidelity.trade(read, probe or scalar_probe(prepare(read)), repeats=repeats)
     if csv is not None:
         write_text(csv, trade_csv(against, found), overwrite=overwrite)
     if plot is not None:

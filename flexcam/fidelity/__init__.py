@@ -5,7 +5,7 @@ A new measure is a file here; the claims of another paper are a file like `claim
 """
 
 from flexcam.fidelity.chain import chain, chain_run
-from flexcam.fidelity.choose import Choice, choose
+from flexcam.fidelity.choose import Choice, choose, chosen
 from flexcam.fidelity.claims import Claim, claims, deviation, loaded_mode
 from flexcam.fidelity.compare import Comparison, Deviation, between, compare
 from flexcam.fidelity.estimate import Error, estimate
@@ -31,6 +31,7 @@ __all__ = [
     "chain",
     "chain_run",
     "choose",
+    "chosen",
     "claims",
     "compare",
     "deviation",

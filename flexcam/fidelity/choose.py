@@ -7,8 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from flexcam.case import Case
+from flexcam.case.tables.run import ResultStartRecord
+from flexcam.checks import refuse
 from flexcam.fidelity.rungs import Rung
 from flexcam.fidelity.trade import Reference, Traded, candidates, reference, tried
+from flexcam.runner import prepare, scalar_probe
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +96,36 @@ def choose(case: Case, probe: str, tolerance: Mapping[str, float]) -> Choice:
     rung, found = (met or missed)[0]
     cheaper = missed[0][1] if met and missed else None
     return Choice(rung, found, cheaper, against, bool(met), len(met) + len(missed), tolerance)
+
+
+def chosen(case: Case) -> tuple[Case, Choice | None]:
+    """Return the case to run: the cheapest model within the tolerance it asks for, or itself.
+
+    Parameters
+    ----------
+    case
+        The case.
+
+    Returns
+    -------
+    tuple
+        The case, and how its model was chosen; None where it asks for no tolerance.
+
+    Raises
+    ------
+    InputError
+        If it goes on from a result, which fits one mesh only, or no probe is there to compare at.
+    RunFailedError
+        If the reference ends early.
+    """
+    asked = case.record.fidelity
+    if not asked.tolerances:
+        return case, None
+    if isinstance(case.record.run.start, ResultStartRecord):
+        why, remedy = "a result fits one mesh, and others are tried", "leave one of them out"
+        raise refuse(case.place(("fidelity", "tolerance")), "a start from a result", "another start", why, remedy)
+    choice = choose(case, scalar_probe(prepare(case)), asked.tolerances)
+    return choice.rung.case.with_fidelity({"estimate": asked.estimate}), choice
 
 
 def _percent(share: float) -> str:

@@ -13,7 +13,7 @@ from flexcam.integrate.outside import Outside, dop853, radau
 from flexcam.integrate.periodic import periodic
 from flexcam.integrate.problem import Adaptive, Path, Problem, State
 from flexcam.integrate.scheme import Scheme, generalized_alpha, hht, newmark
-from flexcam.integrate.solve import outline, solve
+from flexcam.integrate.solve import carried_by_cam, outline, solve
 from flexcam.integrate.statics import carried_equilibrium, equilibrium, rest, static_displacement
 from flexcam.integrate.tangent import Tangents
 from flexcam.integrate.within import integrated, reached, refused
@@ -34,6 +34,7 @@ __all__ = [
     "State",
     "Tangents",
     "bathe",
+    "carried_by_cam",
     "carried_equilibrium",
     "central_difference",
     "dop853",

@@ -231,6 +231,25 @@ def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -
     return Series(d, v, a)
 
 
+def carried_by_cam(system: System, motion: CamMotion) -> Series:
+    """Return the motion of the probes of a system without unknowns: that which the cam gives them.
+
+    Parameters
+    ----------
+    system
+        A rigid model.
+    motion
+        Of the cam, at m instants.
+
+    Returns
+    -------
+    Series
+        All probe scalars side by side, shape (m, p): what a run shows, without its steps.
+    """
+    nothing = np.zeros((len(motion.angle), system.size))
+    return _probe_series(system.probes, Series(nothing, nothing, nothing), motion)
+
+
 def _never() -> bool:
     return False
 

@@ -52,7 +52,7 @@ def write_csv(
             values = getattr(history, series).reshape(len(response.time), -1)
             for component, column in zip(history.components, values.T, strict=True):
                 full = name if len(history.components) == 1 else f"{name}.{component}"
-                columns[f"{full} {series} [{_unit(component, unit)}]"] = column
+                columns[f"{full} {series} [{component_unit(component, unit)}]"] = column
     units = dict(response.outline.channels)
     columns.update({f"{name} [{units[name]}]": values for name, values in response.channels.items()})
     header = ",".join(columns)
@@ -62,7 +62,26 @@ def write_csv(
     return path
 
 
-def _unit(component: str, unit: str) -> str:
+def component_unit(component: str, unit: str) -> str:
+    """Return the SI unit of one component of a motion.
+
+    Parameters
+    ----------
+    component
+        Such as ``uy`` or ``rz``.
+    unit
+        Of a translation, such as ``m/s``.
+
+    Returns
+    -------
+    str
+        In rad where the component turns.
+
+    Examples
+    --------
+    >>> component_unit("rz", "m/s")
+    'rad/s'
+    """
     return unit.replace("m", "rad", 1) if component in ("rx", "ry", "rz") else unit
 
 

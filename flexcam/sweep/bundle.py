@@ -1,0 +1,126 @@
+"""A case as plain data: its text and the files it names, as they were when the sweep began, to be read anywhere."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
+from typing import Any, cast
+
+from flexcam.case import CaseFile
+from flexcam.sweep.plan import Plan
+
+_LONGEST = 255
+"""Letters of a file's name."""
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """A case file and every file beside it that it names.
+
+    Parameters
+    ----------
+    name
+        Of the case file.
+    digest
+        A number that tells it from any other.
+    files
+        Path from the case file's folder, with ``/``, to what the file holds; the case itself among them.
+
+    Examples
+    --------
+    ``bundle_of(CaseFile.opened("cases/tayeb/model-1-shm.toml")).files.keys()``
+    """
+
+    name: str
+    digest: str
+    files: Mapping[str, bytes] = field(compare=False)
+
+    def unpacked(self, folder: Path) -> Path:
+        """Write the files into a folder, placed to each other as they were, and return the case file."""
+        ups = max(PurePosixPath(path).parts.count("..") for path in self.files)
+        home = folder.joinpath(*["up"] * ups)
+        for path, content in self.files.items():
+            target = Path(os.path.normpath(home / path))
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content)
+        return home / self.name
+
+
+def bundle_of(file: CaseFile, plan: Plan | None = None) -> Bundle:
+    """Return a case as plain data.
+
+    Parameters
+    ----------
+    file
+        The case file.
+    plan
+        Whose values may name further files.
+
+    Returns
+    -------
+    Bundle
+        With every file that a text of the case names by its path from the case; files named by their whole path are
+        read where the runs are done.
+    """
+    given = [value.text.strip("\"'") for one in plan.axes for value in one.values] if plan else []
+    folder, files = file.path.parent, {file.path.name: file.text.encode()}
+    for text in dict.fromkeys([*_texts(file.raw), *given]):
+        if len(text) <= _LONGEST and not os.path.isabs(text) and _is_file(folder / text):
+            files[PurePosixPath(Path(os.path.normpath(text))).as_posix()] = (folder / text).read_bytes()
+    return Bundle(file.path.name, _digest(files), files)
+
+
+def _digest(files: Mapping[str, bytes]) -> str:
+    found = hashlib.sha256()
+    for path, content in sorted(files.items()):
+        found.update(f"{path} {len(content)}\n".encode())
+        found.update(content)
+    return found.hexdigest()
+
+
+def _texts(raw: object) -> Iterator[str]:
+    """Yield every text of a table."""
+    if isinstance(raw, str):
+        yield raw
+    elif isinstance(raw, Mapping):
+        for value in cast("Mapping[str, Any]", raw).values():
+            yield from _texts(value)
+    elif isinstance(raw, Sequence):
+        for value in cast("Sequence[Any]", raw):
+            yield from _texts(value)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # no name of a file
+        return False
+
+
+@lru_cache(maxsize=1)
+def opened(source: Bundle | Path) -> CaseFile:
+    """Return the case file of a bundle, unpacked once per process, or of a path.
+
+    Parameters
+    ----------
+    source
+        What a worker was given.
+
+    Returns
+    -------
+    CaseFile
+        In memory, with its meshes.
+    """
+    if isinstance(source, Path):
+        return CaseFile.opened(source)
+    folder = tempfile.TemporaryDirectory(prefix="flexcam-", ignore_cleanup_errors=True)
+    _folders.append(folder)  # removed when the process ends
+    return CaseFile.opened(source.unpacked(Path(folder.name)))
+
+
+_folders: list[tempfile.TemporaryDirectory[str]] = []

@@ -1,0 +1,166 @@
+"""A plan cut into chunks, which are what workers are given; a chunk is a function of plain data alone."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from flexcam.case import Case, CaseFile
+from flexcam.checks import InputError
+from flexcam.response import Cause
+from flexcam.sweep.bundle import Bundle, opened
+from flexcam.sweep.evaluate import Row, evaluate, refused
+from flexcam.sweep.plan import Plan
+
+_MOST = 16
+"""Variants of a chunk: what a crash may cost."""
+
+_MANY = 64
+"""Chunks that a plan should have, so that many workers have something to do."""
+
+_STEPS = 120_000
+"""Steps of a chunk: a longer run is a chunk of its own."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some successive variants of a plan.
+
+    Parameters
+    ----------
+    index
+        Of the chunk, from 0.
+    first
+        Index of its first variant.
+    variants
+        Overrides of each.
+    """
+
+    index: int
+    first: int
+    variants: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What comes back of a variant.
+
+    Parameters
+    ----------
+    row
+        Its row.
+    history
+        Its result file, where histories are kept, and the ending of its name.
+    """
+
+    row: Row
+    history: tuple[str, bytes] | None = None
+
+
+def chunk_size(plan: Plan, case: Case) -> int:
+    """Return the variants per chunk: the same for every number of workers.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    case
+        Its first variant.
+
+    Returns
+    -------
+    int
+        From 1 to 16: fewer of long runs, and of few.
+    """
+    run = case.record.run
+    steps = int(run.revolutions * (run.steps_per_revolution or 3600))
+    return max(1, min(_MOST, len(plan) // _MANY, _STEPS // max(steps, 1)))
+
+
+def chunks_of(plan: Plan, size: int) -> tuple[Chunk, ...]:
+    """Return the chunks of a plan.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    size
+        Variants per chunk.
+
+    Returns
+    -------
+    tuple
+        In the order of the variants.
+
+    Examples
+    --------
+    >>> from flexcam.sweep import Plan, axes
+    >>> [len(chunk.variants) for chunk in chunks_of(Plan(axes(["run.speed=1:7:1"])), 3)]
+    [3, 3, 1]
+    """
+    variants = plan.variants
+    starts = range(0, len(variants), size)
+    return tuple(Chunk(i, first, variants[first : first + size]) for i, first in enumerate(starts))
+
+
+def evaluated(source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, histories: bool = False) -> list[Outcome]:
+    """Run some variants of a case: what a worker does.
+
+    Parameters
+    ----------
+    source
+        The case, as plain data or as a file.
+    variants
+        Overrides of each.
+    histories
+        Whether their result files come back too.
+
+    Returns
+    -------
+    list
+        One outcome per variant.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If a run was stopped: what it has is no row.
+    """
+    file = opened(source)
+    cases = [_read(file, overrides) for overrides in variants]
+    ran = iter(_evaluated([case for case in cases if isinstance(case, Case)], histories))
+    found = [next(ran) if isinstance(case, Case) else Outcome(case) for case in cases]
+    if any(one.row.status.cause is Cause.INTERRUPTED for one in found):
+        raise KeyboardInterrupt
+    return [_placed(one, file.path.parent) for one in found]
+
+
+def _read(file: CaseFile, overrides: Sequence[str]) -> Case | Row:
+    """Return a variant, or the row of one that this machine cannot read."""
+    try:
+        return file.read(overrides)
+    except InputError as refusal:
+        return refused(refusal)
+
+
+def _evaluated(cases: Sequence[Case], histories: bool) -> list[Outcome]:
+    """Run the cases of a chunk: the one place where cases become rows."""
+    return [_kept(case) if histories else Outcome(evaluate(case)) for case in cases]
+
+
+def _kept(case: Case) -> Outcome:
+    """Run a case and return its result file too."""
+    with tempfile.TemporaryDirectory(prefix="flexcam-", ignore_cleanup_errors=True) as folder:
+        row = evaluate(case, folder=Path(folder))
+        written = next(Path(folder).iterdir(), None)
+        if written is None:
+            return Outcome(row)
+        return Outcome(row, (written.name.removeprefix(case.name), written.read_bytes()))
+
+
+def _placed(outcome: Outcome, folder: Path) -> Outcome:
+    """Return an outcome whose words name files as the case does, wherever it was unpacked."""
+    status = outcome.row.status
+    text = status.text.replace(f"{folder}/", "")
+    return replace(outcome, row=replace(outcome.row, status=replace(status, text=text)))

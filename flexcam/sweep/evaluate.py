@@ -1,0 +1,131 @@
+"""One variant: a case run to its end, and what is kept of it; whatever happens, a row comes out."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from flexcam.case import Case
+from flexcam.checks import InputError
+from flexcam.fidelity import chosen
+from flexcam.integrate import solve
+from flexcam.response import Cause, Response, RunFailedError, Status
+from flexcam.runner import Prepared, prepare, result_file
+from flexcam.sweep.scalars import scalars_of
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a sweep keeps of one variant.
+
+    Parameters
+    ----------
+    status
+        How its run ended; ``refused`` where it could not start.
+    scalars
+        Name to value, SI (`flexcam.sweep.scalars`); empty unless the run is complete.
+    units
+        SI unit of each scalar.
+    seconds
+        Time it took; it stays out of the tables, which are the same on every machine.
+
+    Examples
+    --------
+    >>> Row(Status(), {"deviation.peak": 0.1}, {"deviation.peak": "1"}).status.ok
+    True
+    """
+
+    status: Status
+    scalars: Mapping[str, float] = field(default_factory=dict[str, float])
+    units: Mapping[str, str] = field(default_factory=dict[str, str])
+    seconds: float = 0.0
+
+
+def evaluate(case: Case, *, folder: Path | None = None) -> Row:
+    """Run a case and return what a sweep keeps of it.
+
+    Parameters
+    ----------
+    case
+        The case; where it asks for a tolerance, the cheapest model within it is run.
+    folder
+        Where its result file goes; None for none.
+
+    Returns
+    -------
+    Row
+        With its scalars, or with the status of what went wrong: a refusal, a failed run, a fault of flexcam.
+
+    Examples
+    --------
+    ``evaluate(read_case("cases/tayeb/model-1-shm.toml")).scalars["deviation.peak"]`` is 1.238.
+    """
+    begun = time.perf_counter()
+    row = _row(case, folder)
+    return Row(row.status, row.scalars, row.units, time.perf_counter() - begun)
+
+
+def _row(case: Case, folder: Path | None) -> Row:
+    try:
+        read, choice = chosen(case)
+        ready = prepare(read)
+        sinks = [] if folder is None else [result_file(ready, folder)]
+        response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks)
+        row = row_of(ready, response)
+    except InputError as refusal:
+        return refused(refusal)
+    except RunFailedError as failure:
+        return Row(failure.status)
+    except Exception as fault:  # noqa: BLE001 - a fault in one variant must not cost the others
+        return Row(_fault(fault))
+    if choice is not None and not choice.met and row.status.ok:
+        return Row(Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}"), row.scalars, row.units)
+    return row
+
+
+def row_of(ready: Prepared, response: Response) -> Row:
+    """Return the row of a run that has been solved.
+
+    Parameters
+    ----------
+    ready
+        A case made ready to run.
+    response
+        Of its run.
+
+    Returns
+    -------
+    Row
+        Without scalars if the run is not complete.
+    """
+    if not response.status.ok:
+        return Row(response.status)
+    figures = scalars_of(ready, response)
+    values, units = {one.name: one.value for one in figures}, {one.name: one.unit for one in figures}
+    return Row(response.status, values, units, response.stats.seconds)
+
+
+def refused(refusal: InputError) -> Row:
+    """Return the row of a variant that cannot start.
+
+    Parameters
+    ----------
+    refusal
+        With its faults.
+
+    Returns
+    -------
+    Row
+        Without scalars.
+    """
+    return Row(Status(Cause.REFUSED, " | ".join(map(str, refusal.faults))))
+
+
+def _fault(fault: Exception) -> Status:
+    """Return the status of a fault of flexcam itself, with the line it happened on."""
+    last = traceback.extract_tb(fault.__traceback__)[-1]
+    text = f"a fault of flexcam itself: {type(fault).__name__}: {fault} ({Path(last.filename).name}:{last.lineno})"
+    return Status(Cause.FAULT, text, "please report it; flexcam run with the same keys shows more")

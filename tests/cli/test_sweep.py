@@ -1,0 +1,237 @@
+"""flexcam sweep as a user runs it: tables, journal, signals, resuming after a crash."""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from flexcam import read_result
+from flexcam.sweep import read_table
+
+QUICK = ("--set", "run.revolutions=0.25", "--set", "run.steps_per_revolution=720")
+SPEEDS = ("--set", "run.speed=1000:2500:500rpm")
+NAMES = ("case.sweep.h5", "case.sweep.csv")
+
+
+def journal(folder):
+    path = folder / "case.sweep.jsonl"
+    return path.read_bytes().splitlines(keepends=True) if path.exists() else []
+
+
+def test_tables_journal_and_summary(flexcam, case, tmp_path):
+    done = flexcam("sweep", case, *QUICK, *SPEEDS, "--set", "springs.valve.stiffness=30,40kN/m", "--workers", "0")
+    assert done.code == 0
+    assert "8 variants over run.speed, springs.valve.stiffness" in done.out
+    assert "deviation.peak" in done.out
+    table = read_table(tmp_path / "results/case.sweep.h5")
+    assert table.shape == (4, 2)
+    assert len(journal(tmp_path / "results")) == 1 + 8
+    assert "run.speed [rpm],springs.valve.stiffness [kN/m]" in (tmp_path / "results/case.sweep.csv").read_text()
+
+
+def test_json_and_chosen_scalars(flexcam, case):
+    words = ("--workers", "0", "--scalars", "deviation,probes.valve", "--json", "--sample", "sobol:2", "--seed", "3")
+    done = flexcam("sweep", case, *QUICK, "--set", "run.speed=1000:2000rpm", *words)
+    assert done.json["variants"] == 2
+    assert done.json["inputs"] == {"run.speed": "rpm"}
+    assert list(done.json["scalars"])[:3] == ["deviation.peak", "deviation.rms", "probes.valve.displacement.largest"]
+    assert all(Path(path).exists() for path in done.json["files"])
+
+
+def test_the_table_of_the_case_counts_and_the_command_lays_over_it(flexcam, case, tmp_path):
+    sweep = '\n[sweep]\nset = { "run.speed" = "1000,2000rpm", "springs.valve.stiffness" = "30,40kN/m" }\n'
+    case.write_text(case.read_text() + sweep + 'scalars = ["deviation"]\n')
+    done = flexcam("sweep", case, *QUICK, "--set", "run.speed=1500,1600,1700rpm", "--workers", "0", "--json")
+    assert done.json["variants"] == 6
+    assert list(done.json["scalars"]) == ["deviation.peak", "deviation.rms"]
+    assert list(done.json["inputs"]) == ["run.speed", "springs.valve.stiffness"]
+    assert flexcam("run", case, *QUICK).code == 0
+
+
+def test_histories_are_results(flexcam, case, tmp_path):
+    done = flexcam("sweep", case, *QUICK, "--set", "run.speed=1000,2000rpm", "--workers", "1", "--histories")
+    assert done.code == 0
+    table = read_table(tmp_path / "results/case.sweep.h5")
+    for i in range(2):
+        response = read_result(tmp_path / f"results/case.sweep/variant-{i + 1:05d}.vtkhdf").response
+        assert abs(response["valve"].displacement).max() == table["probes.valve.displacement.largest"][i]
+
+
+def test_existing_files_are_kept_unless_asked(flexcam, case, tmp_path):
+    words = ("sweep", case, *QUICK, "--set", "run.speed=1000,2000rpm", "--workers", "0", "-o", tmp_path / "out")
+    assert flexcam(*words).code == 0
+    before = {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    again = flexcam(*words)
+    assert again.code == 2
+    assert "--overwrite" in again.err
+    assert flexcam(*words, "--set", "cams.intake.lift=7mm", "--resume").code == 2
+    assert flexcam(*words, "--set", "run.speeed=1,2", "--overwrite").code == 2
+    assert {path: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+    assert flexcam(*words, "--resume").code == 0
+    assert {path: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+    assert flexcam(*words, "--set", "cams.intake.lift=7mm", "--overwrite").code == 0
+
+
+def test_scalars_that_no_variant_has_can_be_mended_without_running_again(flexcam, case, tmp_path):
+    words = ("sweep", case, *QUICK, "--set", "run.speed=1000,2000rpm", "--workers", "0")
+    wrong = flexcam(*words, "--scalars", "deviaton")
+    assert wrong.code == 2
+    assert "--resume" in wrong.err
+    before = journal(tmp_path / "results")
+    assert flexcam(*words, "--scalars", "deviation", "--resume").code == 0
+    assert journal(tmp_path / "results") == before
+
+
+def test_failing_variants_stop_nothing(flexcam, case):
+    good, bad = (f"{{ method = 'newmark', beta = {beta} }}" for beta in (0.25, 0.001))
+    words = ("sweep", case, "--set", "run.steps_per_revolution=360", "--workers", "0")
+    done = flexcam(*words, "--set", f"run.integrator={good},{bad}", "--set", "run.revolutions=20")
+    assert done.code == 0
+    assert "1 of 2 failed (not-finite): variant 2. The first:" in done.out
+    failing = ("--set", f"run.integrator={bad}", "--set", "run.revolutions=20,21")
+    done = flexcam(*words, *failing, "--json", "--overwrite")
+    assert done.code == 3
+    assert done.json["status"] == "not-finite"
+    assert done.json["failed"] == {"not-finite": [1, 2]}
+    assert done.json["scalars"] == {}
+
+
+@contextmanager
+def nobody(listening):
+    """Yield an address where nobody answers; somebody may take the call and say nothing."""
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        if listening:
+            server.listen()
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
+
+
+@pytest.mark.parametrize("listening", [False, True])
+def test_a_scheduler_that_does_not_answer(flexcam, case, tmp_path, monkeypatch, listening):
+    monkeypatch.setattr("flexcam.sweep.cluster._PATIENCE", 0.5)
+    with nobody(listening) as address:
+        done = flexcam("sweep", "case.toml", *SPEEDS, "--scheduler", address)
+    assert done.code == 2
+    assert "none answers there within 0.5 s" in done.err
+    assert not list((tmp_path / "results").iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("listening", [False, True])
+def test_a_scheduler_that_does_not_answer_is_refused_within_ten_seconds(spawned, case, listening):
+    begun = time.monotonic()
+    with nobody(listening) as address:
+        done = spawned("sweep", "case.toml", *SPEEDS, "--scheduler", address)
+    assert done.code == 2
+    assert "none answers there" in done.err
+    assert time.monotonic() - begun < 10.0
+
+
+def test_something_else_that_answers(flexcam, case):
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        server.listen()
+
+        def answered():
+            with server.accept()[0] as call:
+                call.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+
+        answer = threading.Thread(target=answered)
+        answer.start()
+        done = flexcam("sweep", case, *SPEEDS, "--scheduler", f"tcp://127.0.0.1:{server.getsockname()[1]}")
+        answer.join()
+    assert done.code == 2
+    assert "none answers there" in done.err
+
+
+def test_options_that_do_not_fit(flexcam, case):
+    assert flexcam("sweep", case, *SPEEDS, "--workers", "-1").code == 2
+    assert flexcam("sweep", case, *SPEEDS, "--workers", "2", "--scheduler", "tcp://127.0.0.1:1").code == 2
+    assert flexcam("sweep", case).code == 2
+
+
+MANY = ("--set", "run.speed=1000:4000#60rpm", "--set", "run.revolutions=1")
+
+
+def begun(folder, *words):
+    command = [sys.executable, "-m", "flexcam", "sweep", "case.toml", *MANY, "-o", "out", *words]
+    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))  # fmt: skip
+
+
+def with_rows(process, folder, count):
+    """Wait until so many rows are kept."""
+    until = time.monotonic() + 60.0
+    while len(journal(folder)) <= count:
+        if process.poll() is not None or time.monotonic() > until:
+            process.kill()
+            pytest.fail(f"no rows: {process.communicate()}")
+        time.sleep(0.01)
+
+
+def completed(process):
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, out + err
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_stopped_sweep_says_what_it_kept(case, tmp_path, number, code):
+    process = begun(tmp_path, "--workers", "2", "--json")
+    with_rows(process, tmp_path / "out", 3)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == code
+    assert "Traceback" not in out + err
+    told = json.loads(out)
+    assert told["status"] == "interrupted"
+    assert f"{len(journal(tmp_path / 'out')) - 1} of 60 variants are kept" in told["message"]
+    assert "--resume" in told["remedy"]
+    assert not (tmp_path / "out/case.sweep.h5").exists()
+
+
+@pytest.fixture(scope="module")
+def untouched(tmp_path_factory):
+    """Return the tables of a sweep that nobody disturbed."""
+    folder = tmp_path_factory.mktemp("untouched")
+    (folder / "case.toml").write_bytes((Path(__file__).parents[1] / "data/inline.toml").read_bytes())
+    completed(begun(folder, "--workers", "2"))
+    return {name: (folder / "out" / name).read_bytes() for name in NAMES}
+
+
+def killed_and_resumed(folder, untouched, kills, seed):
+    """Kill a sweep so many times at random moments, and finish it."""
+    chance, before = random.Random(seed), list[bytes]()  # noqa: S311 - no secret
+    for _ in range(kills):
+        process = begun(folder, "--workers", "2", "--resume")
+        if chance.random() < 0.7:
+            with_rows(process, folder / "out", min(len(before) + chance.randrange(20), 55))
+        time.sleep(chance.random())
+        process.kill()
+        process.communicate()
+        after = journal(folder / "out")
+        whole = [line for line in before if line.endswith(b"\n")]
+        assert after[: len(whole)] == whole  # what was finished stays as it was
+        before = after
+    completed(begun(folder, "--workers", "2", "--resume"))
+    chunks = [json.loads(line)["chunk"] for line in journal(folder / "out")[1:]]
+    assert sorted(chunks) == list(range(60))  # each once
+    assert {name: (folder / "out" / name).read_bytes() for name in NAMES} == untouched
+
+
+def test_a_sweep_killed_and_resumed_is_the_one_nobody_disturbed(case, tmp_path, untouched):
+    killed_and_resumed(tmp_path, untouched, 2, seed=1)
+
+
+@pytest.mark.slow
+def test_a_sweep_killed_twenty_times(case, tmp_path, untouched):
+    killed_and_resumed(tmp_path, untouched, 20, seed=2)

@@ -1,0 +1,139 @@
+"""Tables of sweeps: what is written is read back, the same bytes every time, no NaN in any file."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from flexcam import InputError, read_case, run
+from flexcam.response import Cause, Status
+from flexcam.sweep import (
+    Plan,
+    Row,
+    axes,
+    csv_text,
+    history_dataset,
+    history_frame,
+    made_plan,
+    read_table,
+    sample,
+    table_dataset,
+    table_frame,
+    tabulated,
+    write_table,
+)
+
+FAILED = Status(Cause.NOT_FINITE, 'it left, "far"\nµm', "a smaller step")
+
+
+def rows(count):
+    units = {"contacts.a.force.largest": "N", "deviation.peak": "1", "late": "m"}
+    found = [
+        Row(Status(), {"contacts.a.force.largest": 1.0 / (i + 1), "deviation.peak": 0.1 * i}) for i in range(count)
+    ]
+    found[1] = Row(FAILED)
+    found[-1] = replace(found[-1], scalars={**found[-1].scalars, "late": -0.0})
+    return [replace(row, units={name: units[name] for name in row.scalars}) for row in found]
+
+
+@pytest.fixture
+def table():
+    plan = made_plan(axes(["run.speed=1000:3000:1000rpm", "run.integrator.method=newmark,bathe"]))
+    return tabulated(plan, rows(6), {"case": "title = 'ä'", "plan": "{}"})
+
+
+def same(one, other):
+    assert [c.name for c in one.inputs] == [c.name for c in other.inputs]
+    assert all(
+        list(a.values) == list(b.values) and a.unit == b.unit for a, b in zip(one.inputs, other.inputs, strict=True)
+    )
+    assert list(one.scalars) == list(other.scalars)
+    assert all(np.array_equal(one[name], other[name], equal_nan=True) for name in one.scalars)
+    assert (one.units, one.statuses, one.shape, one.about) == (other.units, other.statuses, other.shape, other.about)
+
+
+def test_hdf5_gives_back_everything(table, tmp_path):
+    same(read_table(write_table(table, tmp_path / "t.h5")), table)
+    sampled = tabulated(Plan(axes(["a=0:1 m", "b=x,y"]), sample("lhs:6")), rows(6))
+    same(read_table(write_table(sampled, tmp_path / "s.h5")), sampled)
+    nothing = tabulated(Plan(axes(["a=1,2"])), [Row(FAILED), Row(FAILED)])
+    same(read_table(write_table(nothing, tmp_path / "n.h5")), nothing)
+
+
+@pytest.mark.parametrize("end", ["h5", "csv", "parquet"])
+def test_the_same_table_is_the_same_bytes(table, tmp_path, end):
+    one, other = (write_table(table, tmp_path / f"{name}.{end}").read_bytes() for name in "ab")
+    assert one == other
+    assert not list(tmp_path.glob("*partial*"))
+
+
+def test_no_file_holds_a_nan(table, tmp_path):
+    with h5py.File(write_table(table, tmp_path / "t.h5")) as file:
+        for name, values in file["scalars"].items():
+            assert np.isfinite(values[()]).all()
+            assert (values[()][~file["valid"][name][()]] == 0.0).all()
+        assert file["valid/late"][()].tolist() == [False] * 5 + [True]
+    assert "nan" not in csv_text(table).lower()
+
+
+def test_csv(table):
+    read = list(csv.DictReader(csv_text(table).splitlines(keepends=True)))
+    assert [row["variant"] for row in read] == list("123456")
+    assert [float(row["run.speed [rpm]"]) for row in read] == [1000, 1000, 2000, 2000, 3000, 3000]
+    assert read[1]["deviation.peak [1]"] == ""
+    assert read[1]["status"] == "not-finite"
+    assert read[1]["message"] == f"{FAILED.text}; {FAILED.remedy}"
+    assert float(read[5]["contacts.a.force.largest [N]"]) == table["contacts.a.force.largest"][5]
+
+
+def test_frames(table):
+    frame = table_frame(table)
+    assert frame.loc[4, "deviation.peak"] == table["deviation.peak"][3]
+    assert frame.loc[2].isna()["deviation.peak"]
+    assert frame.attrs["units"]["run.speed"] == "rpm"
+    data = table_dataset(table)
+    assert dict(data.sizes) == {"run.speed": 3, "run.integrator.method": 2}
+    assert float(data["deviation.peak"].sel({"run.speed": 2000.0, "run.integrator.method": "bathe"})) == 0.1 * 3
+    assert np.array_equal(table.on_grid("deviation.peak"), data["deviation.peak"].values, equal_nan=True)
+    sampled = table_dataset(tabulated(Plan(axes(["a=0:1 m", "b=x,y"]), sample("lhs:6")), rows(6)))
+    assert dict(sampled.sizes) == {"variant": 6}
+    assert sampled["a"].dims == ("variant",)
+
+
+def test_parquet_has_nulls(table, tmp_path):
+    from pyarrow import parquet
+
+    column = parquet.read_table(write_table(table, tmp_path / "t.parquet"))["deviation.peak"]
+    assert column.null_count == 1
+
+
+def test_histories_as_frames():
+    response = run(read_case("tests/data/inline.toml", ["run.revolutions=0.1"]))
+    frame, data = history_frame(response), history_dataset(response)
+    assert np.array_equal(frame["valve.displacement"], response["valve"].displacement)
+    assert np.array_equal(data["contacts.intake.force"].values, response.channels["contacts.intake.force"])
+    assert frame.index.name == "time"
+    assert data["valve.velocity"].attrs["units"] == "m/s"
+    assert np.array_equal(data["cam_angle"].values, response.angle)
+
+
+def test_refusals(table, tmp_path):
+    path = write_table(table, tmp_path / "t.h5")
+    with pytest.raises(InputError, match="--overwrite"):
+        write_table(table, path)
+    with pytest.raises(InputError, match="ends in"):
+        write_table(table, tmp_path / "t.xlsx")
+    with pytest.raises(InputError, match="no such file"):
+        read_table(tmp_path / "none.h5")
+    path.write_bytes(path.read_bytes()[:500])
+    with pytest.raises(InputError):
+        read_table(path)
+    with pytest.raises(InputError, match=r"did you mean 'deviation\.peak'"):
+        table["deviation.peek"]
+    with pytest.raises(InputError, match="deviaton"):
+        table.keeping(["contacts", "deviaton"])
+    assert list(table.keeping(["late", "contacts"]).scalars) == ["late", "contacts.a.force.largest"]

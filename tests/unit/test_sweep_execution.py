@@ -1,0 +1,250 @@
+"""The same table whoever runs it, and whatever happens to whom: workers killed, chunks that kill, rows that fail."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from flexcam import InputError, read_case
+from flexcam.case import CaseFile
+from flexcam.response import Cause, Status
+from flexcam.sweep import Cluster, Here, Processes, Row, evaluate, study, swept
+from flexcam.sweep import workers as workers_of
+from flexcam.sweep.axis import axes
+from flexcam.sweep.bundle import Bundle, bundle_of
+from flexcam.sweep.chunks import Outcome, chunk_size, chunks_of, evaluated
+from flexcam.sweep.execute import executed
+from flexcam.sweep.hdf5 import write_hdf5
+from flexcam.sweep.journal import Journal
+from flexcam.sweep.plan import Plan
+
+ROOT = Path(__file__).parents[2]
+TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"
+QUICK = ["run.revolutions=0.25", "run.steps_per_revolution=720"]
+VARIED = [*QUICK, "run.speed=1000:2000:250rpm", "springs.valve.stiffness=30,40kN/m"]
+
+
+def written(table, folder, name):
+    path = folder / f"{name}.h5"
+    write_hdf5(table, path)
+    return path.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def asked():
+    return study(TAYEB, VARIED)
+
+
+@pytest.fixture(scope="module")
+def alone(asked, tmp_path_factory):
+    return written(swept(asked, Here()), tmp_path_factory.mktemp("alone"), "here")
+
+
+def killing(pid_of):
+    """Return what kills a worker when the first rows have come."""
+    killed = []
+
+    def advance(count):
+        if not killed:
+            killed.append(pid_of())
+            os.kill(killed[0], signal.SIGKILL)
+
+    return advance, killed
+
+
+def worker_process():
+    return next(p.pid for p in multiprocessing.active_children() if p.name.startswith("SpawnProcess"))
+
+
+def test_processes_give_the_table_of_one_with_one_killed_in_the_middle(asked, alone, tmp_path):
+    advance, killed = killing(worker_process)
+    assert written(swept(asked, Processes(2), advance=advance), tmp_path, "two") == alone
+    assert killed
+    assert not [p for p in multiprocessing.active_children() if p.name.startswith("SpawnProcess")]
+
+
+def dask_worker():
+    from distributed.client import default_client
+
+    return sorted(default_client().run(os.getpid).values())[0]
+
+
+def test_a_local_cluster_gives_the_same_table_with_one_worker_killed(asked, alone, tmp_path):
+    advance, killed = killing(dask_worker)
+    assert written(swept(asked, Cluster("local", 2), advance=advance), tmp_path, "dask") == alone
+    assert killed
+
+
+class Scripted:
+    """Workers of which a variant with the key ``poison`` kills the one that runs it, and breaks its pool."""
+
+    def __init__(self):
+        self.ran = []
+
+    @contextmanager
+    def ready(self, bundle, *, histories):
+        broken = []
+
+        def submit(variants):
+            future = Future()
+            if broken:
+                raise BrokenProcessPool
+            self.ran.append(variants)
+            if any("poison" in key for variant in variants for key in variant):
+                broken.append(True)
+                future.set_exception(BrokenProcessPool())
+            else:
+                future.set_result([Outcome(Row(Status(text=variant[0]))) for variant in variants])
+            return future
+
+        yield workers_of.Pool(submit, 3, (BrokenProcessPool,))
+
+
+def test_a_variant_that_kills_its_worker_is_a_row_and_costs_no_other():
+    plan = Plan(axes(["key=a,b,poison,d,e,f,g,h"]))
+    chunks, workers = chunks_of(plan, 3), Scripted()
+    rows = {chunk.index: outcomes for chunk, outcomes in executed(Bundle("", "", {}), chunks, workers)}
+    found = [one.row.status for _, outcomes in sorted(rows.items()) for one in outcomes]
+    assert [status.cause for status in found] == [Cause.WORKER_LOST if i == 2 else Cause.DONE for i in range(8)]
+    assert [status.text for status in found if status.ok] == [f"key={letter}" for letter in "abdefgh"]
+    assert workers.ran.count((("key=poison",),)) == 1
+    assert workers.ran.count(chunks[2].variants) == 1  # what was not under way is not run twice
+
+
+def test_what_fails_is_a_row_with_its_cause():
+    # Newmark with beta near 0 is stable up to omega dt = 2 only
+    methods = ",".join(f"{{ method = 'newmark', beta = {beta} }}" for beta in (0.25, 0.001))
+    table = swept(study(TAYEB, ["run.steps_per_revolution=360", f"run.integrator={methods}"]))
+    assert [status.cause for status in table.statuses] == [Cause.DONE, Cause.NOT_FINITE]
+    assert table.failed == (1,)
+    assert "cam angle" in table.statuses[1].text
+    assert table["deviation.peak"][0] > 0.0
+    assert table["deviation.peak"][1] != table["deviation.peak"][1]  # NaN
+
+
+def test_a_refusal_after_reading_and_a_fault_are_rows(monkeypatch):
+    row = evaluate(read_case(TAYEB, ["run.revolutions=0.0001"]))
+    assert row.status.cause is Cause.REFUSED
+    assert "at least one step" in row.status.text
+
+    def broken(ready, response):
+        raise ZeroDivisionError("nothing")
+
+    monkeypatch.setattr(sys.modules["flexcam.sweep.evaluate"], "scalars_of", broken)
+    row = evaluate(read_case(TAYEB, QUICK))
+    assert row.status.cause is Cause.FAULT
+    assert "ZeroDivisionError: nothing (test_sweep_execution.py:" in row.status.text
+
+
+def test_files_of_a_case_come_along(tmp_path):
+    """A worker needs nothing but plain data: mesh above the case, lift table beside it, both unpacked elsewhere."""
+    law = 'law = "shm"\nlift = "6 mm"\nrise = "180 deg"\nreturn = "180 deg"'
+    text = TAYEB.read_text(encoding="utf-8").replace(law, 'lift_table = "lift.csv"')
+    home = tmp_path / "home/cases"
+    home.mkdir(parents=True)
+    (tmp_path / "home/case.msh").write_bytes((ROOT / "meshes/tayeb-1.msh").read_bytes())
+    (home / "lift.csv").write_bytes((ROOT / "tests/data/lift.csv").read_bytes())
+    (home / "case.toml").write_text(text.replace("../../meshes/tayeb-1.msh", "../case.msh"), encoding="utf-8")
+    bundle = bundle_of(CaseFile.opened(home / "case.toml"), Plan(axes(["mesh=../case.msh,../none.msh"])))
+    assert set(bundle.files) == {"case.toml", "lift.csv", "../case.msh"}
+    unpacked = bundle.unpacked(tmp_path / "far/away")
+    assert unpacked.is_relative_to(tmp_path / "far/away")
+    assert (tmp_path / "far/away").resolve() in (unpacked.parent / "../case.msh").resolve().parents
+    here = evaluated(home / "case.toml", [tuple(QUICK)])[0].row
+    (tmp_path / "home").rename(tmp_path / "gone")
+    there = evaluated(bundle, [tuple(QUICK), ("mesh=../none.msh",)])
+    assert there[0].row.scalars == here.scalars
+    assert there[1].row.status.cause is Cause.REFUSED
+    assert str(tmp_path) not in there[1].row.status.text
+    assert "flexcam-" not in there[1].row.status.text
+
+
+def test_worker_processes_have_one_thread_of_linear_algebra(asked, monkeypatch):
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
+    with Processes(1).ready(asked.bundle, histories=False):
+        assert os.environ["OPENBLAS_NUM_THREADS"] == os.environ["MKL_NUM_THREADS"] == "1"
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
+    assert "MKL_NUM_THREADS" not in os.environ
+
+
+def test_a_script_that_worker_processes_cannot_read_is_told_so(tmp_path):
+    script = f"from flexcam import sweep\nsweep.swept(sweep.study({str(TAYEB)!r}, {VARIED!r}), sweep.Processes(2))\n"
+    (tmp_path / "script.py").write_text(script, encoding="utf-8")
+    done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.stderr.splitlines()[-1].startswith(
+        "flexcam.response.RunFailedError: worker-lost: no worker process could"
+    )
+
+
+def test_chunks_do_not_depend_on_who_runs_them():
+    case = read_case(TAYEB)
+    many, few = Plan(axes(["run.speed=1:5000:1rpm"])), Plan(axes(["run.speed=1:50:1rpm"]))
+    assert (chunk_size(many, case), chunk_size(few, case)) == (16, 1)
+    assert chunk_size(many, case.with_run({"revolutions": 100.0})) == 1  # a long run is a chunk of its own
+    assert [one for chunk in chunks_of(many, 16) for one in chunk.variants] == list(many.variants)
+
+
+HEAD = {"format": 1, "flexcam": "1", "case": "c", "plan": "p", "histories": False}
+ROWS = [
+    Row(Status(), {"x": 0.1 + 0.2, "y": 1e-300}, {"x": "m", "y": "N"}, 1.5),
+    Row(Status(Cause.REFUSED, "no", "yes")),
+]
+
+
+def kept(path, chunks, **how):
+    journal = Journal(path, HEAD, **how)
+    for index in chunks:
+        journal.add(index, ROWS)
+    journal.close()
+    return journal.rows
+
+
+def test_a_journal_cut_off_anywhere_goes_on_from_its_last_whole_line(tmp_path):
+    path = tmp_path / "j.jsonl"
+    kept(path, [0, 1])
+    whole = path.read_bytes()
+    ends = [i + 1 for i, byte in enumerate(whole) if byte == ord("\n")]
+    for length in range(0, len(whole) + 1, 7):
+        path.write_bytes(whole[:length])
+        found = kept(path, [], resume=True)
+        assert set(found) == set(range(sum(end <= length for end in ends[1:])))
+        assert all(rows == ROWS for rows in found.values())
+        kept(path, [i for i in (0, 1) if i not in found], resume=True)
+        assert path.read_bytes() == whole
+
+
+def test_a_journal_of_another_sweep_or_in_use_is_refused_and_left_alone(tmp_path):
+    path = tmp_path / "j.jsonl"
+    kept(path, [0])
+    whole = path.read_bytes()
+    for words, change in (("version", {"flexcam": "2"}), ("a file it names", {"case": "d"}), ("values", {"plan": "q"})):
+        with pytest.raises(InputError, match=words):
+            Journal(path, HEAD | change, resume=True)
+    with pytest.raises(InputError, match="--resume finishes it"):
+        Journal(path, HEAD)
+    first = Journal(path, HEAD, resume=True)
+    with pytest.raises(InputError, match="another sweep is running here"):
+        Journal(path, HEAD, resume=True)
+    first.close()
+    Journal(path, HEAD, overwrite=True).close()  # nothing was kept yet
+    path.write_bytes(whole[:-40] + b"}\n")
+    with pytest.raises(InputError, match="damaged"):
+        Journal(path, HEAD, resume=True)
+    path.write_bytes(whole)
+    assert json.loads(path.read_bytes().splitlines()[0]) == HEAD
+
+
+def test_a_refused_journal_leaves_no_file(tmp_path):
+    Journal(tmp_path / "new/j.jsonl", HEAD).close()
+    assert not list((tmp_path / "new").iterdir())

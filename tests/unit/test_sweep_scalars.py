@@ -1,0 +1,77 @@
+"""Scalars of a row are what the other commands say of the same run."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam import prepare, read_case, solve
+from flexcam.fidelity import deviation
+from flexcam.response import Cause
+from flexcam.runner import scalar_probe
+from flexcam.sweep import evaluate
+from flexcam.train import operation
+
+CASES = {
+    "cases/tayeb/model-1-shm.toml": ["run.steps_per_revolution=720"],
+    "cases/pushrod-engine/intake.toml": ["run.revolutions=0.3", "run.steps_per_revolution=720"],
+    "cases/li/valve-train.toml": ["run.steps_per_revolution=720"],
+    "tests/data/inline.toml": ["fidelity.model=sdof", "run.steps_per_revolution=720"],
+}
+
+
+@pytest.mark.parametrize("path", CASES)
+def test_a_row_is_what_run_and_compare_say(path):
+    case = read_case(path, CASES[path])
+    row, ready = evaluate(case), prepare(case)
+    assert row.status.ok
+    assert set(row.units) == set(row.scalars)
+    response = solve(ready.problem, ready.scheme, save=ready.save)
+    assert {f.name: f.value for f in operation(ready.model, response, ready.revolution)}.items() <= row.scalars.items()
+    probe = scalar_probe(ready)
+    found = deviation(case, probe)
+    assert (row.scalars["deviation.peak"], row.scalars["deviation.rms"]) == (found.peak_deviation, found.rms_deviation)
+    turns = min(
+        case.record.run.revolutions, 1.0
+    )  # an instant per step of the last revolution; a shorter run as a whole
+    steps = round(turns * ready.revolution / ready.problem.step) + (turns < 1.0)
+    for series, unit in (("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s^2")):
+        name = f"probes.{probe}.{series}.largest"
+        assert row.scalars[name] == np.abs(getattr(response[probe], series)[-steps:]).max()
+        assert row.units[name] == unit
+    assert row.scalars["energy.residual.largest"] == np.abs(response.channels["energy.residual"]).max()
+    assert all(math.isfinite(value) for value in row.scalars.values())
+
+
+def test_rotations_have_their_units():
+    row = evaluate(read_case("cases/tayeb/model-1-shm.toml", ["run.revolutions=0.1"]))
+    assert row.units["probes.cam.rx.velocity.largest"] == "rad/s"
+    assert row.units["contacts.intake.force.largest"] == "N"
+
+
+def test_a_rigid_case_has_no_deviation():
+    row = evaluate(read_case("cases/tayeb/model-1-shm.toml", ["fidelity.model=rigid", "run.revolutions=0.1"]))
+    assert row.status.ok
+    assert not any(name.startswith("deviation") for name in row.scalars)
+
+
+def test_a_tolerance_chooses_the_model_and_is_a_cause_where_none_meets_it():
+    words = ["run.steps_per_revolution=180", "run.revolutions=0.5"]
+    met = evaluate(read_case("tests/data/inline.toml", [*words, "fidelity.tolerance=0.5"]))
+    assert met.status.ok
+    missed = evaluate(read_case("tests/data/inline.toml", [*words, "fidelity.tolerance=1e-9"]))
+    assert missed.status.cause is Cause.TOLERANCE
+    assert missed.scalars  # of the closest model
+
+
+def test_largest_values_are_those_of_the_last_revolution():
+    start = 'run.start={ velocity = { "tappet.uy" = "5 m/s" } }'
+    words = [start, "run.damping.modal=0.3", "run.steps_per_revolution=720", "run.revolutions=2"]
+    row = evaluate(read_case("tests/data/inline.toml", words))
+    one = evaluate(read_case("tests/data/inline.toml", [*words, "run.revolutions=1"]))
+    name = "probes.valve.acceleration.largest"
+    assert (
+        row.scalars[name] < 0.5 * one.scalars[name]
+    )  # struck at the start, at rest but for the cam a revolution later
