@@ -6,7 +6,7 @@ from contextlib import suppress
 from decimal import Decimal
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexcam import InputError
@@ -21,6 +21,7 @@ def texts(spec):
     return [value.text for value in axis("key", spec).values]
 
 
+@settings(deadline=None)  # other work on the machine is no fault
 @given(NUMBERS, STEPS, st.integers(0, 300), UNITS, st.booleans())
 def test_a_range_with_a_step_has_its_stop_where_it_falls_on_the_grid(start, step, count, unit, down):
     step = -step if down else step
@@ -34,6 +35,7 @@ def test_a_range_with_a_step_has_its_stop_where_it_falls_on_the_grid(start, step
     assert beyond.values == found.values
 
 
+@settings(deadline=None)  # other work on the machine is no fault
 @given(NUMBERS, NUMBERS, st.integers(2, 300), UNITS)
 def test_a_range_by_count_is_even_and_keeps_both_ends(start, stop, count, unit):
     if start == stop:
@@ -45,6 +47,7 @@ def test_a_range_by_count_is_even_and_keeps_both_ends(start, stop, count, unit):
     assert steps == pytest.approx([float(stop - start) / (count - 1)] * (count - 1), rel=1e-6, abs=1e-9)
 
 
+@settings(deadline=None)  # other work on the machine is no fault
 @given(st.lists(NUMBERS, min_size=1, max_size=20), UNITS)
 def test_a_unit_at_the_end_of_a_list_is_that_of_all(numbers, unit):
     found = axis("key", ",".join(map(str, numbers)) + unit)
@@ -53,6 +56,7 @@ def test_a_unit_at_the_end_of_a_list_is_that_of_all(numbers, unit):
     assert found.numeric
 
 
+@settings(deadline=None)  # other work on the machine is no fault
 @given(NUMBERS, STEPS, st.floats(0, 1, exclude_max=True))
 def test_an_interval_is_sampled_inside(low, width, part):
     found = axis("key", f"{low}:{low + width} kN/m")
@@ -63,6 +67,7 @@ def test_an_interval_is_sampled_inside(low, width, part):
     assert value.text.endswith("kN/m")
 
 
+@settings(deadline=None)  # other work on the machine is no fault
 @given(st.text(max_size=40))
 def test_any_text_is_an_axis_or_is_refused(spec):
     with suppress(InputError):
