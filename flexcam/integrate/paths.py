@@ -31,8 +31,8 @@ _MOST = 200
 _WORTH = 1000
 """Steps from which the natural motions are worth finding."""
 
-_WORTH_COMPILING, _WORTH_COMPILING_LINEAR = 5_000, 300_000
-"""Steps that take longer by the other ways than the compiler at its first use, with local forces and without."""
+_WORTH_COMPILING, _WORTH_COMPILING_LINEAR = 5_000, 100_000
+"""Steps of all runs that cost more elsewhere than the compiler at its first use, with local forces and without."""
 
 _SPARSE = 10
 """Steps between saved fields from which every one of them can be gone on from bit by bit."""
@@ -106,7 +106,7 @@ def _wanted(problem: Problem) -> Path:
     if problem.path != "auto":
         return problem.path
     local = bool(problem.system.local_forces)
-    if available() and problem.steps >= (_WORTH_COMPILING if local else _WORTH_COMPILING_LINEAR):
+    if available() and problem.runs * problem.steps >= (_WORTH_COMPILING if local else _WORTH_COMPILING_LINEAR):
         return "compiled"
     return "general" if local or problem.steps < _WORTH else "modal"
 

@@ -114,6 +114,8 @@ class Problem:
         Whether unknowns that nothing can move from the start are left out of the integration: it changes no result.
     path
         The way through time; ``auto`` takes the fastest that fits.
+    runs
+        How many runs like this one are to come: together they are worth what one is not.
 
     Raises
     ------
@@ -138,6 +140,7 @@ class Problem:
     basis: Basis | None = None
     prune: bool = False
     path: Path = "auto"
+    runs: int = 1
 
     def times(self, steps: IntArray) -> FloatArray:
         """Return the times after so many steps, s; a run that goes on counts from where the first one began."""

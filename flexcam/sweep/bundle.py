@@ -30,6 +30,8 @@ class Bundle:
         A number that tells it from any other.
     files
         Path from the case file's folder, with ``/``, to what the file holds; the case itself among them.
+    runs
+        How many variants of it are to be run in all: the more, the sooner machine code pays.
 
     Examples
     --------
@@ -39,6 +41,7 @@ class Bundle:
     name: str
     digest: str
     files: Mapping[str, bytes] = field(compare=False)
+    runs: int = 1
 
     def unpacked(self, folder: Path) -> Path:
         """Write the files into a folder, placed to each other as they were, and return the case file."""
@@ -72,7 +75,7 @@ def bundle_of(file: CaseFile, plan: Plan | None = None) -> Bundle:
     for text in dict.fromkeys([*_texts(file.raw), *given]):
         if len(text) <= _LONGEST and not os.path.isabs(text) and _is_file(folder / text):
             files[PurePosixPath(Path(os.path.normpath(text))).as_posix()] = (folder / text).read_bytes()
-    return Bundle(file.path.name, _digest(files), files)
+    return Bundle(file.path.name, _digest(files), files, len(plan) if plan else 1)
 
 
 def _digest(files: Mapping[str, bytes]) -> str:

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from flexcam.case import Case, CaseFile
+from flexcam.case import Case, CaseFile, build_model
 from flexcam.checks import InputError
 from flexcam.response import Cause
 from flexcam.sweep.bundle import Bundle, opened
 from flexcam.sweep.evaluate import Row, evaluate, refused
 from flexcam.sweep.plan import Plan
+from flexcam.train import Model
 
 _MOST = 16
 """Variants of a chunk: what a crash may cost."""
@@ -129,7 +130,8 @@ def evaluated(source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, his
     """
     file = opened(source)
     cases = [_read(file, overrides) for overrides in variants]
-    ran = iter(_evaluated([case for case in cases if isinstance(case, Case)], histories))
+    runs = source.runs if isinstance(source, Bundle) else len(variants)
+    ran = iter(_evaluated([case for case in cases if isinstance(case, Case)], histories, runs))
     found = [next(ran) if isinstance(case, Case) else Outcome(case) for case in cases]
     if any(one.row.status.cause is Cause.INTERRUPTED for one in found):
         raise KeyboardInterrupt
@@ -144,15 +146,46 @@ def _read(file: CaseFile, overrides: Sequence[str]) -> Case | Row:
         return refused(refusal)
 
 
-def _evaluated(cases: Sequence[Case], histories: bool) -> list[Outcome]:
+def _evaluated(cases: Sequence[Case], histories: bool, runs: int) -> list[Outcome]:
     """Run the cases of a chunk: the one place where cases become rows."""
-    return [_kept(case) if histories else Outcome(evaluate(case)) for case in cases]
+    models = _models(cases)
+    run = _kept if histories else _ran
+    return [run(case, model, runs) for case, model in zip(cases, models, strict=True)]
 
 
-def _kept(case: Case) -> Outcome:
+def _models(cases: Sequence[Case]) -> list[Model | None]:
+    """Return the model of each case that is like its predecessor but for its speed; None where it is to be built."""
+    models: list[Model | None] = []
+    for i, case in enumerate(cases):
+        if i and _same_mechanism(cases[i - 1], case):
+            models[-1] = models[-1] or _built(cases[i - 1])
+            models.append(models[-1])
+        else:
+            models.append(None)
+    return models
+
+
+def _built(case: Case) -> Model | None:
+    """Return the model of a case; None of one that cannot be built, which its own run will tell."""
+    try:
+        return build_model(case)
+    except InputError:
+        return None
+
+
+def _same_mechanism(one: Case, other: Case) -> bool:
+    speeds = {"speed": None, "crank_speed": None}
+    return one.with_run(speeds).record == other.with_run(speeds).record
+
+
+def _ran(case: Case, model: Model | None, runs: int) -> Outcome:
+    return Outcome(evaluate(case, model=model, runs=runs))
+
+
+def _kept(case: Case, model: Model | None, runs: int) -> Outcome:
     """Run a case and return its result file too."""
     with tempfile.TemporaryDirectory(prefix="flexcam-", ignore_cleanup_errors=True) as folder:
-        row = evaluate(case, folder=Path(folder))
+        row = evaluate(case, folder=Path(folder), model=model, runs=runs)
         written = next(Path(folder).iterdir(), None)
         if written is None:
             return Outcome(row)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from flexcam.case import Case
@@ -15,6 +15,7 @@ from flexcam.integrate import solve
 from flexcam.response import Cause, Response, RunFailedError, Status
 from flexcam.runner import Prepared, prepare, result_file
 from flexcam.sweep.scalars import scalars_of
+from flexcam.train import Model
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Row:
     seconds: float = 0.0
 
 
-def evaluate(case: Case, *, folder: Path | None = None) -> Row:
+def evaluate(case: Case, *, folder: Path | None = None, model: Model | None = None, runs: int = 1) -> Row:
     """Run a case and return what a sweep keeps of it.
 
     Parameters
@@ -53,6 +54,10 @@ def evaluate(case: Case, *, folder: Path | None = None) -> Row:
         The case; where it asks for a tolerance, the cheapest model within it is run.
     folder
         Where its result file goes; None for none.
+    model
+        That of the case, where it is built already, such as for another speed.
+    runs
+        How many runs like this one there are.
 
     Returns
     -------
@@ -64,16 +69,16 @@ def evaluate(case: Case, *, folder: Path | None = None) -> Row:
     ``evaluate(read_case("cases/tayeb/model-1-shm.toml")).scalars["deviation.peak"]`` is 1.238.
     """
     begun = time.perf_counter()
-    row = _row(case, folder)
+    row = _row(case, folder, model, runs)
     return Row(row.status, row.scalars, row.units, time.perf_counter() - begun)
 
 
-def _row(case: Case, folder: Path | None) -> Row:
+def _row(case: Case, folder: Path | None, model: Model | None, runs: int) -> Row:
     try:
         read, choice = chosen(case)
-        ready = prepare(read)
+        ready = prepare(read, model=model)
         sinks = [] if folder is None else [result_file(ready, folder)]
-        response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks)
+        response = solve(replace(ready.problem, runs=runs), ready.scheme, save=ready.save, sinks=sinks)
         row = row_of(ready, response)
     except InputError as refusal:
         return refused(refusal)
