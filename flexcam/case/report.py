@@ -184,8 +184,8 @@ def si_unit(path: Path, root: type[BaseModel] = CaseRecord) -> str | None:
 
     Examples
     --------
-    >>> si_unit(("springs", "valve", "stiffness")), si_unit(("rockers", "rocker", "arms", "1"))
-    ('N/m', 'm')
+    >>> si_unit(("springs", "valve", "installed_force")), si_unit(("rockers", "rocker", "arms", "1"))
+    ('N', 'm')
     """
     while path and path[-1].isdigit():
         path = path[:-1]
