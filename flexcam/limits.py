@@ -7,7 +7,7 @@ Each limit is a question to a run at one speed; the lowest speed at which the an
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +29,44 @@ _OPEN = math.radians(0.5)
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
 """Where the rigid train's contact force is looked at."""
+
+
+LIMITS = ("loss_of_contact", "bounce", "coil_clash", "buckling")
+"""Names of what may give way."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """Where limits are looked for, and how closely.
+
+    Parameters
+    ----------
+    lowest, highest
+        Camshaft speeds between which to look, rad/s.
+    tolerance
+        Width of the bracket, rad/s.
+    bounce_height
+        Height above the seat from which a valve that has closed counts as bouncing, m.
+    count
+        Speeds looked at before a bracket is halved.
+
+    Raises
+    ------
+    InputError
+        If the speeds are out of order.
+    """
+
+    lowest: float
+    highest: float
+    tolerance: float = RPM
+    bounce_height: float = 1e-4
+    count: int = 7
+
+    def __post_init__(self) -> None:
+        positive("lowest", self.lowest, "rad/s")
+        positive("tolerance", self.tolerance, "rad/s")
+        if not self.highest > self.lowest:
+            raise refuse("highest", f"{self.highest / RPM:g} rpm", f"above {self.lowest / RPM:g} rpm")
 
 
 @dataclass(frozen=True)
@@ -116,10 +154,36 @@ def find_limits(
     InputError
         If the case has no unilateral contact, or the speeds are out of order.
     """
-    positive("lowest", lowest, "rad/s")
-    positive("tolerance", tolerance, "rad/s")
-    if not highest > lowest:
-        raise refuse("highest", f"{highest / RPM:g} rpm", f"above {lowest / RPM:g} rpm")
+    search = Search(lowest, highest, tolerance, bounce_height, count)
+    found = bracketed_limits(case, search)
+    rigid = _rigid(case)
+    margin = None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0
+    return Limits(found, lowest / RPM, highest / RPM, rigid, margin, _at_rest(case))
+
+
+def bracketed_limits(case: Case, search: Search, among: Collection[str] | None = None) -> dict[str, Limit]:
+    """Find the speeds at which something gives way, without what can be told of the case at rest.
+
+    Parameters
+    ----------
+    case
+        A case with a true (unilateral) contact.
+    search
+        Where to look, and how closely.
+    among
+        Which limits, of those of `LIMITS`; all that the case can meet by default.
+
+    Returns
+    -------
+    dict
+        By name; a limit that the case cannot meet, as it lacks the part, is left out.
+
+    Raises
+    ------
+    InputError
+        If the case has no unilateral contact, or the speeds are out of order.
+    """
+    lowest, highest = search.lowest, search.highest
     model = prepare(case.at_speed(lowest)).model
     if not any(isinstance(one, CamContact) and one.unilateral for one in model.contacts.values()):
         why = "only a follower that may leave its cam can lose it"
@@ -127,7 +191,9 @@ def find_limits(
             "contacts", "no unilateral contact", 'a contact with model = "unilateral"', why, "change the model"
         )
     seen: dict[float, Answers] = {}
-    questions = _questions(model, bounce_height)
+    questions = {
+        name: one for name, one in _questions(model, search.bounce_height).items() if among is None or name in among
+    }
 
     def ask(speed: float) -> Answers:
         if speed not in seen:
@@ -139,11 +205,8 @@ def find_limits(
                 seen[speed] = f"the run at {speed / RPM:.6g} camshaft rpm ended: {response.status.text}"
         return seen[speed]
 
-    speeds = np.geomspace(lowest, highest, max(count, 2)).tolist()
-    found = {name: _bracketed(name, words, speeds, ask, tolerance) for name, (_, words) in questions.items()}
-    rigid = _rigid(case)
-    margin = None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0
-    return Limits(found, lowest / RPM, highest / RPM, rigid, margin, _at_rest(case))
+    speeds = np.geomspace(lowest, highest, max(search.count, 2)).tolist()
+    return {name: _bracketed(name, words, speeds, ask, search.tolerance) for name, (_, words) in questions.items()}
 
 
 def _at_rest(case: Case) -> dict[str, float]:

@@ -10,8 +10,10 @@ from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 from flexcam.case.lines import Path, Places
+from flexcam.case.quantity import Unit
 from flexcam.case.records import CaseRecord
 from flexcam.checks import Fault, did_you_mean
+from flexcam.units import DIMENSIONS
 
 _TAGGED = (
     ("sections", "*"), ("cams", "*", "follower"), ("follower",), ("contacts", "*"), ("rockers", "*"),
@@ -163,3 +165,48 @@ def _about(path: Path, root: type[BaseModel]) -> str:
             if (field.alias or name) == path[-1]:
                 return field.description or ""
     return ""
+
+
+def si_unit(path: Path, root: type[BaseModel] = CaseRecord) -> str | None:
+    """Return the SI unit of a key.
+
+    Parameters
+    ----------
+    path
+        Of the key; of a number in a list, with its position.
+    root
+        The record of the whole file.
+
+    Returns
+    -------
+    str
+        Empty for a plain number; None where the key's unit is not known from its place alone.
+
+    Examples
+    --------
+    >>> si_unit(("springs", "valve", "installed_force")), si_unit(("rockers", "rocker", "arms", "1"))
+    ('N', 'm')
+    """
+    while path and path[-1].isdigit():
+        path = path[:-1]
+    for record in _records(path[:-1], root):
+        for name, field in record.model_fields.items():
+            if (field.alias or name) == path[-1]:
+                units = [one for one in field.metadata if isinstance(one, Unit)] + _units_in(field.annotation)
+                return DIMENSIONS[units[0].dimension].si if units else None
+    parts = [unit for record in _records(path[:-2], root) for unit in _units_in_table(record, path)]
+    return DIMENSIONS[parts[0].dimension].si if parts else None
+
+
+def _units_in_table(record: type[BaseModel], path: Path) -> list[Unit]:
+    """Return the units of a table of names, such as nodes, where a key is such a name."""
+    named = {field.alias or name: field for name, field in record.model_fields.items()}
+    return _units_in(named[path[-2]].annotation) if len(path) > 1 and path[-2] in named else []
+
+
+def _units_in(annotation: object) -> list[Unit]:
+    """Return the units inside a type, but not inside its records."""
+    if isinstance(annotation, Unit):
+        return [annotation]
+    parts: list[object] = [*get_args(annotation)]
+    return [unit for part in parts for unit in _units_in(part)]

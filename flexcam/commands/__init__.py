@@ -19,6 +19,8 @@ FILES = {
     "limits": ("limits", "parting", "stability"),
     "new": ("new",),
     "settings": ("settings",),
+    "speeds": ("campbell", "orders"),
+    "studies": ("sensitivity", "optimize"),
     "sweep": ("sweep",),
     "synthesize": ("synthesize",),
     "view": ("view",),

@@ -92,3 +92,29 @@ def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
             why, remedy = "this is asked of all unknowns of the members", f"leave fidelity.{key} out"
             raise refuse(case.place(("fidelity", key)), str(given), "beams with every unknown", why, remedy)
     return case
+
+
+def turns(case: Case) -> float:
+    """Return turns of the shaft whose speed the case gives per turn of the camshaft: 2 for the crankshaft."""
+    return 2.0 if case.record.run.speed is None else 1.0
+
+
+def speed_range(lowest: str | None, highest: str | None, count: int, speed: float, scale: float) -> tuple[float, float]:
+    """Return the speeds of the camshaft between which a command looks; half and one and a half of the case's."""
+    if count < 2:
+        raise refuse("--count", count, "a whole number from 2")
+    low = 0.5 * speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
+    high = 1.5 * speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
+    if not high > low:
+        raise refuse("--highest", highest, "above the lowest speed")
+    if not low > 0.0:
+        raise refuse("--lowest", lowest, "a speed above zero")
+    return low, high
+
+
+def free_picture(plot: Path | None, overwrite: bool) -> None:
+    """Refuse a picture that could not be written, before anything is computed."""
+    if plot is not None:
+        from flexcam.view import free_for_picture
+
+        free_for_picture(plot, overwrite=overwrite)

@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
 
-from flexcam.checks import refuse
-from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load_beams, quantity
+from flexcam.commands.app import (
+    CaseFile,
+    Json,
+    Overrides,
+    Overwrite,
+    Picture,
+    app,
+    load_beams,
+    quantity,
+    speed_range,
+    turns,
+)
 from flexcam.console.limits import limits_json, limits_table
 from flexcam.console.parting import force_bands, parting_json, parting_table
 from flexcam.console.stability import dangers, growth_table, growths, stability_json, stability_table
-from flexcam.limits import find_limits
+from flexcam.console.words import shaft_name
+from flexcam.limits import Search, find_limits
 from flexcam.parting import parting as compare_models
 from flexcam.stability import over_speeds
 from flexcam.stability import stability as find_causes
@@ -25,6 +36,7 @@ from flexcam.units import parse
     help_prologue="""\
 flexcam limits cases/pushrod-engine/intake.toml
 flexcam limits case.toml --lowest 2000rpm --highest 9000rpm --tolerance 5rpm --json
+flexcam limits case.toml --over springs.valve.stiffness=40:70:5kN/m --and masses.valve.mass=80:110:10g --plot map.svg
 """
 )
 def limits(
@@ -33,18 +45,34 @@ def limits(
     highest: Annotated[str | None, Parameter(help="Speed to look up to; twice the case's by default.")] = None,
     tolerance: Annotated[str, Parameter(help="Width of the bracket.")] = "10 rpm",
     bounce_height: Annotated[str, Parameter(help="Height from which a closed valve counts as bouncing.")] = "0.1 mm",
-    overrides: Overrides = None, as_json: Json = False,
+    over: Annotated[str | None, Parameter("--over", help="Map over KEY=SPEC as of flexcam sweep; with --and.")] = None,
+    beside: Annotated[str | None, Parameter("--and", help="The other number of the map: KEY=SPEC.")] = None,
+    which: Annotated[
+        list[Literal["loss_of_contact", "bounce", "coil_clash", "buckling"]] | None,
+        Parameter("--limit", negative=(), help="Limit of the map; loss_of_contact by default. May be repeated."),
+    ] = None,
+    workers: Annotated[int | None, Parameter("--workers", help="Processes for the map; one by default.")] = None,
+    csv: Annotated[Path | None, Parameter("--csv", help="Also write the map here.")] = None,
+    plot: Picture = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Find the speeds at which a train loses contact, bounces, closes its coils and buckles, and which comes first.
 
-    Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
+    With --over and --and they are mapped over two numbers of the case. Speeds are those of the shaft the case gives its
+    own of: the crankshaft (crank_speed) or the camshaft (speed).
     """
     read = load_beams(case, overrides)
-    scale = 2.0 if read.record.run.speed is None else 1.0
+    scale = turns(read)
     low = 0.5 * read.speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
     high = 2.0 * read.speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
     width = quantity("--tolerance", tolerance, "speed", "rpm") / scale
     height = quantity("--bounce-height", bounce_height, "length", "mm")
+    if any(one is not None for one in (over, beside, which, workers, csv, plot)):
+        from flexcam.commands.limit_map import map_limits
+
+        search, names = Search(low, high, width, height), which or ["loss_of_contact"]
+        settings, count = (over, beside), 1 if workers is None else workers
+        map_limits(case, overrides, settings, names, search, count, csv, plot, overwrite=overwrite, as_json=as_json)
+        return
     found = find_limits(read, lowest=low, highest=high, tolerance=width, bounce_height=height)
     if as_json:
         print_json({"status": "ok", **limits_json(found, scale)})
@@ -73,11 +101,11 @@ def parting(
     Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
     """
     read = load_beams(case, overrides)
-    scale = 2.0 if read.record.run.speed is None else 1.0
-    low, high = _range(lowest, highest, count, read.speed, scale)
+    scale = turns(read)
+    low, high = speed_range(lowest, highest, count, read.speed, scale)
     part = parse(tolerance, "number")
     found = compare_models(read, np.linspace(low, high, count).tolist(), contact=contact)
-    shaft = "crank" if scale == 2.0 else "camshaft"
+    shaft = shaft_name(scale)
     if plot is not None:
         from flexcam.view import force_figure, save_figure
 
@@ -109,7 +137,7 @@ def stability(
     Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
     """
     read = load_beams(case, overrides)
-    scale = 2.0 if read.record.run.speed is None else 1.0
+    scale = turns(read)
     if lowest is None and highest is None and plot is None:
         found = find_causes(read)
         if as_json:
@@ -117,27 +145,16 @@ def stability(
         else:
             out().print(stability_table(found, scale))
         return
-    low, high = _range(lowest, highest, count, read.speed, scale)
+    low, high = speed_range(lowest, highest, count, read.speed, scale)
     every = over_speeds(read, np.linspace(low, high, count).tolist())
     if plot is not None:
         from flexcam.view import growth_figure, save_figure
 
         rpm = np.array([scale * one.rpm for one in every])
-        shaft = "crank" if scale == 2.0 else "camshaft"
+        shaft = shaft_name(scale)
         save_figure(growth_figure(rpm, growths(every), dangers(every), shaft), plot, overwrite=overwrite)
     if as_json:
         files = [] if plot is None else [str(plot)]
         print_json({"status": "ok", "speeds": [stability_json(one, scale) for one in every], "files": files})
     else:
         out().print(growth_table(every, scale))
-
-
-def _range(lowest: str | None, highest: str | None, count: int, speed: float, scale: float) -> tuple[float, float]:
-    """Return the speeds of the camshaft between which a command looks; half and one and a half of the case's."""
-    if count < 2:
-        raise refuse("--count", count, "a whole number from 2")
-    low = 0.5 * speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
-    high = 1.5 * speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
-    if not high > low:
-        raise refuse("--highest", highest, "above the lowest speed")
-    return low, high

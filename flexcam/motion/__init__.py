@@ -16,6 +16,7 @@ from flexcam.motion.harmonic_acceleration import harmonic_acceleration
 from flexcam.motion.joints import Joint, joints
 from flexcam.motion.law import Law
 from flexcam.motion.lift_table import LiftReport, lift_table
+from flexcam.motion.orders import OrderSpectrum, order_spectrum
 from flexcam.motion.parabolic import Parabolic
 from flexcam.motion.periodic import HarmonicLift, PeriodicSpline, harmonics
 from flexcam.motion.polynomial import Polynomial, quinquinomial
@@ -45,6 +46,7 @@ __all__ = [
     "LawKind",
     "LiftEvent",
     "LiftReport",
+    "OrderSpectrum",
     "Parabolic",
     "PeriodicSpline",
     "Polynomial",
@@ -63,6 +65,7 @@ __all__ = [
     "law_kind",
     "lift_table",
     "lowest",
+    "order_spectrum",
     "overlap",
     "quinquinomial",
     "residual_spectrum",

@@ -3,9 +3,10 @@
 May import `runner` and everything below it; each cause is a file of its own, `verdict` puts them together.
 """
 
+from flexcam.stability.campbell import Campbell, campbell
 from flexcam.stability.discrete import Discrete
 from flexcam.stability.resonance import Resonance
 from flexcam.stability.speeds import over_speeds
 from flexcam.stability.verdict import Stability, stability
 
-__all__ = ["Discrete", "Resonance", "Stability", "over_speeds", "stability"]
+__all__ = ["Campbell", "Discrete", "Resonance", "Stability", "campbell", "over_speeds", "stability"]

@@ -105,10 +105,10 @@ def _here(bundle: Bundle, histories: bool) -> Generator[Pool]:
 
 @contextmanager
 def _processes(bundle: Bundle, count: int, histories: bool) -> Generator[Pool]:
-    with _unpacked(bundle) as case, _one_thread():
+    with _unpacked(bundle) as case, one_thread():
         before = {process.pid for process in multiprocessing.active_children()}
         # spawn: threads and locks of this process stay out of the workers, on every system
-        executor = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_begin)
+        executor = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=end_with_parent)
 
         def submit(variants: Variants) -> Future[list[Outcome]]:
             with undisturbed():
@@ -145,7 +145,7 @@ def _ended(executor: Executor, before: set[int | None]) -> None:
         process.join()
 
 
-def _begin() -> None:
+def end_with_parent() -> None:
     """Make a worker process end when its parent is gone, however it went."""
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -158,8 +158,14 @@ def _end_with(joined: Callable[[], None]) -> None:
 
 
 @contextmanager
-def _one_thread() -> Generator[None]:
-    """Give the linear algebra of processes started meanwhile one thread each."""
+def one_thread() -> Generator[None]:
+    """Give the linear algebra of processes started meanwhile one thread each.
+
+    Yields
+    ------
+    None
+        What is started inside inherits it.
+    """
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:

@@ -1,0 +1,59 @@
+"""The map of `flexcam limits` over two numbers of a case."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexcam import study
+from flexcam.case import CaseFile
+from flexcam.checks import refuse
+from flexcam.commands.answers import write_answer
+from flexcam.commands.app import Overrides, free_picture, turns
+from flexcam.console.limit_map import told_limit_map
+from flexcam.console.words import shaft_name
+from flexcam.io import free_to_write
+from flexcam.limits import Search
+from flexcam.sweep import Axis, axis
+from flexcam.sweep.validate import validated
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def map_limits(
+    path: Path, overrides: Overrides, settings: tuple[str | None, str | None], names: Sequence[str], search: Search,
+    workers: int, csv: Path | None, plot: Path | None, *, overwrite: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Map limits over two numbers of a case."""
+    over, beside = settings
+    if over is None or beside is None:
+        given = "--over alone" if over else "--and alone" if beside else "--limit, --workers, --csv or --plot alone"
+        raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "they belong to a map over two numbers")
+    free_picture(plot, overwrite)
+    if csv is not None:
+        free_to_write("output", csv, overwrite=overwrite)
+    file = CaseFile.opened(path)
+    plan = study.grid_plan(_axis("--over", over), _axis("--and", beside), overrides or ())
+    shaft = shaft_name(turns(validated(file, plan)))
+    with study.evaluators(file, (), [f"limits.{name}" for name in names], search, workers=workers) as runs:
+        found = study.limit_map(plan, names, runs)
+
+    def draw() -> Figure:
+        from flexcam.view import map_figure
+
+        first, second = (np.array([value.number for value in one.values]) for one in found.axes)
+        labels = [f"{one.key}, {one.unit or 'SI'}" for one in found.axes]
+        return map_figure(second, first, found.rpm, (labels[1], labels[0]), shaft)
+
+    write_answer((told_limit_map(found, shaft), draw), csv, plot, overwrite=overwrite, as_json=as_json)
+
+
+def _axis(option: str, setting: str) -> Axis:
+    key, equals, spec = setting.partition("=")
+    if not equals:
+        raise refuse(option, repr(setting), f"{option} KEY=SPEC, such as springs.valve.stiffness=40:70:5kN/m")
+    return axis(key.strip(), spec, where=f"{option} {setting}")

@@ -1,0 +1,273 @@
+"""Commands of design studies: sensitivity, optimize."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from flexcam import study
+from flexcam.case import Case, CaseFile
+from flexcam.checks import refuse
+from flexcam.commands.answers import Answer, write_answer
+from flexcam.commands.app import CaseFile as CasePath
+from flexcam.commands.app import (
+    Json,
+    Overrides,
+    Overwrite,
+    Picture,
+    app,
+    free_picture,
+    quantity,
+    turns,
+)
+from flexcam.console.optimum import goal_history, told_front, told_optimum
+from flexcam.console.sensitivity import told_derivatives, told_scatter, told_shares
+from flexcam.io import free_to_write, write_text
+from flexcam.limits import Search
+from flexcam.linalg import FloatArray
+from flexcam.response import Cause, RunFailedError, Status
+from flexcam.terminal import out
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Names = Annotated[
+    list[str],
+    Parameter("--of", negative=(), help="What is asked for: a scalar of a run, frequency.1, limits.loss_of_contact."),
+]
+Csv = Annotated[Path | None, Parameter("--csv", help="Also write the table here.")]
+Seed = Annotated[int, Parameter("--seed", help="Of what is sampled: the same seed gives the same points.")]
+WorkerCount = Annotated[int, Parameter("--workers", help="Processes that evaluate variants.")]
+Lowest = Annotated[str | None, Parameter("--lowest", help="Speed from which limits are looked for.")]
+Highest = Annotated[str | None, Parameter("--highest", help="Speed up to which limits are looked for.")]
+Within = Annotated[str, Parameter("--within", help="Width of the bracket of limits.")]
+
+
+@app.command(
+    help_prologue="""\
+flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness --to masses.valve.mass
+flexcam sensitivity case.toml --of contacts.intake.force.largest --to springs.valve.stiffness --relative-step 0.02
+flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness=30:60kN/m --to masses.valve.mass=80:100g --sobol 256
+flexcam sensitivity case.toml --of limits.loss_of_contact --tolerance springs.valve.stiffness=±5% --count 100 --plot scatter.svg
+"""  # noqa: E501 - a command to a line
+)
+def sensitivity(
+    case: CasePath, *,
+    names: Names,
+    keys: Annotated[
+        list[str] | None, Parameter("--to", negative=(), help="Key of a number; with --sobol KEY=LOW:HIGHunit.")
+    ] = None,
+    relative_step: Annotated[
+        float | None, Parameter(help="Part of each number by which responses are differenced; 0.01 by default.")
+    ] = None,
+    sobol: Annotated[int | None, Parameter("--sobol", help="Sobol indices; base points, a power of 2.")] = None,
+    tolerances: Annotated[
+        list[str] | None,
+        Parameter("--tolerance", negative=(), help="Scatter of parts: KEY=±2%, KEY=±0.05mm, KEY=normal:±2%."),
+    ] = None,
+    count: Annotated[int | None, Parameter("--count", help="Sets of scattered parts; 100 by default.")] = None,
+    seed: Seed = 0, workers: WorkerCount = 1,
+    lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
+    csv: Csv = None, plot: Picture = None,
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Tell how scalars follow the numbers of a case: derivatives, shares of their variance, or the scatter of parts."""
+    free_picture(plot, overwrite)
+    if csv is not None:
+        free_to_write("output", csv, overwrite=overwrite)
+    if (sobol is not None) + (tolerances is not None) > 1:
+        raise refuse("--sobol", "--sobol and --tolerance", "one of them", "they are two questions")
+    if (tolerances is not None) == (keys is not None):
+        given = "both --to and --tolerance" if keys else "neither --to nor --tolerance"
+        raise refuse("sensitivity", given, "--to KEY, or --tolerance KEY=±SPEC")
+    _ignored("--count", count, "--tolerance", wanted=tolerances is not None)
+    _ignored("--relative-step", relative_step, "derivatives", wanted=tolerances is None and sobol is None)
+    asked = _Asked(case, overrides, names, lowest, highest, within)
+    if tolerances is not None:
+        answer = _scatter(asked, tolerances, 100 if count is None else count, seed, workers)
+    elif sobol is not None:
+        answer = _shares(asked, keys or [], sobol, seed, workers)
+    else:
+        answer = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, workers)
+    write_answer(answer, csv, plot, overwrite=overwrite, as_json=as_json)
+
+
+def _ignored(option: str, given: object, belongs: str, *, wanted: bool) -> None:
+    """Refuse an option that would change nothing."""
+    if given is not None and not wanted:
+        raise refuse(option, str(given), f"{option} with {belongs} only", "it would be ignored", "leave it out")
+
+
+class _Asked:
+    """A case and what is asked of it, as the options say."""
+
+    def __init__(
+        self, path: Path, overrides: Sequence[str] | None, names: Sequence[str],
+        lowest: str | None, highest: str | None, within: str,
+    ) -> None:  # fmt: skip
+        self.file, self.fixed = CaseFile.opened(path), tuple(overrides or ())
+        self.case = self.file.read(self.fixed)
+        self.names = tuple(dict.fromkeys(names))
+        of_limits = any(name.startswith("limits.") for name in names)
+        for option, given in (("--lowest", lowest), ("--highest", highest)):
+            _ignored(option, given, "limits.NAME", wanted=of_limits)
+        self.search = search_of(self.case, lowest, highest, within)
+
+    def checked(self) -> dict[str, study.Quantity]:
+        """Return what is asked of the case as it stands; names that it does not have are refused."""
+        return study.measured(self.case, self.names, self.search)
+
+
+def search_of(case: Case, lowest: str | None, highest: str | None, within: str) -> Search:
+    """Return where limits are looked for; from half to twice the case's speed by default."""
+    scale = turns(case)
+    low = 0.5 * case.speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
+    high = 2.0 * case.speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
+    return Search(low, high, quantity("--within", within, "speed", "rpm") / scale)
+
+
+def _derivatives(asked: _Asked, keys: list[str], relative_step: float, workers: int) -> Answer:
+    responses = [name for name in asked.names if not study.frequency_number(name)]
+    study.numbers_of(asked.case, keys)
+    asked.checked()
+    with study.evaluators(asked.file, asked.fixed, responses, asked.search, workers=workers) as runs:
+        found = study.sensitivities(asked.file, asked.fixed, asked.names, keys, runs, relative_step=relative_step)
+
+    def draw() -> Figure:
+        from flexcam.view import bars_figure
+
+        known = [one for one in found if not math.isnan(one.logarithmic)]
+        groups = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in asked.names}
+        return bars_figure(groups, "percent per percent")
+
+    return told_derivatives(found), draw
+
+
+def _shares(asked: _Asked, keys: list[str], count: int, seed: int, workers: int) -> Answer:
+    variables = study.variables_of(asked.case, keys, "--to")
+    study.checked_count(count)
+    asked.checked()
+    low, high = (np.array([getattr(one, end) for one in variables]) for end in ("low", "high"))
+    with study.evaluators(asked.file, asked.fixed, asked.names, asked.search, workers=workers) as runs:
+        points = study.Points(asked.case, variables, runs)
+
+        def values(parts: FloatArray) -> FloatArray:
+            rows = points.rows(low + parts * (high - low))
+            return np.column_stack([study.column(rows, name) for name in asked.names])
+
+        found = study.sobol_indices(values, len(variables), count, seed=seed)
+
+    def draw() -> Figure:
+        from flexcam.view import bars_figure
+
+        keyed = [one.key for one in variables]
+        pairs = list(zip(asked.names, found, strict=True))
+        groups = {name: dict(zip(keyed, one.total.tolist(), strict=True)) for name, one in pairs}
+        return bars_figure(
+            groups, "share of the variance, with others", {name: one.total_interval for name, one in pairs}
+        )
+
+    return told_shares(asked.names, variables, found), draw
+
+
+def _scatter(asked: _Asked, tolerances: list[str], count: int, seed: int, workers: int) -> Answer:
+    scatters = study.scatters_of(asked.case, tolerances)
+    parts = study.sampled(scatters, count, seed)
+    middle = asked.checked()
+    variables = tuple(study.Variable(one.key, one.middle - one.half, one.middle + one.half) for one in scatters)
+    with study.evaluators(asked.file, asked.fixed, asked.names, asked.search, workers=workers) as runs:
+        rows = study.Points(asked.case, variables, runs).rows(parts)
+
+    def draw() -> Figure:
+        from flexcam.view import scatter_figure
+
+        values = {name: study.column(rows, name) for name in asked.names}
+        units = {name: row.units[name] for row in rows for name in row.units}
+        known = {name: one[~np.isnan(one)] for name, one in values.items()}
+        return scatter_figure(known, units, {name: one.value for name, one in middle.items()})
+
+    return told_scatter(asked.names, scatters, parts, rows, middle), draw
+
+
+@app.command(
+    help_prologue="""\
+flexcam optimize case.toml --vary springs.valve.stiffness=30:90kN/m --vary springs.valve.installed_force=300:900N \\
+    --least springs.valve.force.largest --subject 'contacts.intake.open_on_the_lift <= 0' --set run.crank_speed=6500rpm
+flexcam optimize case.toml --vary cams.intake.rise=60:90deg --least cams.intake.deceleration --most cams.intake.area
+"""
+)
+def optimize(
+    case: CasePath, *,
+    vary: Annotated[list[str], Parameter("--vary", negative=(), help="A number and its interval: KEY=LOW:HIGHunit.")],
+    least: Annotated[list[str] | None, Parameter("--least", negative=(), help="What is to be small.")] = None,
+    most: Annotated[list[str] | None, Parameter("--most", negative=(), help="What is to be large.")] = None,
+    subject: Annotated[
+        list[str] | None, Parameter("--subject", negative=(), help="A bound: 'NAME <= VALUE' or 'NAME >= VALUE'.")
+    ] = None,
+    evaluations: Annotated[int, Parameter(help="About how many variants may be run.")] = 200,
+    seed: Seed = 0, workers: WorkerCount = 1,
+    lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
+    target: Annotated[Path | None, Parameter(["-o", "--output"], help="Case file (.toml) of the best variant.")] = None,
+    csv: Csv = None, plot: Picture = None,
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> Status:  # fmt: skip
+    """Find the best variant of a case within bounds; of two goals, those of which none is better in both."""
+    free_picture(plot, overwrite)
+    for path in (csv, target):
+        if path is not None:
+            free_to_write("output", path, overwrite=overwrite)
+    if target is not None and target.suffix != ".toml":
+        raise refuse("--output", str(target), "a name that ends in .toml", "it is a case file")
+    goals = (*(study.Goal(name) for name in least or ()), *(study.Goal(name, most=True) for name in most or ()))
+    if len(goals) not in (1, 2):
+        raise refuse("goals", f"{len(goals)} of --least and --most", "one, or two for a front")
+    bounds = study.constraints_of(subject or ())
+    names = [*(goal.name for goal in goals), *(bound.name for bound in bounds)]
+    asked = _Asked(case, overrides, names, lowest, highest, within)
+    variables = study.variables_of(asked.case, vary, "--vary")
+    with suppress(RunFailedError):  # a case that fails as it stands may have better variants
+        asked.checked()
+    with study.evaluators(asked.file, asked.fixed, asked.names, asked.search, workers=workers) as runs:
+        points = study.Points(asked.case, variables, runs)
+        search = study.optimize if len(goals) == 1 else study.pareto
+        design = study.Design(points, goals, bounds)
+        found = search(design, evaluations=evaluations, seed=seed)
+    best = found.best
+    if target is not None and best is not None:
+        _write_best(asked, points.overrides(found.points[best]), target, overwrite=overwrite)
+    one = len(goals) == 1
+    told = told_optimum(design, found) if one else told_front(design, found)
+    write_answer((told, lambda: _drawn(design, found)), csv, plot, overwrite=overwrite, as_json=as_json)
+    if target is not None and best is not None and not as_json:
+        out().print(str(target))
+    return Status() if best is not None else _NOTHING
+
+
+def _drawn(design: study.Design, found: study.Evaluations) -> Figure:
+    """Return the picture of a search: progress of one goal, or the front of two."""
+    from flexcam.view import front_figure, progress_figure
+
+    inside = study.feasible(found.violations)
+    signs = np.array([-1.0 if goal.most else 1.0 for goal in design.goals])
+    labels = [f"{goal.name}, {design.unit(goal.name, found.rows)}".rstrip(", ") for goal in design.goals]
+    if len(design.goals) == 1:
+        best = np.array(goal_history(found))
+        return progress_figure(signs[0] * found.costs[:, 0], inside, signs[0] * best, labels[0])
+    return front_figure(found.costs * signs, inside, study.front(found), (labels[0], labels[1]))
+
+
+_NOTHING = Status(
+    Cause.TOLERANCE, "no variant that was evaluated is within all bounds", "widen the intervals, or loosen a bound"
+)
+
+
+def _write_best(asked: _Asked, best: Sequence[str], target: Path, *, overwrite: bool) -> None:
+    case = asked.file.read((*asked.fixed, *best))
+    told = (f"The best variant of {asked.file.path.name}:", *(f"  --set {one}" for one in (*asked.fixed, *best)))
+    write_text(target, study.case_text(case, target, told), overwrite=overwrite)

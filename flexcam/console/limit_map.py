@@ -1,0 +1,65 @@
+"""Table of limits over two numbers of a case."""
+
+from __future__ import annotations
+
+import math
+
+from flexcam.console.told import Told, csv_of, or_none, shown
+from flexcam.study import LimitMap
+from flexcam.terminal import table
+
+
+def told_limit_map(found: LimitMap, shaft: str) -> Told:
+    """Return a map of limits as tables.
+
+    Parameters
+    ----------
+    found
+        From `flexcam.study.limit_map`.
+    shaft
+        Whose speed is told.
+
+    Returns
+    -------
+    Told
+        A table per limit: the first number downwards, the second along.
+    """
+    first, second = found.axes
+    tables = [
+        table(
+            f"{name.replace('_', ' ')}, {shaft} rpm; along: {second.key}, {second.unit or 'SI'}",
+            (f"{first.key}, {first.unit or 'SI'}", *(shown(value.number or 0.0) for value in second.values)),
+            [
+                (shown(value.number or 0.0), *(shown(x) for x in row))
+                for value, row in zip(first.values, rpm.tolist(), strict=True)
+            ],
+        )
+        for name, rpm in found.rpm.items()
+    ]
+    gaps = sum(not status.ok for status in found.statuses)
+    words = (
+        ["A dash: not met in the range looked at."] if any(_gaps(rpm.tolist()) for rpm in found.rpm.values()) else []
+    )
+    if gaps:
+        failed = next(status for status in found.statuses if not status.ok)
+        words.append(f"{gaps} variants have no numbers; the first: {failed}")
+    head = (f"{first.key}, {first.unit or 'SI'}", f"{second.key}, {second.unit or 'SI'}",
+            *(f"{name} [rpm]" for name in found.rpm), "status")  # fmt: skip
+    rows = [
+        (one.number or 0.0, other.number or 0.0, *(float(rpm[i, j]) for rpm in found.rpm.values()),
+         str(found.statuses[i * len(second.values) + j].cause))
+        for i, one in enumerate(first.values)
+        for j, other in enumerate(second.values)
+    ]  # fmt: skip
+    json = {
+        "shaft": shaft,
+        "over": {"key": first.key, "unit": first.unit, "values": [value.number for value in first.values]},
+        "and": {"key": second.key, "unit": second.unit, "values": [value.number for value in second.values]},
+        "limits_rpm": {name: [[or_none(x) for x in row] for row in rpm.tolist()] for name, rpm in found.rpm.items()},
+        "statuses": [str(status.cause) for status in found.statuses],
+    }
+    return Told(tables, words, json, csv_of(head, rows))
+
+
+def _gaps(rows: list[list[float]]) -> bool:
+    return any(math.isnan(x) for row in rows for x in row)

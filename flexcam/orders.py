@@ -1,0 +1,233 @@
+"""Orders of what a train does: harmonics of the camshaft's rotation in the last revolution of a run, over speed.
+
+May import `runner` and everything below it; `flexcam orders` prints and draws what stands here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.case import Case
+from flexcam.checks import did_you_mean, refuse
+from flexcam.integrate import solve
+from flexcam.io.csv import component_unit
+from flexcam.linalg import FloatArray
+from flexcam.motion import OrderSpectrum, order_spectrum
+from flexcam.response import Response, RunFailedError, Status
+from flexcam.runner import prepare
+from flexcam.units import RPM
+
+_REVOLUTION = 2.0 * math.pi
+_SAME_ANGLE = 1e-9
+"""Part of a revolution by which rounding may have moved its beginning."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A history of a run.
+
+    Parameters
+    ----------
+    name
+        Of a channel, such as ``contacts.intake.force``, or of a probe of one scalar, such as ``valve`` or ``cam.uy``.
+    probe
+        Whether it is a probe, of which the acceleration counts.
+    """
+
+    name: str
+    probe: bool = False
+
+    def of(self, response: Response) -> FloatArray:
+        """Return the history, SI, shape (steps + 1,).
+
+        Raises
+        ------
+        InputError
+            If the run has no such channel or probe, or the probe has several components.
+        """
+        if not self.probe:
+            known = response.channels
+            if self.name not in known:
+                near = did_you_mean(self.name, known)
+                raise refuse("--channel", repr(self.name), f"one of {', '.join(known)}", "", near)
+            return known[self.name]
+        history = response[self.name]
+        if history.acceleration.ndim != 1:
+            allowed = f"one of its components: {', '.join(f'{self.name}.{one}' for one in history.components)}"
+            raise refuse("--probe", repr(self.name), allowed, "an order is that of one scalar")
+        return history.acceleration
+
+    def unit(self, response: Response) -> str:
+        """Return the unit of the history."""
+        if not self.probe:
+            return dict(response.outline.channels)[self.name]
+        return component_unit(response[self.name].components[0], "m/s^2")
+
+
+@dataclass(frozen=True, eq=False)
+class Waterfall:
+    """Orders of one history over speed.
+
+    Parameters
+    ----------
+    signal
+        The history.
+    unit
+        Its unit; empty if no run reached its end.
+    rpm
+        Camshaft speeds, shape (m,).
+    amplitudes
+        From order 0 (the size of the mean), in the unit, shape (m, count + 1); NaN where a run did not reach its end.
+    gaps
+        By how much the revolution misses closing, in the unit, shape (m,); NaN as above.
+    statuses
+        How every run ended.
+    """
+
+    signal: Signal
+    unit: str
+    rpm: FloatArray
+    amplitudes: FloatArray
+    gaps: FloatArray
+    statuses: tuple[Status, ...]
+
+
+def latest_orders(response: Response, values: FloatArray, count: int) -> OrderSpectrum:
+    """Return the orders of a history in the last revolution of a run.
+
+    Parameters
+    ----------
+    response
+        The run.
+    values
+        A history of it, shape (steps + 1,).
+    count
+        Highest order.
+
+    Returns
+    -------
+    OrderSpectrum
+        Both ends of the revolution are counted in, each by half.
+
+    Raises
+    ------
+    InputError
+        If the run is shorter than a revolution, or has too few steps for the orders.
+
+    Examples
+    --------
+    ``latest_orders(response, response.channels["contacts.intake.force"], 12).amplitudes``
+    """
+    begin = _beginning(response)
+    return order_spectrum(response.angle[begin:], values[begin:], count)
+
+
+def has_revolution(response: Response) -> bool:
+    """Tell whether a run is as long as a revolution of the camshaft.
+
+    Parameters
+    ----------
+    response
+        The run.
+
+    Returns
+    -------
+    bool
+        Whether `latest_orders` has something to look at.
+    """
+    angle = response.angle
+    return len(angle) > 1 and float(angle[-1] - angle[0]) >= _REVOLUTION * (1.0 - _SAME_ANGLE)
+
+
+def _beginning(response: Response) -> int:
+    if not has_revolution(response):
+        turned = math.degrees(float(np.ptp(response.angle))) if len(response.angle) else 0.0
+        raise refuse("run.revolutions", f"a run over {turned:.4g} deg", "one revolution or more", "it is the period")
+    begins = float(response.angle[-1]) - _REVOLUTION * (1.0 + _SAME_ANGLE)
+    return int(np.searchsorted(response.angle, begins))
+
+
+def waterfall(case: Case, speeds: Sequence[float], signals: Sequence[Signal], count: int) -> list[Waterfall]:
+    """Return the orders of histories over speed.
+
+    Parameters
+    ----------
+    case
+        The case; its own speed does not count.
+    speeds
+        Of the camshaft, rad/s.
+    signals
+        The histories.
+    count
+        Highest order.
+
+    Returns
+    -------
+    list
+        One per signal.
+
+    Raises
+    ------
+    InputError
+        If a run has no such history, or is shorter than a revolution.
+    """
+    rpm = np.array(speeds) / RPM
+    found: dict[Signal, list[OrderSpectrum | None]] = {one: [] for one in signals}
+    statuses: list[Status] = []
+    units: dict[Signal, str] = {}
+    for speed in speeds:
+        response = _run(case.at_speed(speed))
+        statuses.append(response if isinstance(response, Status) else response.status)
+        for one, its in found.items():
+            if isinstance(response, Status) or not response.status.ok:
+                its.append(None)
+                continue
+            its.append(latest_orders(response, one.of(response), count))
+            units[one] = one.unit(response)
+    return [_joined(one, units.get(one, ""), rpm, its, tuple(statuses), count) for one, its in found.items()]
+
+
+def _run(case: Case) -> Response | Status:
+    """Return a run, or why there is none."""
+    try:
+        ready = prepare(case)
+    except RunFailedError as failure:
+        return failure.status
+    return solve(ready.problem, ready.scheme, save=ready.save)
+
+
+def _joined(
+    signal: Signal, unit: str, rpm: FloatArray, found: Sequence[OrderSpectrum | None], ended: tuple[Status, ...],
+    count: int,
+) -> Waterfall:  # fmt: skip
+    nothing = np.full(count + 1, math.nan)
+    amplitudes = np.array([nothing if one is None else one.amplitudes for one in found])
+    gaps = np.array([math.nan if one is None else one.gap for one in found])
+    return Waterfall(signal, unit, rpm, amplitudes, gaps, ended)
+
+
+def ridges(found: Waterfall, count: int = 3) -> Mapping[int, tuple[float, float]]:
+    """Return the orders that grow largest over the speeds, the mean left out.
+
+    Parameters
+    ----------
+    found
+        Orders over speed.
+    count
+        How many.
+
+    Returns
+    -------
+    dict
+        Order to the camshaft speed, rpm, at which it is largest, and its amplitude there; the largest first.
+    """
+    if np.isnan(found.amplitudes).all():
+        return {}
+    peaks = np.nanmax(found.amplitudes[:, 1:], axis=0)
+    largest: list[int] = (np.argsort(-peaks, kind="stable")[:count] + 1).tolist()
+    at = {n: int(np.nanargmax(found.amplitudes[:, n])) for n in largest}
+    return {n: (float(found.rpm[i]), float(found.amplitudes[i, n])) for n, i in at.items()}

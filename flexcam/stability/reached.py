@@ -1,0 +1,121 @@
+"""The modes of a train on the lift of a cam, and how far the cam's contact reaches each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.integrate import Tangents
+from flexcam.linalg import FloatArray, Triplets
+from flexcam.motion import Event
+from flexcam.orders import has_revolution, latest_orders
+from flexcam.response import Response
+from flexcam.runner import Prepared
+from flexcam.stability.discrete import MOST
+from flexcam.train import ModelModes, Structure, model_modes
+
+_REACHED = 1e-2
+"""Part of the largest modal force below which a contact does not reach a mode."""
+
+_FELT = 1e-4
+"""Share of the contact's static yield from which on a mode is felt at the contact."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReachedModes:
+    """Modes on the lift of a cam.
+
+    Parameters
+    ----------
+    found
+        The modes; contacts that are closed at full lift hold with their stiffness.
+    push
+        Size of the modal force by the contact's force, shape (k,), 1/sqrt(kg).
+    """
+
+    found: ModelModes
+    push: FloatArray
+
+    @property
+    def modes(self) -> list[int]:
+        """Positions of the modes that the contact reaches."""
+        return np.flatnonzero(self.push > _REACHED * self.push.max(initial=0.0)).tolist()
+
+    @property
+    def felt(self) -> list[int]:
+        """Positions of the modes that take part in what the contact yields under a constant force.
+
+        Low modes count more by this than by the modal force, so that the surge of a spring is not missed beside the
+        stiff modes of the contact itself.
+        """
+        rigid, omegas = self.found.modes.rigid, self.found.modes.omegas
+        shares = (self.push[rigid:] / omegas[rigid:]) ** 2
+        return (np.flatnonzero(shares > _FELT * shares.sum()) + rigid).tolist()
+
+
+def reached_modes(ready: Prepared, response: Response, contact: str, structure: Structure) -> ReachedModes:
+    """Return the modes of a train on the lift of a cam.
+
+    Parameters
+    ----------
+    ready
+        A case, prepared.
+    response
+        Of its run: contacts hold as they do at the saved instant of the largest lift in its last revolution.
+    contact
+        Name of the contact.
+    structure
+        Of the case's model.
+
+    Returns
+    -------
+    ReachedModes
+        All that can be computed.
+
+    Raises
+    ------
+    RunFailedError
+        If the train has no modes there: an axial load is beyond buckling.
+    """
+    part = ready.model.driven[contact]
+    cam = ready.model.cams[part.cam]
+    found = model_modes(structure, held=_held(ready, response, cam.event))
+    push = structure.row(part.follower, part.direction) - structure.row(cam.at, part.direction)
+    return ReachedModes(found, np.abs(push @ found.modes.shapes))
+
+
+def _held(ready: Prepared, response: Response, event: Event) -> Triplets | None:
+    """Return the stiffness of what is closed at the saved instant of the largest lift."""
+    system = ready.problem.system
+    late = response.field_time > response.field_time[-1:] - ready.revolution
+    if not late.any() or not system.local_forces or system.size > MOST:
+        return None
+    at = np.flatnonzero(late)[[int(np.argmax(event(response.field_angle[late], 0)))]]
+    motion = ready.problem.drive.at(response.field_time[at])
+    tangents = Tangents(system, motion, response.fields.displacement[at], response.fields.velocity[at])
+    more = tangents.at(0)[1] - system.stiffness.dense()
+    return Triplets.from_dense(0.5 * (more + more.T))
+
+
+def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
+    """Return the amplitudes of the harmonics of a contact's force in the last revolution of a run.
+
+    Parameters
+    ----------
+    response
+        The run.
+    contact
+        Name of the contact.
+    count
+        Highest harmonic.
+
+    Returns
+    -------
+    ndarray
+        N, from the first, shape (count,); zeros for a run shorter than a revolution, or of fewer steps than it takes.
+    """
+    force = response.channels.get(f"contacts.{contact}.force")
+    if force is None or not has_revolution(response) or len(force) < 2 * count + 2:
+        return np.zeros(count)
+    return latest_orders(response, force, count).amplitudes[1:]

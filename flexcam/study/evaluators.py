@@ -1,0 +1,93 @@
+"""Who evaluates the variants of a study: this process, or several that stay ready between generations."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Generator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+
+from flexcam.case import CaseFile
+from flexcam.checks import refuse
+from flexcam.limits import Search
+from flexcam.response import Cause, RunFailedError, Status
+from flexcam.study.points import Runs, serial, variant_row
+from flexcam.sweep import Row
+from flexcam.sweep.workers import end_with_parent, one_thread, undisturbed
+
+Asked = tuple[CaseFile, tuple[str, ...], tuple[str, ...], Search | None]
+"""Case file, values laid over it, names of quantities, and where limits are looked for."""
+
+_asked: list[Asked] = []
+"""What a worker process was given, once."""
+
+_LOST = Status(
+    Cause.WORKER_LOST, "a process that evaluates variants was killed", "memory is the usual cause: take fewer --workers"
+)
+
+
+@contextmanager
+def evaluators(
+    file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None, *, workers: int = 1
+) -> Generator[Runs]:
+    """Give what evaluates variants, for as long as a study goes on.
+
+    Parameters
+    ----------
+    file
+        The case file.
+    fixed
+        Values laid over every variant.
+    names
+        The quantities asked for (`flexcam.study.quantities`).
+    search
+        Where limits are looked for.
+    workers
+        Processes; with one, this process does it.
+
+    Yields
+    ------
+    Callable
+        The rows are the same for every number of workers.
+
+    Raises
+    ------
+    InputError
+        If there are no workers.
+    RunFailedError
+        If one of them is killed.
+    """
+    if workers < 1:
+        raise refuse("--workers", workers, "a whole number from 1")
+    if workers == 1:
+        yield serial(file, fixed, names, search)
+        return
+    bare = CaseFile(file.path, file.text, file.raw)  # meshes do not travel; every process reads its own
+    asked = bare, tuple(fixed), tuple(names), search
+    # spawn: threads and locks of this process stay out of the workers, on every system
+    context = multiprocessing.get_context("spawn")
+    with one_thread(), ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(asked,)) as pool:
+
+        def run(variants: Sequence[tuple[str, ...]]) -> list[Row]:
+            try:
+                with undisturbed():
+                    rows = [pool.submit(_row, one) for one in variants]
+                return [row.result() for row in rows]
+            except BrokenProcessPool:
+                raise RunFailedError(_LOST) from None
+            except KeyboardInterrupt:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+
+        yield run
+
+
+def _begin(asked: Asked) -> None:
+    end_with_parent()
+    _asked.append(asked)
+
+
+def _row(overrides: tuple[str, ...]) -> Row:
+    file, fixed, names, search = _asked[-1]
+    return variant_row(file, (*fixed, *overrides), names, search)

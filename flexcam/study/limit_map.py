@@ -1,0 +1,95 @@
+"""Speeds at which a train gives way, over a grid of two numbers of its case."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from flexcam.checks import refuse
+from flexcam.linalg import FloatArray
+from flexcam.response import Cause, Status
+from flexcam.study.points import Runs, column
+from flexcam.study.quantities import complete
+from flexcam.sweep import Axis, Plan, Value, made_plan
+
+LIMIT = "limits."
+
+
+@dataclass(frozen=True, eq=False)
+class LimitMap:
+    """Limits over two numbers.
+
+    Parameters
+    ----------
+    axes
+        What varies: down the rows, and along the columns.
+    rpm
+        By limit, such as ``loss_of_contact``: speed of the shaft that the case gives its own of, shape (rows, columns);
+        NaN where it is not met in the range looked at, or a run failed.
+    statuses
+        How every variant ended, row by row.
+    """
+
+    axes: tuple[Axis, Axis]
+    rpm: Mapping[str, FloatArray]
+    statuses: tuple[Status, ...]
+
+
+def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
+    """Return the grid of two axes.
+
+    Parameters
+    ----------
+    first, second
+        Of several numbers each.
+    fixed
+        What is laid over every variant, as ``key=value``.
+
+    Returns
+    -------
+    Plan
+        The second axis runs fastest.
+
+    Raises
+    ------
+    InputError
+        If they are not two axes of numbers, or leave points to be chosen.
+    """
+    for one in (first, second):
+        if not one.varies or not one.numeric:
+            raise refuse(one.where, f"{len(one.values)} values", "several numbers", "a map is drawn over them")
+    if first.key == second.key:
+        raise refuse("--and", second.key, "another key than that of --over", "a map is over two")
+    pairs = [one.partition("=") for one in fixed]
+    laid = [Axis(key.strip(), f"--set {key}={text}", (Value(text.strip(), None),)) for key, _, text in pairs]
+    return made_plan([*laid, first, second])
+
+
+def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
+    """Return limits over a grid.
+
+    Parameters
+    ----------
+    plan
+        From `grid_plan`.
+    names
+        Of the limits (`flexcam.limits.LIMITS`).
+    runs
+        Evaluates variants, asked for ``limits.NAME`` of each.
+
+    Returns
+    -------
+    LimitMap
+        A variant that fails leaves a gap.
+
+    Raises
+    ------
+    InputError
+        If every variant is refused: the case cannot be asked this.
+    """
+    rows = runs(plan.variants)
+    if all(row.status.cause is Cause.REFUSED for row in rows):
+        complete(rows[0])
+    first, second = plan.varied
+    rpm = {name: column(rows, LIMIT + name).reshape(plan.shape) for name in names}
+    return LimitMap((first, second), rpm, tuple(row.status for row in rows))

@@ -1,0 +1,252 @@
+"""The best variant of a case: differential evolution over the intervals, then a trust region about the best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.checks import refuse
+from flexcam.linalg import FloatArray
+from flexcam.study.objective import Constraint, Goal, costs, feasible, violations
+from flexcam.study.points import Points
+from flexcam.sweep import Row
+
+_PER_VARIABLE, _FEWEST, _MOST = 6, 12, 64
+"""Points of a generation: so many per variable, within bounds."""
+
+_GLOBAL = 0.7
+"""Part of the evaluations that look everywhere; the others close in on the best."""
+
+_REGION = 0.05
+"""First radius of the trust region, as a part of the intervals."""
+
+_LARGE = 1e30
+_FAR = 10.0
+"""Violation beyond which more of it says nothing to a model of the bounds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A question for the best variant.
+
+    Parameters
+    ----------
+    points
+        What can be evaluated; variables lie within their intervals.
+    goals
+        One; two where a front is asked for.
+    bounds
+        Constraints.
+    """
+
+    points: Points
+    goals: tuple[Goal, ...]
+    bounds: tuple[Constraint, ...] = ()
+
+    def scaled(self, parts: FloatArray) -> FloatArray:
+        """Return points in the units of their variables from parts of the intervals, shape (m, k)."""
+        low, high = (np.array([getattr(one, end) for one in self.points.variables]) for end in ("low", "high"))
+        return low + np.clip(parts, 0.0, 1.0) * (high - low)
+
+    def parts(self, points: FloatArray) -> FloatArray:
+        """Return points as parts of the intervals, shape (m, k)."""
+        low, high = (np.array([getattr(one, end) for one in self.points.variables]) for end in ("low", "high"))
+        return (points - low) / (high - low)
+
+    def unit(self, name: str, rows: Sequence[Row]) -> str:
+        """Return the unit of a quantity; empty for a plain number."""
+        unit = next((row.units[name] for row in rows if name in row.units), "")
+        return "" if unit == "1" else unit
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluations:
+    """Everything that was evaluated on the way, in its order.
+
+    Parameters
+    ----------
+    points
+        In the units of the variables, shape (m, k).
+    parts
+        The same as parts of the intervals.
+    rows
+        One per point.
+    costs
+        What was to be small, shape (m, goals).
+    violations
+        By how much bounds were passed, shape (m, bounds + 1).
+    """
+
+    points: FloatArray
+    parts: FloatArray
+    rows: tuple[Row, ...]
+    costs: FloatArray
+    violations: FloatArray
+
+    @property
+    def best(self) -> int | None:
+        """Position of the best variant within all bounds; None where there is none."""
+        inside = np.flatnonzero(feasible(self.violations))
+        return int(inside[np.argmin(self.costs[inside, 0])]) if len(inside) else None
+
+    @property
+    def nearest(self) -> int:
+        """Position of the variant that passes the bounds least."""
+        passed = np.maximum(self.violations, 0.0).sum(axis=1)
+        return int(np.argmin(passed))
+
+    def outside(self, at: int, bound: int) -> float:
+        """Return how far the nearest variant lies that passes a bound, in the largest part of an interval.
+
+        Bounds that jump, such as lost contact, show no slack: this tells whether they decide. Infinite where no variant
+        passes the bound; zero if the variant itself does.
+        """
+        passing = (self.violations[:, bound] > 0.0) & np.array([row.status.ok for row in self.rows])
+        steps = np.abs(self.parts - self.parts[at]).max(axis=1)
+        return float(steps[passing].min(initial=np.inf))
+
+
+class Judge:
+    """Evaluates points of a design and remembers everything.
+
+    Parameters
+    ----------
+    design
+        The question.
+    """
+
+    def __init__(self, design: Design) -> None:
+        self._design = design
+        self._seen: dict[tuple[float, ...], tuple[Row, FloatArray, FloatArray]] = {}
+
+    @property
+    def count(self) -> int:
+        """How many points have been evaluated."""
+        return len(self._seen)
+
+    def judged(self, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return costs, shape (m, goals), and violations, shape (m, bounds + 1), at parts of the intervals, (m, k)."""
+        design = self._design
+        at = design.scaled(np.asarray(parts, dtype=float))
+        keys = [tuple(point) for point in at.tolist()]
+        new = list(dict.fromkeys(key for key in keys if key not in self._seen))
+        if new:
+            rows = design.points.rows(np.array(new))
+            cost, passed = costs(rows, design.goals), violations(rows, design.bounds, design.goals)
+            self._seen.update(zip(new, zip(rows, cost, passed, strict=True), strict=True))
+        found = [self._seen[key] for key in keys]
+        shape = len(found), len(design.goals)
+        cost = np.array([one[1] for one in found]).reshape(shape)
+        return cost, np.array([one[2] for one in found]).reshape(len(found), len(design.bounds) + 1)
+
+    def evaluations(self) -> Evaluations:
+        """Return everything that was evaluated."""
+        rows, cost, passed = zip(*self._seen.values(), strict=True)
+        points = np.array(list(self._seen))
+        return Evaluations(points, self._design.parts(points), rows, np.array(cost), np.array(passed))
+
+
+def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evaluations:
+    """Look for the best variant within bounds.
+
+    Differential evolution (R. Storn and K. Price, J. Global Optim. 11 (1997) 341) evaluates whole generations, with the
+    bounds before the goal: J. Lampinen, Proc. CEC (2002) 1468. Then COBYQA, a trust region of quadratic models without
+    derivatives (T. M. Ragonneau and Z. Zhang, 2024), closes in on the best.
+
+    Parameters
+    ----------
+    design
+        The question, with one goal.
+    evaluations
+        About how many variants may be evaluated.
+    seed
+        The same seed gives the same variants.
+
+    Returns
+    -------
+    Evaluations
+        All of them; a variant whose run fails counts as outside every bound. What is best is the best of those that
+        were evaluated: no proof that there is no better one.
+
+    Raises
+    ------
+    InputError
+        If there is more than one goal, or hardly any evaluations.
+
+    Examples
+    --------
+    ``optimize(Design(points, (Goal("springs.valve.force.largest"),), bounds)).best``
+    """
+    if len(design.goals) != 1:
+        raise refuse("goals", len(design.goals), "one", "of several there is a front")
+    generation = generation_size(len(design.points.variables))
+    if evaluations < 2 * generation:
+        raise refuse("--evaluations", evaluations, f"{2 * generation} or more", "two generations")
+    judge = Judge(design)
+    _evolve(judge, len(design.points.variables), generation, int(_GLOBAL * evaluations), seed)
+    left = evaluations - judge.count
+    if left > 0:
+        _close_in(judge, judge.evaluations(), design, left)
+    return judge.evaluations()
+
+
+def generation_size(variables: int) -> int:
+    """Return the points of a generation.
+
+    Parameters
+    ----------
+    variables
+        How many are varied.
+
+    Returns
+    -------
+    int
+        Points.
+    """
+    return min(max(_PER_VARIABLE * variables, _FEWEST), _MOST)
+
+
+def _evolve(judge: Judge, variables: int, generation: int, most: int, seed: int) -> None:
+    from scipy.optimize import Bounds, NonlinearConstraint, differential_evolution
+    from scipy.stats import qmc
+
+    rng = np.random.default_rng(seed)
+    start = qmc.LatinHypercube(variables, seed=rng).random(generation)
+
+    def cost(x: FloatArray) -> FloatArray:
+        return np.minimum(judge.judged(x.T)[0][:, 0], _LARGE)
+
+    def passed(x: FloatArray) -> FloatArray:
+        return judge.judged(np.atleast_2d(x.T))[1].T
+
+    cube, inside = Bounds(np.zeros(variables), np.ones(variables)), NonlinearConstraint(passed, -np.inf, 0.0)
+    differential_evolution(
+        cost,  # pyright: ignore[reportArgumentType] - vectorized
+        cube, constraints=inside, init=start, maxiter=max(most // generation - 1, 1), polish=False,
+        updating="deferred", vectorized=True, rng=rng, tol=1e-6,
+    )  # fmt: skip
+
+
+def _close_in(judge: Judge, known: Evaluations, design: Design, most: int) -> None:
+    from scipy.optimize import Bounds, NonlinearConstraint, minimize
+
+    start = known.parts[known.nearest if known.best is None else known.best]
+    finite = known.costs[np.isfinite(known.costs)]
+    size = float(np.ptp(finite)) if len(finite) > 1 else 1.0
+    worst = float(finite.max()) if len(finite) else 0.0
+
+    def cost(x: FloatArray) -> float:
+        found = float(judge.judged(x[None, :])[0][0, 0])
+        return min(found, worst + size) / (size or 1.0)
+
+    def passed(x: FloatArray) -> FloatArray:
+        return np.minimum(judge.judged(x[None, :])[1][0, :-1], _FAR)
+
+    count = len(start)
+    minimize(
+        cost, start, method="COBYQA", bounds=Bounds(np.zeros(count), np.ones(count)),
+        constraints=NonlinearConstraint(passed, -np.inf, 0.0) if design.bounds else (),
+        options={"maxfev": most, "initial_tr_radius": _REGION, "final_tr_radius": 1e-5},
+    )  # fmt: skip

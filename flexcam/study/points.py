@@ -1,0 +1,208 @@
+"""Points of a study: numbers of a case varied within intervals, each point evaluated once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexcam.case import Case, CaseFile
+from flexcam.checks import Fault, InputError, refuse
+from flexcam.limits import Search
+from flexcam.linalg import FloatArray
+from flexcam.study.keys import number_of, overrides_of
+from flexcam.study.quantities import quantities
+from flexcam.sweep import Row, axis
+from flexcam.sweep.evaluate import refused
+
+_DIGITS = 15
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A number of a case that a study varies.
+
+    Parameters
+    ----------
+    key
+        Of the case.
+    low, high
+        Its ends, in its unit.
+    unit
+        As written; empty for SI.
+
+    Examples
+    --------
+    >>> Variable("springs.valve.stiffness", 30.0, 60.0, "kN/m").text(45.0)
+    '45kN/m'
+    """
+
+    key: str
+    low: float
+    high: float
+    unit: str = ""
+
+    def text(self, value: float) -> str:
+        """Return the value as it is laid over a case."""
+        return f"{value:.{_DIGITS}g}{self.unit}"
+
+
+def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Variable, ...]:
+    """Return the variables of several ``KEY=LOW:HIGHunit``.
+
+    Parameters
+    ----------
+    case
+        The case.
+    settings
+        Such as ``springs.valve.stiffness=30:60kN/m``.
+    option
+        That gave them, for messages.
+
+    Returns
+    -------
+    tuple
+        In the order given.
+
+    Raises
+    ------
+    InputError
+        With all faults at once: unknown keys, intervals that do not rise.
+    """
+    found, faults = list[Variable](), list[Fault]()
+    for setting in settings:
+        try:
+            found.append(_variable(case, setting, f"{option} {setting}"))
+        except InputError as refusal:
+            faults += refusal.faults
+    keys = [one.key for one in found]
+    faults += [
+        Fault(option, repr(key), "every key once", "it is given twice", "") for key in keys if keys.count(key) > 1
+    ]
+    if faults:
+        raise InputError(dict.fromkeys(faults))
+    return tuple(found)
+
+
+def _variable(case: Case, setting: str, where: str) -> Variable:
+    key, _, spec = (part.strip() for part in setting.partition("="))
+    number_of(case, key, where)
+    ends = axis(key, spec, where=where)
+    low, *_, high = ends.values[0], ends.values[-1]
+    if not ends.interval or low.number is None or high.number is None:
+        raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "anything between may be taken")
+    return Variable(key, low.number, high.number, ends.unit)
+
+
+Runs = Callable[[Sequence[tuple[str, ...]]], list[Row]]
+"""Evaluates variants, given by the values laid over a case: one after the other, or on many processors."""
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """What a study evaluates: points of its variables, each once.
+
+    Parameters
+    ----------
+    case
+        The case as it stands.
+    variables
+        What is varied.
+    runs
+        Evaluates variants.
+
+    Examples
+    --------
+    ``Points(case, variables, serial(file, fixed, names)).rows(np.array([[45.0]]))``
+    """
+
+    case: Case
+    variables: tuple[Variable, ...]
+    runs: Runs
+    _known: dict[tuple[str, ...], Row] = field(default_factory=dict[tuple[str, ...], Row], init=False)
+
+    def overrides(self, point: FloatArray) -> tuple[str, ...]:
+        """Return what is laid over the case at a point, shape (k,), each value in the unit of its variable."""
+        pairs = zip(self.variables, np.asarray(point).tolist(), strict=True)
+        return overrides_of(self.case, {one.key: one.text(value) for one, value in pairs})
+
+    def rows(self, points: FloatArray) -> list[Row]:
+        """Return the rows of some points, shape (m, k)."""
+        asked = [self.overrides(point) for point in np.asarray(points)]
+        new = list(dict.fromkeys(one for one in asked if one not in self._known))
+        self._known.update(zip(new, self.runs(new) if new else [], strict=True))
+        return [self._known[one] for one in asked]
+
+    @property
+    def evaluated(self) -> int:
+        """How many points have been evaluated so far."""
+        return len(self._known)
+
+
+def serial(file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None) -> Runs:
+    """Return what evaluates variants one after the other.
+
+    Parameters
+    ----------
+    file
+        The case file.
+    fixed
+        Values laid over every variant.
+    names
+        The quantities asked for (`flexcam.study.quantities`).
+    search
+        Where limits are looked for.
+
+    Returns
+    -------
+    Callable
+        A variant that the case refuses has a row with that status.
+    """
+
+    def run(variants: Sequence[tuple[str, ...]]) -> list[Row]:
+        return [variant_row(file, (*fixed, *one), names, search) for one in variants]
+
+    return run
+
+
+def variant_row(file: CaseFile, overrides: Sequence[str], names: Sequence[str], search: Search | None = None) -> Row:
+    """Return what is asked of one variant of a case.
+
+    Parameters
+    ----------
+    file
+        The case file.
+    overrides
+        Values laid over it.
+    names, search
+        As for `serial`.
+
+    Returns
+    -------
+    Row
+        With the status of what went wrong, where something did.
+    """
+    try:
+        case = file.read(overrides)
+    except InputError as refusal:
+        return refused(refusal)
+    return quantities(case, names, search)
+
+
+def column(rows: Sequence[Row], name: str) -> FloatArray:
+    """Return one quantity of several rows.
+
+    Parameters
+    ----------
+    rows
+        The rows.
+    name
+        Of the quantity.
+
+    Returns
+    -------
+    ndarray
+        Shape (m,); NaN where there is none.
+    """
+    return np.array([row.scalars.get(name, np.nan) for row in rows], dtype=float)

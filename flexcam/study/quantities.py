@@ -1,0 +1,248 @@
+"""What a study asks of a case, by name: computed only as far as it is asked for.
+
+===========================  ==================================================================
+``frequency.1``, ...         natural frequencies, Hz, of the unloaded train without free motions
+``limits.loss_of_contact``   the speed at which something gives way, rpm of the shaft that the
+                             case gives its own of; also bounce, coil_clash, buckling
+``cams.NAME.area``           integral of the lift over a revolution, m rad; also ``velocity``,
+                             ``acceleration``, ``deceleration``, ``jerk``: the largest, by the
+                             cam angle in rad
+a key of the case            its number, SI
+anything else                a scalar of a run (`flexcam.sweep.scalars`)
+===========================  ==================================================================
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from flexcam.case import Case, build_model
+from flexcam.checks import Fault, InputError, did_you_mean, refuse
+from flexcam.limits import LIMITS, Search, bracketed_limits
+from flexcam.motion import Event, event_extremes, harmonics, joints
+from flexcam.response import Cause, RunFailedError, Status
+from flexcam.study.keys import Number, number_of
+from flexcam.sweep import Row, evaluate
+from flexcam.sweep.evaluate import refused
+from flexcam.train import build_structure, model_modes
+from flexcam.units import RPM
+
+_FREQUENCY = re.compile(r"frequency\.([1-9]\d{0,2})$")
+_CAM = re.compile(r"cams\.(.+)\.(area|velocity|acceleration|deceleration|jerk)$")
+_LIMIT = "limits."
+_CAM_UNITS = {
+    "area": "m rad", "velocity": "m/rad", "acceleration": "m/rad^2", "deceleration": "m/rad^2", "jerk": "m/rad^3",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number that something was asked for.
+
+    Parameters
+    ----------
+    value
+        In its unit.
+    unit
+        SI, but rpm where a limit is a speed.
+    """
+
+    value: float
+    unit: str
+
+
+def frequency_number(name: str) -> int | None:
+    """Return which natural frequency a name means, from 1; None if it means none.
+
+    Parameters
+    ----------
+    name
+        Such as ``frequency.2``.
+
+    Returns
+    -------
+    int
+        Motions without stiffness are not counted.
+
+    Examples
+    --------
+    >>> frequency_number("frequency.2"), frequency_number("springs.valve.stiffness")
+    (2, None)
+    """
+    found = _FREQUENCY.match(name)
+    return int(found[1]) if found else None
+
+
+def quantities(case: Case, names: Sequence[str], search: Search | None = None) -> Row:
+    """Return what is asked of a case.
+
+    Parameters
+    ----------
+    case
+        The case.
+    names
+        As above.
+    search
+        Where limits are looked for; from half to twice the case's speed, to 10 rpm, by default.
+
+    Returns
+    -------
+    Row
+        With the quantities asked for, or the status of what went wrong. A limit that is not met in the range is left
+        out.
+
+    Examples
+    --------
+    ``quantities(case, ["frequency.1", "contacts.intake.force.largest"]).scalars``
+    """
+    begun = time.perf_counter()
+    try:
+        found = measured(case, names, search)
+    except InputError as refusal:
+        return refused(refusal)
+    except RunFailedError as failure:
+        return Row(failure.status)
+    values = {name: found[name].value for name in names if name in found}
+    units = {name: found[name].unit for name in values}
+    return Row(Status(), values, units, time.perf_counter() - begun)
+
+
+def measured(case: Case, names: Sequence[str], search: Search | None = None) -> dict[str, Quantity]:
+    """Return what is asked of a case, or raise.
+
+    Parameters
+    ----------
+    case, names, search
+        As for `quantities`.
+
+    Returns
+    -------
+    dict
+        By name; without limits that are not met.
+
+    Raises
+    ------
+    InputError
+        If the case has nothing of a name, or cannot be run.
+    RunFailedError
+        If its run does not reach its end.
+    """
+    found = _frequencies(case, names) | _limits(case, names, search) | _cams(case, names) | _numbers(case, names)
+    of_a_run = [name for name in names if name not in found and not name.startswith(_LIMIT)]
+    if not of_a_run:
+        return found
+    row = complete(evaluate(case))
+    if lacking := [name for name in of_a_run if name not in row.scalars]:
+        raise InputError(_unknown(name, row.scalars) for name in lacking)
+    return found | {name: Quantity(row.scalars[name], row.units[name]) for name in of_a_run}
+
+
+def _unknown(name: str, known: Mapping[str, object]) -> Fault:
+    allowed = f"{', '.join(known)}; frequency.N, limits.NAME, cams.NAME.area and its like, or the key of a number"
+    return Fault("scalar", repr(name), allowed, "a run of this case has no other", did_you_mean(name, known))
+
+
+def complete(row: Row) -> Row:
+    """Return a row, if it is complete.
+
+    Parameters
+    ----------
+    row
+        Of a case.
+
+    Returns
+    -------
+    Row
+        The same.
+
+    Raises
+    ------
+    InputError
+        If the case was refused.
+    RunFailedError
+        If its run did not reach its end.
+    """
+    if row.status.cause is Cause.REFUSED:
+        raise refuse("case", "as it stands", "a case that can be run", row.status.text)
+    if not row.status.ok:
+        raise RunFailedError(row.status)
+    return row
+
+
+def _frequencies(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
+    asked = {name: number for name in names if (number := frequency_number(name))}
+    if not asked:
+        return {}
+    found = model_modes(build_structure(build_model(case))).modes
+    elastic = found.frequencies[found.rigid :]
+    for name, number in asked.items():
+        if number > len(elastic):
+            raise refuse("scalar", name, f"frequency.1 to frequency.{len(elastic)}", "the model has no more modes")
+    return {name: Quantity(float(elastic[number - 1]), "Hz") for name, number in asked.items()}
+
+
+def _limits(case: Case, names: Sequence[str], search: Search | None) -> dict[str, Quantity]:
+    asked = [name.removeprefix(_LIMIT) for name in names if name.startswith(_LIMIT)]
+    if not asked:
+        return {}
+    if unknown := [one for one in asked if one not in LIMITS]:
+        allowed = ", ".join(_LIMIT + one for one in LIMITS)
+        raise refuse("scalar", f"{_LIMIT}{unknown[0]}", allowed, "", did_you_mean(unknown[0], LIMITS))
+    scale = 2.0 if case.record.run.speed is None else 1.0
+    where = search or Search(0.5 * case.speed, 2.0 * case.speed, 10.0 * RPM / scale)
+    found = bracketed_limits(case, where, asked)
+    if lacking := [one for one in asked if one not in found]:
+        raise refuse(
+            "scalar", f"{_LIMIT}{lacking[0]}", ", ".join(_LIMIT + one for one in found), "the case lacks the part"
+        )
+    if broken := [one for one in found.values() if one.rpm is None and "not known" in one.words]:
+        raise RunFailedError(Status(Cause.NO_CONVERGENCE, broken[0].words))
+    return {_LIMIT + n: Quantity(scale * one.rpm, "rpm") for n, one in found.items() if one.rpm is not None}
+
+
+def _cams(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
+    asked = {
+        name: (found[1], found[2]) for name in names if (found := _CAM.match(name)) and found[1] in case.record.cams
+    }
+    model = build_model(case) if asked else None
+    return {
+        name: Quantity(_of_lift(model.cams[cam].event, kind), _CAM_UNITS[kind])
+        for name, (cam, kind) in asked.items()
+        if model is not None
+    }
+
+
+def _of_lift(event: Event, kind: str) -> float:
+    """Return a number of a lift, by the cam angle."""
+    if kind == "area":
+        return 2.0 * math.pi * float(harmonics(event, 1)[0].real)
+    if kind == "jerk" and any(one.steps[2] for one in joints(event)):
+        raise refuse("scalar", "the jerk of a lift", "a lift whose acceleration does not step", "it is infinite there")
+    low, high = event_extremes(event, _ORDERS[kind])
+    if kind == "deceleration":
+        return -low.value
+    return high.value if kind == "acceleration" else max(abs(low.value), abs(high.value))
+
+
+_ORDERS = {"velocity": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
+"""Of the derivative by the cam angle."""
+
+
+def _numbers(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
+    found: dict[str, Quantity] = {}
+    for name in names:
+        number = _number(case, name)
+        if number is not None:
+            found[name] = Quantity(number.value, number.unit)
+    return found
+
+
+def _number(case: Case, name: str) -> Number | None:
+    try:
+        return number_of(case, name, "scalar")
+    except InputError:
+        return None

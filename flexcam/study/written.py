@@ -1,0 +1,46 @@
+"""A variant as a case file of its own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+from flexcam.case import Case
+
+
+def case_text(case: Case, target: Path, told: Sequence[str] = ()) -> str:
+    """Return a case with every value filled in, as TOML that is read from another folder.
+
+    Parameters
+    ----------
+    case
+        The case, with what is laid over it.
+    target
+        The file it will be; files that the case names are named from there.
+    told
+        Lines that stand above it.
+
+    Returns
+    -------
+    str
+        TOML, SI.
+    """
+    import tomli_w
+
+    record = case.record.model_dump(mode="json", by_alias=True, exclude_none=True)
+    moved = _named_from(record, case.path.parent, target.parent)
+    head = "".join(f"# {line}\n" for line in told)
+    return head + tomli_w.dumps(cast("dict[str, Any]", moved))
+
+
+def _named_from(value: object, old: Path, new: Path) -> object:
+    """Return tables whose texts that name a file beside the case name it from another folder."""
+    if isinstance(value, dict):
+        return {name: _named_from(one, old, new) for name, one in cast("dict[str, object]", value).items()}
+    if isinstance(value, list):
+        return [_named_from(one, old, new) for one in cast("list[object]", value)]
+    if isinstance(value, str) and Path(value).suffix and not os.path.isabs(value) and (old / value).is_file():
+        return Path(os.path.relpath(old / value, new)).as_posix()
+    return value

@@ -1,0 +1,188 @@
+"""Pictures of studies: how far scalars follow numbers, scatter, progress of a search, fronts, maps of limits."""
+
+# pyright: reportUnknownMemberType=false
+# matplotlib leaves the types of its keyword arguments open.
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from flexcam.linalg import FloatArray
+from flexcam.view.axes import COLOURS
+
+_LEVELS = 10
+
+
+def bars_figure(
+    groups: Mapping[str, Mapping[str, float]], label: str, ends: Mapping[str, FloatArray] | None = None
+) -> Figure:
+    """Return bars by key, a picture per scalar above each other.
+
+    Parameters
+    ----------
+    groups
+        Per scalar a number by key.
+    label
+        What the numbers are.
+    ends
+        Per scalar the ends of intervals, shape (2, keys); None without.
+
+    Returns
+    -------
+    Figure
+        The largest on top.
+    """
+    keys = max(len(one) for one in groups.values())
+    figure = Figure(figsize=(7.0, 0.8 + len(groups) * (0.5 + 0.35 * keys)), layout="constrained")
+    axes = list(np.atleast_1d(np.asarray(figure.subplots(len(groups)))))
+    for axis, (name, values) in zip(axes, groups.items(), strict=True):
+        order = sorted(range(len(values)), key=lambda i: abs(list(values.values())[i]))
+        sizes = np.array(list(values.values()))[order]
+        spread = None if ends is None else np.abs(ends[name][:, order] - sizes)
+        axis.barh([list(values)[i] for i in order], sizes, xerr=spread, color=COLOURS[0], capsize=3, height=0.6)
+        axis.axvline(0.0, color="black", linewidth=0.8)
+        axis.set_title(name, fontsize="medium", loc="left")
+        axis.grid(alpha=0.3, axis="x")
+        axis.set_xlabel(label)
+    return figure
+
+
+def scatter_figure(values: Mapping[str, FloatArray], units: Mapping[str, str], middle: Mapping[str, float]) -> Figure:
+    """Return histograms of scalars, a picture per scalar above each other.
+
+    Parameters
+    ----------
+    values
+        By scalar, shape (m,), numbers only.
+    units
+        By scalar.
+    middle
+        Their values for the case as it stands, where there is one.
+
+    Returns
+    -------
+    Figure
+        With the case as it stands as a line, and the 5 % and 95 % quantiles dashed.
+    """
+    figure = Figure(figsize=(7.0, 0.8 + 2.4 * len(values)), layout="constrained")
+    axes = list(np.atleast_1d(np.asarray(figure.subplots(len(values)))))
+    for axis, (name, of) in zip(axes, values.items(), strict=True):
+        axis.hist(of, bins="auto" if np.ptp(of) > 0.0 else 3, color=COLOURS[5], edgecolor="black", linewidth=0.6)
+        for part in np.quantile(of, [0.05, 0.95]).tolist() if len(of) else ():
+            axis.axvline(part, color="black", linestyle="--", linewidth=1.0)
+        if name in middle:
+            axis.axvline(middle[name], color=COLOURS[1], linewidth=1.8)
+        unit = units.get(name, "")
+        axis.set_xlabel(name if unit in ("", "1") else f"{name}, {unit}")
+        axis.set_ylabel("sets of parts")
+    return figure
+
+
+def progress_figure(costs: FloatArray, inside: np.ndarray, best: FloatArray, label: str) -> Figure:
+    """Return a goal over the evaluations of a search.
+
+    Parameters
+    ----------
+    costs
+        The goal at every evaluation, shape (m,).
+    inside
+        Whether it is within all bounds, shape (m,), bool.
+    best
+        The best so far, shape (m,); NaN until there is one.
+    label
+        Of the goal.
+
+    Returns
+    -------
+    Figure
+        Dots within the bounds are full, others open.
+    """
+    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    axes = figure.add_subplot()
+    at = np.arange(1, len(costs) + 1)
+    known = np.isfinite(costs)
+    for chosen, fill, name in ((inside & known, COLOURS[0], "within all bounds"), (~inside & known, "none", "outside")):
+        axes.scatter(
+            at[chosen], costs[chosen], s=16, facecolors=fill, edgecolors=COLOURS[0], linewidths=0.8, label=name
+        )
+    axes.plot(at, best, color=COLOURS[1], linewidth=1.5, drawstyle="steps-post", label="best so far")
+    axes.set_xlabel("evaluation")
+    axes.set_ylabel(label)
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside upper center", ncols=3, fontsize="small")
+    return figure
+
+
+def front_figure(values: FloatArray, inside: np.ndarray, front: Sequence[int], labels: tuple[str, str]) -> Figure:
+    """Return two goals against each other with their front.
+
+    Parameters
+    ----------
+    values
+        Shape (m, 2); not finite where there is none.
+    inside
+        Whether a variant is within all bounds, shape (m,), bool.
+    front
+        Positions of those of which none is better in both.
+    labels
+        Of the goals.
+
+    Returns
+    -------
+    Figure
+        The front as full dots on a line, others small.
+    """
+    figure = Figure(figsize=(7.0, 5.0), layout="constrained")
+    axes = figure.add_subplot()
+    known = np.isfinite(values).all(axis=1) & inside
+    axes.scatter(*values[known].T, s=8, color="0.65", label="within all bounds")
+    axes.plot(*values[list(front)].T, color=COLOURS[1], marker="o", markersize=5, linewidth=1.2, label="front")
+    axes.set_xlabel(labels[0])
+    axes.set_ylabel(labels[1])
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside upper center", ncols=2, fontsize="small")
+    return figure
+
+
+def map_figure(
+    along: FloatArray, down: FloatArray, rpm: Mapping[str, FloatArray], labels: tuple[str, str], shaft: str
+) -> Figure:
+    """Return limits over two numbers as filled contours, a picture per limit above each other.
+
+    Parameters
+    ----------
+    along, down
+        The numbers, shape (n,) and (m,).
+    rpm
+        By limit, shape (m, n); NaN where it is not met.
+    labels
+        Of both numbers.
+    shaft
+        Whose speed it is.
+
+    Returns
+    -------
+    Figure
+        With lines between the levels, for print without colour; where nothing is met the picture is hatched.
+    """
+    figure = Figure(figsize=(7.0, 0.8 + 4.0 * len(rpm)), layout="constrained")
+    axes = list(np.atleast_1d(np.asarray(figure.subplots(len(rpm), sharex=True))))
+    for axis, (name, speeds) in zip(axes, rpm.items(), strict=True):
+        axis.set_facecolor("0.92")
+        axis.patch.set_hatch("//")
+        axis.patch.set_edgecolor("0.7")
+        if np.isfinite(speeds).any():
+            levels = (
+                _LEVELS if np.nanmax(speeds) > np.nanmin(speeds) else [np.nanmin(speeds) - 1, np.nanmin(speeds) + 1]
+            )
+            filled = axis.contourf(along, down, speeds, levels=levels, cmap="cividis")
+            axis.clabel(axis.contour(along, down, speeds, levels=filled.levels, colors="white", linewidths=0.6),
+                        fmt="%.0f", fontsize="x-small")  # fmt: skip
+            figure.colorbar(filled, ax=axis, label=f"{name.replace('_', ' ')}\n{shaft} speed, rpm")
+        axis.plot(*(one.ravel() for one in np.meshgrid(along, down)), ".", color="black", markersize=2)
+        axis.set_ylabel(labels[1])
+    axes[-1].set_xlabel(labels[0])
+    return figure

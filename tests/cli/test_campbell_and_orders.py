@@ -1,0 +1,99 @@
+"""Commands over speed: campbell and orders."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
+ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
+ONE_MASS = ROOT / "cases/petrescu/valve-spring.toml"
+QUICK = ("--set", "run.steps_per_revolution=360")
+RANGE = ("--lowest", "1000rpm", "--highest", "6000rpm", "--count", "3")
+
+
+def test_published_mode_meets_the_first_order(flexcam, tmp_path):
+    """The loaded mode at 67.114 Hz meets order 1 at 4026.9 rpm; simple harmonic motion has no other order."""
+    picture = tmp_path / "campbell.svg"
+    found = flexcam("campbell", PUBLISHED, *RANGE, *QUICK, "--plot", picture, "--json").json
+    (met,) = found["crossings"]
+    assert met["rpm"] == pytest.approx(60.0 * met["frequency"], rel=1e-12)
+    assert met["rpm"] == pytest.approx(4026.86, abs=0.01)
+    assert (met["harmonic"], met["mode"]) == (1, 1)
+    assert met["amplitude"] == pytest.approx(0.003)
+    assert list(found["lift_amplitudes_m"]) == ["1"]
+    for mode in found["modes"]:  # no contact whose stiffness could change: every line is level
+        assert np.ptp(mode["frequencies_hz"]) == pytest.approx(0.0, abs=1e-9)
+    assert picture.read_text(encoding="utf-8").count("<path") > 10
+    assert flexcam("campbell", PUBLISHED, *RANGE, *QUICK, "--plot", picture).code == 2  # the picture is there
+
+
+def test_force_between_speeds_is_that_of_the_runs(flexcam):
+    """The order's amplitude in the force, at a crossing that is made to fall on a speed of the list."""
+    told = ("--lowest", "4026.86rpm", "--highest", "5000rpm", "--count", "2")
+    found = flexcam("campbell", PUBLISHED, *told, *QUICK, "--json").json
+    exact = flexcam("stability", PUBLISHED, "--set", "run.speed=4026.86rpm", *QUICK, "--json").json
+    assert found["crossings"][0]["load"] == pytest.approx(exact["resonances"][0]["load_n"], rel=1e-3)
+
+
+def test_campbell_of_an_engine(flexcam):
+    """Crank speeds, orders of the camshaft: the surge of the spring at 455 Hz meets order 11 at 120 * 455 / 11."""
+    told = ("--lowest", "4500rpm", "--highest", "5200rpm", "--count", "2", "--orders", "11,12", "--modes", "5")
+    done = flexcam("campbell", ENGINE, *told, *QUICK, "--set", "run.revolutions=1", "--json").json
+    assert done["shaft"] == "crank"
+    surge = [one for one in done["crossings"] if "spring valve" in one["words"]]
+    assert [one["harmonic"] for one in surge] == [12, 11]
+    for one in surge:
+        assert one["rpm"] == pytest.approx(120.0 * one["frequency"] / one["harmonic"], rel=1e-12)
+        assert one["frequency"] == pytest.approx(454.9, abs=0.5)
+
+
+def test_orders_of_a_simple_harmonic_lift(flexcam, tmp_path):
+    """The rigid train follows the lift h/2 (1 - cos): order 1 alone, with i h/2 omega^2, i the rocker's ratio."""
+    csv, picture = tmp_path / "orders.csv", tmp_path / "orders.svg"
+    rigid = ("--set", "fidelity.model=rigid")
+    told = (*RANGE, *QUICK, *rigid, "--probe", "valve", "--channel", "contacts.intake.force", "--csv", csv)
+    found = flexcam("orders", PUBLISHED, *told, "--plot", picture, "--json").json
+    assert found["rpm"] == pytest.approx([1000.0, 3500.0, 6000.0])
+    for rpm, row in zip(found["rpm"], found["histories"]["valve"]["amplitudes"], strict=True):
+        omega = 2.0 * math.pi * rpm / 60.0
+        assert row[1] == pytest.approx(1.6 * 0.003 * omega**2, rel=1e-9)
+        assert max(row[0], *row[2:]) < 1e-9 * row[1]
+    assert max(found["histories"]["valve"]["open_by"]) < 1e-9 * row[1]
+    assert len(csv.read_text(encoding="utf-8").splitlines()) == 1 + 2 * 3 * 25
+    assert picture.read_text(encoding="utf-8").count("<path") > 5
+
+
+def test_orders_as_a_table(flexcam):
+    done = flexcam("orders", ONE_MASS, "--count", "2", *QUICK, "--orders", "6")
+    assert done.code == 0
+    assert "contacts.train.force" in done.out
+    assert "acceleration of valve.uy" in done.out
+    assert "open by" in done.out
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        ("campbell", "--orders", "0:3"), ("campbell", "--orders", "3:1"), ("campbell", "--orders", "one"),
+        ("campbell", "--modes", "0"), ("campbell", "--contact", "nosuch"), ("campbell", "--count", "1"),
+        ("campbell", "--highest", "100rpm"), ("campbell", "--plot", "picture.txt"), ("campbell", "--lowest", "0rpm"),
+        ("orders", "--channel", "nosuch"), ("orders", "--probe", "nosuch"), ("orders", "--orders", "0"),
+        ("orders", "--orders", "5000"), ("orders", "--lowest", "3000"), ("orders", "--set", "run.revolutions=0.5"),
+    ],
+)  # fmt: skip
+def test_refusals(flexcam, told):
+    done = flexcam(told[0], PUBLISHED, *QUICK, *told[1:])
+    assert done.code == 2
+    assert "allowed" in done.err
+
+
+def test_refuses_before_it_runs(flexcam, tmp_path):
+    there = tmp_path / "orders.csv"
+    there.write_text("mine", encoding="utf-8")
+    assert flexcam("orders", PUBLISHED, *QUICK, "--csv", there).code == 2
+    assert there.read_text(encoding="utf-8") == "mine"

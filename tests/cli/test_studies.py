@@ -1,0 +1,276 @@
+"""Commands of design studies: sensitivity, optimize, maps of limits; closed forms on the published model."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import pytest
+
+from flexcam.case import read_case
+from flexcam.runner import modes
+
+ROOT = Path(__file__).resolve().parents[2]
+PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
+ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
+QUICK = ("--set", "run.steps_per_revolution=180")
+
+OSCILLATOR = """\
+format = 1
+title = "mass on a spring"
+[nodes]
+shaft = [0.0, 0.0, 0.0]
+point = [0.0, 0.1, 0.0]
+[supports]
+shaft = ["ux", "uy", "uz", "rx", "ry", "rz"]
+point = ["ux", "uz", "rx", "ry", "rz"]
+[masses]
+one = { at = "point", mass = "0.1 kg" }
+[springs]
+one = { at = "point", direction = "uy", stiffness = "40 kN/m" }
+[run]
+speed = "1000 rpm"
+revolutions = 1
+"""
+OMEGA = math.sqrt(40e3 / 0.1)
+
+
+@pytest.fixture
+def oscillator(tmp_path):
+    path = tmp_path / "oscillator.toml"
+    path.write_text(OSCILLATOR, encoding="utf-8")
+    return path
+
+
+def test_frequency_of_a_mass_on_a_spring(flexcam, oscillator):
+    """Closed form: df/dk = f/(2 k), df/dm = -f/(2 m): half a percent per percent."""
+    told = ("--of", "frequency.1", "--to", "springs.one.stiffness", "--to", "masses.one.mass")
+    by_k, by_m = flexcam("sensitivity", oscillator, *told, "--json").json["derivatives"]
+    f = OMEGA / (2.0 * math.pi)
+    assert by_k["value"] == pytest.approx(f, rel=1e-12)
+    assert by_k["derivative"] == pytest.approx(f / (2.0 * 40e3), rel=1e-9)
+    assert by_m["derivative"] == pytest.approx(-f / (2.0 * 0.1), rel=1e-9)
+    assert (by_k["logarithmic"], by_m["logarithmic"]) == pytest.approx((0.5, -0.5), rel=1e-9)
+    assert by_k["analytic"]
+
+
+@pytest.mark.parametrize("key", ["rockers.rocker.arms.1", "materials.steel.E", "sections.tube.outer_diameter"])
+def test_frequencies_of_a_train_against_differences(flexcam, key):
+    """Modes of the case with the key changed by 1e-4, central; 1e-6: their own error of third order and rounding."""
+    found = flexcam("sensitivity", PUBLISHED, "--of", "frequency.2", "--to", key, "--json").json["derivatives"][0]
+    case = read_case(PUBLISHED)
+    at = found["key_value"]
+    arms = [0.025, 0.040]
+
+    def frequency(value):
+        laid = f"rockers.rocker.arms={[arms[0], value]}" if key.endswith("arms.1") else f"{key}={value!r}"
+        one = modes(read_case(PUBLISHED, [laid])).modes
+        return float(one.frequencies[one.rigid :][1])
+
+    assert case.overrides == ()
+    step = 1e-4 * at
+    differences = (frequency(at + step) - frequency(at - step)) / (2.0 * step)
+    assert found["derivative"] == pytest.approx(differences, rel=1e-6)
+
+
+def test_response_follows_what_it_is_proportional_to(flexcam, tmp_path):
+    """The published load is linear in the lift: every motion grows by a percent per percent; analytic beside it."""
+    table = tmp_path / "s.csv"
+    told = ("--of", "probes.valve.acceleration.largest", "--of", "frequency.1", "--to", "cams.intake.lift")
+    found = flexcam("sensitivity", PUBLISHED, *told, *QUICK, "--csv", table, "--json").json
+    response, frequency = found["derivatives"]
+    assert response["smooth"]
+    assert response["logarithmic"] == pytest.approx(1.0, rel=1e-6)
+    assert response["error"] < 1e-6 * response["derivative"]
+    assert frequency["derivative"] == 0.0
+    rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
+    assert [row["scalar"] for row in rows] == ["probes.valve.acceleration.largest", "frequency.1"]
+
+
+def test_table_and_picture_of_derivatives(flexcam, tmp_path):
+    told = ("--of", "frequency.1", "--to", "masses.valve.mass", "--plot", tmp_path / "s.svg")
+    done = flexcam("sensitivity", PUBLISHED, *told)
+    assert done.code == 0
+    assert "analytic" in done.out
+    assert (tmp_path / "s.svg").read_text(encoding="utf-8").count("<path") > 5
+
+
+def test_sobol_of_a_frequency(flexcam, oscillator, tmp_path):
+    """Over small even intervals f is linear: shares by (1/2 df/f)^2, here 4 : 1. 0.06: the estimator at 64 points."""
+    told = ("--to", "springs.one.stiffness=39.2:40.8kN/m", "--to", "masses.one.mass=99:101g", "--sobol", "64")
+    found = flexcam(
+        "sensitivity", oscillator, "--of", "frequency.1", *told, "--plot", tmp_path / "s.svg", "--json"
+    ).json
+    one = found["sobol"]["frequency.1"]
+    f = OMEGA / (2.0 * math.pi)
+    variance = (0.5 * f) ** 2 * (0.02**2 + 0.01**2) / 3.0
+    assert one["variance"] == pytest.approx(variance, rel=0.05)
+    totals = [row["total"] for row in one["indices"]]
+    assert totals == pytest.approx([0.8, 0.2], abs=0.06)
+    for row in one["indices"]:
+        assert row["total_low"] <= row["total"] <= row["total_high"]
+    assert "alone" in flexcam("sensitivity", oscillator, "--of", "frequency.1", *told).out
+
+
+def test_scatter_of_a_frequency(flexcam, oscillator, tmp_path):
+    """Linear: std(f) = f/2 hypot(0.05/sqrt 3, 0.06/3); five percent of it, what a hypercube of 64 leaves."""
+    table = tmp_path / "parts.csv"
+    told = ("--tolerance", "springs.one.stiffness=±5%", "--tolerance", "masses.one.mass=normal:±6g", "--count", "64")
+    files = ("--csv", table, "--plot", tmp_path / "s.png")
+    done = flexcam("sensitivity", oscillator, "--of", "frequency.1", *told, *files, "--json").json
+    one, f = done["scatter"]["frequency.1"], OMEGA / (2.0 * math.pi)
+    assert one["std"] == pytest.approx(0.5 * f * math.hypot(0.05 / math.sqrt(3.0), 0.06 / 3.0), rel=0.05)
+    assert one["mean"] == pytest.approx(f, rel=2e-3)
+    assert one["rank_correlation"]["springs.one.stiffness"] > 0.5
+    assert one["rank_correlation"]["masses.one.mass"] < -0.3
+    rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
+    assert len(rows) == 64
+    for row in rows:  # every set of parts is evaluated with its own numbers
+        own = math.sqrt(float(row["springs.one.stiffness"]) / float(row["masses.one.mass"])) / (2.0 * math.pi)
+        assert float(row["frequency.1"]) == pytest.approx(own, rel=1e-9)
+    assert "Rank correlation" in flexcam("sensitivity", oscillator, "--of", "frequency.1", *told).out
+
+
+def test_lightest_spring_for_a_frequency(flexcam, oscillator, tmp_path):
+    """Least k with f >= 110 Hz: k = m (2 pi f)^2, at the bound; the file of the best is a case that has it."""
+    best, table = tmp_path / "best.toml", tmp_path / "all.csv"
+    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
+            "--subject", "frequency.1 >= 110 Hz", "--evaluations", "80")  # fmt: skip
+    done = flexcam("optimize", oscillator, *told, "-o", best, "--csv", table, "--plot", tmp_path / "p.svg", "--json")
+    assert done.code == 0
+    wanted = 0.1 * (2.0 * math.pi * 110.0) ** 2
+    assert done.json["best"]["values"]["springs.one.stiffness"] == pytest.approx(wanted, rel=2e-4)
+    assert done.json["best"]["bounds"][0]["active"]
+    assert done.json["best"]["bounds"][0]["slack"] >= -1e-9
+    one = modes(read_case(best)).modes
+    assert one.frequencies[0] == pytest.approx(110.0, rel=1e-4)
+    (override,) = done.json["best"]["overrides"]
+    assert modes(read_case(oscillator, [override])).modes.frequencies[0] == one.frequencies[0]
+    assert len(table.read_text(encoding="utf-8").splitlines()) == done.json["evaluations"] + 1
+    again = flexcam("optimize", oscillator, *told, "--json").json
+    assert again["best"] == done.json["best"]
+    assert flexcam("optimize", oscillator, *told, "-o", best).code == 2  # it is there
+
+
+def test_fullest_lift_with_a_given_acceleration(flexcam):
+    """Least deceleration of a lift is that of the widest cam; numbers in lists are varied too."""
+    law = 'cams.intake.law={id="bspline",coefficients=[0.0,0.0,0.0,0.1,0.5,0.9,1.0,1.0,1.0]}'
+    told = ("--set", law, "--vary", "cams.intake.law.coefficients.3=0.0:0.3", "--least", "cams.intake.deceleration",
+            "--subject", "cams.intake.area >= 0.0091", "--evaluations", "40")  # fmt: skip
+    found = flexcam("optimize", ENGINE, *told, "--json").json
+    (override,) = found["best"]["overrides"]
+    assert override.startswith("cams.intake.law.coefficients=[0.0, 0.0, 0.0, ")
+    assert found["best"]["values"]["cams.intake.deceleration"] < 0.0188  # that of 0.1
+    assert found["best"]["values"]["cams.intake.area"] >= 0.0091
+
+
+def test_nothing_within_the_bounds(flexcam, oscillator, tmp_path):
+    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
+            "--subject", "frequency.1 >= 1 kHz", "--evaluations", "24", "-o", tmp_path / "best.toml")  # fmt: skip
+    done = flexcam("optimize", oscillator, *told)
+    assert done.code == 3
+    assert "no variant" in done.err
+    assert "passed by" in done.out
+    assert not (tmp_path / "best.toml").exists()
+
+
+def test_front_of_two_goals(flexcam, oscillator, tmp_path):
+    """Soft against fast: every stiffness is on the front, and along it one grows with the other."""
+    pytest.importorskip("pymoo")
+    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness", "--most", "frequency.1")
+    files = ("--plot", tmp_path / "f.svg", "--csv", tmp_path / "f.csv")
+    found = flexcam("optimize", oscillator, *told, "--evaluations", "96", *files, "--json").json["front"]
+    k, f = ([one["values"][name] for one in found] for name in ("springs.one.stiffness", "frequency.1"))
+    assert len(k) > 30
+    assert k == sorted(k)
+    assert f == sorted(f)
+
+
+def test_runs_on_several_processes_are_the_same(flexcam, oscillator):
+    told = (
+        "--of",
+        "frequency.1",
+        "--of",
+        "energy.residual.largest",
+        "--tolerance",
+        "masses.one.mass=±5%",
+        "--count",
+        "8",
+    )
+    one, two = (
+        flexcam("sensitivity", oscillator, *told, *QUICK, "--workers", n, "--json").json["scatter"] for n in ("1", "2")
+    )
+    assert one == two
+
+
+REFUSED = {
+    "no such key": ("sensitivity", "--of", "frequency.1", "--to", "springs.valve.stifness"),
+    "a word": ("sensitivity", "--of", "frequency.1", "--to", "run.start"),
+    "a whole number": ("sensitivity", "--of", "frequency.1", "--to", "members.camshaft.elements"),
+    "zero": ("sensitivity", "--of", "frequency.1", "--to", "run.damping.beta"),
+    "no such scalar": ("sensitivity", "--of", "nosuch", "--to", "springs.valve.stiffness"),
+    "no such frequency": ("sensitivity", "--of", "frequency.900", "--to", "springs.valve.stiffness"),
+    "no such limit": ("sensitivity", "--of", "limits.nosuch", "--to", "springs.valve.stiffness"),
+    "limits of another contact": ("sensitivity", "--of", "limits.bounce", "--to", "springs.valve.stiffness"),
+    "nothing to vary": ("sensitivity", "--of", "frequency.1"),
+    "a step too long": ("sensitivity", "--of", "frequency.1", "--to", "masses.valve.mass", "--relative-step", "2"),
+    "an interval missing": ("sensitivity", "--of", "frequency.1", "--to", "masses.valve.mass", "--sobol", "8"),
+    "no power of two": ("sensitivity", "--of", "frequency.1", "--to", "masses.valve.mass=80:90g", "--sobol", "9"),
+    "a falling interval": ("sensitivity", "--of", "frequency.1", "--to", "masses.valve.mass=90:80g", "--sobol", "8"),
+    "no width": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=±0%"),
+    "no scatter": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=5"),
+    "other unit": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=±5mm"),
+    "too few": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=±5%", "--count", "3"),
+    "ignored": ("sensitivity", "--of", "frequency.1", "--to", "masses.valve.mass", "--count", "20"),
+    "speeds of no limit": ("sensitivity", "--of", "frequency.1", "--to", "masses.valve.mass", "--lowest", "100rpm"),
+    "no goal": ("optimize", "--vary", "masses.valve.mass=80:90g"),
+    "three goals": ("optimize", "--vary", "masses.valve.mass=80:90g", "--least", "a", "--least", "b", "--most", "c"),
+    "no bound": ("optimize", "--vary", "masses.valve.mass=80:90g", "--least", "frequency.1", "--subject", "x"),
+    "twice": ("optimize", "--vary", "masses.valve.mass=80:90g", "--vary", "masses.valve.mass=80:90g", "--least", "x"),
+    "few runs": ("optimize", "--vary", "masses.valve.mass=80:90g", "--least", "frequency.1", "--evaluations", "3"),
+    "unit of a bound": (
+        "optimize", "--vary", "masses.valve.mass=80:90g", "--least", "frequency.1", "--subject", "frequency.1 <= 3 mm"
+    ),
+    "no case file": ("optimize", "--vary", "masses.valve.mass=80:90g", "--least", "frequency.1", "-o", "best.csv"),
+    "no workers": ("optimize", "--vary", "masses.valve.mass=80:90g", "--least", "frequency.1", "--workers", "0"),
+    "half a map": ("limits", "--over", "masses.valve.mass=80,90g"),
+    "one value": ("limits", "--over", "masses.valve.mass=80,90g", "--and", "springs.valve.stiffness=40kN/m"),
+    "the same": ("limits", "--over", "masses.valve.mass=80,90g", "--and", "masses.valve.mass=80,90g"),
+    "a map of no contact": (
+        "limits", "--over", "masses.valve.mass=80,90g", "--and", "springs.valve.stiffness=40,50kN/m"
+    ),
+    "a map of nothing": ("limits", "--over", "masses.nosuch.mass=80,90g", "--and", "springs.valve.stiffness=4,5kN/m"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("told", REFUSED.values(), ids=REFUSED)
+def test_refusals(flexcam, told):
+    done = flexcam(told[0], PUBLISHED, *QUICK, *told[1:])
+    assert done.code == 2, done.out + done.err
+    assert "allowed" in done.err
+
+
+@pytest.mark.slow
+def test_map_of_limits(flexcam, tmp_path):
+    """A stiffer spring holds the cam longer; each cell is what the command finds for that case alone."""
+    table, picture = tmp_path / "map.csv", tmp_path / "map.svg"
+    where = (
+        "--lowest",
+        "5000rpm",
+        "--highest",
+        "8000rpm",
+        "--tolerance",
+        "200rpm",
+        "--set",
+        "run.steps_per_revolution=1440",
+    )
+    told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
+    found = flexcam("limits", ENGINE, *where, *told, "--csv", table, "--plot", picture, "--workers", "2", "--json").json
+    rpm = found["limits_rpm"]["loss_of_contact"]
+    assert rpm[0][0] < rpm[1][1]
+    alone = flexcam("limits", ENGINE, *where, "--set", "springs.valve.stiffness=65kN/m",
+                    "--set", "springs.valve.installed_force=500N", "--json").json  # fmt: skip
+    assert rpm[1][1] == pytest.approx(alone["loss_of_contact_rpm"])
+    assert len(table.read_text(encoding="utf-8").splitlines()) == 5
+    assert picture.read_text(encoding="utf-8").count("<path") > 5

@@ -1,0 +1,104 @@
+"""Derivatives by differences and from matrices, held against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam.linalg import Triplets
+from flexcam.study.differences import STEPS, central, logarithmic
+from flexcam.study.frequencies import frequency_derivatives
+
+AT = np.array(STEPS)
+
+
+def beside(function, point, step):
+    return np.array([function(point + part * step) for part in STEPS])
+
+
+def pairs(make, point, step):
+    return make(point), [make(point + part * step) for part in STEPS]
+
+
+def triplets(M, K):
+    return Triplets.from_dense(np.asarray(M, float)), Triplets.from_dense(np.asarray(K, float))
+
+
+@pytest.mark.parametrize("degree", range(5))
+def test_exact_for_polynomials_of_the_fourth_degree(degree):
+    found = central(2.0**degree, beside(lambda x: x**degree, 2.0, 0.2), 0.2)
+    assert found.value == pytest.approx(degree * 2.0 ** (degree - 1), rel=1e-12, abs=1e-13)
+    assert found.smooth
+
+
+def test_error_bounds_what_is_left():
+    """Of exp: the estimate is the second order term that extrapolation took away, larger than what is left."""
+    for step in (0.4, 0.2, 0.1):
+        found = central(math.exp(1.0), beside(math.exp, 1.0, step), step)
+        assert abs(found.value - math.e) < found.error < 0.1 * math.e
+
+
+@pytest.mark.parametrize(
+    "function",
+    [lambda x: abs(x - 1.0), lambda x: max(x - 1.0, 0.0), lambda x: float(x > 1.0), lambda x: math.sin(1e5 * x)],
+    ids=["kink", "contact opens", "jump", "noise"],
+)
+def test_what_is_not_smooth_is_told(function):
+    assert not central(function(1.0), beside(function, 1.0, 0.01), 0.01).smooth
+
+
+def test_a_constant_is_smooth():
+    """Also with the noise of rounding on it."""
+    rounding = 1.0 + 1e-14 * np.array([1.0, -1.0, 2.0, 0.0])
+    assert central(1.0, np.ones(4), 0.01) == central(1.0, np.ones(4), 0.01)
+    assert central(1.0, rounding, 0.01).smooth
+    assert central(0.0, np.zeros(4), 0.01).smooth
+
+
+def test_logarithmic():
+    assert logarithmic(3.0 * 2.0**2, 2.0, 2.0**3) == 3.0
+    assert math.isnan(logarithmic(1.0, 1.0, 0.0))
+
+
+def test_mass_on_a_spring():
+    """Of omega = sqrt(k/m): d omega/dk = omega/(2 k), d omega/dm = -omega/(2 m)."""
+    k, m = 40e3, 0.1
+    omega = math.sqrt(k / m)
+    of_k = frequency_derivatives(*pairs(lambda p: triplets([[m]], [[p]]), k, 1e-3 * k), 1e-3 * k, 1)
+    of_m = frequency_derivatives(*pairs(lambda p: triplets([[p]], [[k]]), m, 1e-3 * m), 1e-3 * m, 1)
+    assert 2.0 * math.pi * of_k.values[0] == pytest.approx(omega / (2.0 * k), rel=1e-10)
+    assert 2.0 * math.pi * of_m.values[0] == pytest.approx(-omega / (2.0 * m), rel=1e-10)
+    assert of_k.repeated == (False,)
+
+
+def test_chain_against_differences_of_frequencies():
+    """Two masses between three springs, by the middle spring: only the second mode moves it."""
+
+    def make(p):
+        return triplets(np.eye(2), [[1.0 + p, -p], [-p, 1.0 + p]])
+
+    found = frequency_derivatives(*pairs(make, 2.0, 1e-3), 1e-3, 2)
+    wanted = np.array([0.0, 2.0 / (2.0 * math.sqrt(5.0))]) / (2.0 * math.pi)  # omega^2 = 1, 1 + 2 p
+    np.testing.assert_allclose(found.values, wanted, atol=1e-12)
+
+
+def test_equal_frequencies_part_along_their_branches():
+    """K = [[1, p], [p, 1]] at p = 0: omega^2 = 1 -+ p, with slopes -+1/2 whatever shapes the solver chose."""
+
+    def make(p):
+        return triplets(np.eye(2), [[1.0, p], [p, 1.0]])
+
+    found = frequency_derivatives(make(0.0), [make(part * 1e-3) for part in STEPS], 1e-3, 2)
+    np.testing.assert_allclose(2.0 * math.pi * found.values, [-0.5, 0.5], atol=1e-12)
+    assert found.repeated == (True, True)
+
+
+def test_free_motions_are_left_out():
+    found = frequency_derivatives(
+        *pairs(lambda p: triplets(np.eye(2), [[p, -p], [-p, p]]), 3.0, 3e-3), 3e-3, 1,
+        free=np.array([[1.0], [1.0]]) / math.sqrt(2.0),
+    )  # fmt: skip
+    assert 2.0 * math.pi * found.frequencies[0] == pytest.approx(math.sqrt(6.0), rel=1e-12)
+    assert 2.0 * math.pi * found.values[0] == pytest.approx(math.sqrt(6.0) / (2.0 * 3.0), rel=1e-10)

@@ -1,0 +1,100 @@
+"""Designs of problems whose answer is known: evolution, trust region and front, without a case behind them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from flexcam.checks import InputError
+from flexcam.response import Cause, Status
+from flexcam.study.objective import Goal, active, constraint, constraints_of
+from flexcam.study.optimize import Design, optimize
+from flexcam.study.pareto import front, pareto
+from flexcam.study.points import Variable
+from flexcam.sweep import Row
+
+
+@dataclass
+class Known:
+    """Points of functions in closed form, in place of a case's runs."""
+
+    functions: dict
+    variables: tuple = (Variable("x", 0.0, 4.0), Variable("y", 0.0, 4.0))
+    calls: list = field(default_factory=list)
+
+    def rows(self, points):
+        self.calls.append(len(points))
+        return [self._row(point) for point in points]
+
+    def _row(self, point):
+        if "fails" in self.functions and self.functions["fails"](*point):
+            return Row(Status(Cause.NO_CONVERGENCE, "it broke"))
+        found = {name: float(f(*point)) for name, f in self.functions.items() if name != "fails"}
+        return Row(Status(), found, dict.fromkeys(found, "N"))
+
+
+CORNER = {"sum": lambda x, y: x + 2.0 * y, "product": lambda x, y: x * y}
+"""Least x + 2 y with x y >= 2: x = 2, y = 1, value 4 (Lagrange)."""
+
+
+def test_optimum_at_a_bound():
+    known = Known(CORNER)
+    design = Design(known, (Goal("sum"),), constraints_of(["product >= 2 N"]))
+    found = optimize(design, evaluations=200)
+    best = found.best
+    assert best is not None
+    np.testing.assert_allclose(found.points[best], [2.0, 1.0], atol=0.02)
+    assert found.costs[best, 0] == pytest.approx(4.0, abs=2e-3)
+    assert found.rows[best].scalars["product"] >= 2.0 * (1.0 - 1e-9)
+    assert active(found.violations[best, 0])
+    assert len(found.points) <= 230
+    again = optimize(design, evaluations=200)
+    np.testing.assert_array_equal(found.points, again.points)
+
+
+def test_most_and_variants_that_fail():
+    """Most of a hill whose top fails: the best is found beside what fails, and nothing breaks."""
+    known = Known({"hill": lambda x, y: -((x - 3.0) ** 2) - (y - 1.0) ** 2, "fails": lambda x, y: x > 2.5})
+    found = optimize(Design(known, (Goal("hill", most=True),)), evaluations=250)
+    assert found.best is not None
+    np.testing.assert_allclose(found.points[found.best], [2.5, 1.0], atol=0.03)
+    assert any(not row.status.ok for row in found.rows)
+
+
+def test_no_variant_within_the_bounds():
+    found = optimize(Design(Known(CORNER), (Goal("sum"),), constraints_of(["product >= 20"])), evaluations=60)
+    assert found.best is None
+    np.testing.assert_allclose(found.points[found.nearest], [4.0, 4.0], atol=0.1)
+
+
+def test_front_of_two_parabolas():
+    """(x - 1)^2 + y^2 against (x - 3)^2 + y^2: the front is y = 0, 1 <= x <= 3, where sqrt f1 + sqrt f2 = 2."""
+    pytest.importorskip("pymoo")
+    known = Known({"left": lambda x, y: (x - 1.0) ** 2 + y**2, "right": lambda x, y: (x - 3.0) ** 2 + y**2})
+    found = pareto(Design(known, (Goal("left"), Goal("right"))), evaluations=960)
+    best = front(found)
+    assert len(best) > 20
+    roots = np.sqrt(found.costs[best]).sum(axis=1)
+    assert np.median(roots) < 2.05
+    assert found.costs[best][0, 0] < 0.05
+    assert found.costs[best][-1, 1] < 0.05
+    assert (np.diff(found.costs[best][:, 1]) < 0.0).all()
+
+
+def test_constraints_with_units():
+    one = constraint("contacts.intake.force.largest <= 2 kN")
+    assert one.bound("N") == 2000.0
+    assert one.violation(2200.0, "N") == pytest.approx(0.1)
+    assert constraint("limits.loss_of_contact >= 7000 rpm").bound("rpm") == pytest.approx(7000.0)
+    assert constraint("frequency.1 >= 0.9 kHz").bound("Hz") == pytest.approx(900.0)
+    assert constraint("deviation.peak <= 5 %").bound("1") == pytest.approx(0.05)
+    with pytest.raises(InputError):
+        one.bound("m")
+
+
+@pytest.mark.parametrize("text", ["", "x", "x < 3", "x <= ", "<= 3", "x <= many", "x == 3", "x <= 3 parsec"])
+def test_refused_constraints(text):
+    with pytest.raises(InputError):
+        constraint(text)
