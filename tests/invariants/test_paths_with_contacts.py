@@ -32,6 +32,10 @@ STEPS = 150
 SETTLED = 1e-12
 """Of the largest force, as `settle` and the compiled step leave it."""
 
+SHARES = (-3.0, -1.0, 1.0, 5.0)
+SAME_RUN = 1e-6
+"""Spread beyond which general runs have parted: a bounce of one is none of the other."""
+
 
 def wavy(mean, swing, order=1.0):
     """Return a function of the cam angle with all its derivatives."""
@@ -160,14 +164,15 @@ def compare(problem, scheme):
     """Assert that machine code and the general way agree, and return both runs."""
     general, found = (solve(replace(problem, path=path), scheme) for path in ("general", "compiled"))
     assert found.stats.path == "compiled"
-    assert general.status.ok
-    assert found.status.ok
+    assert general.status.cause is found.status.cause
+    if not general.status.ok:  # a lever or an arch that is thrown about
+        return general, found
     order = np.random.default_rng(0).permutation(problem.system.size)
-    others = [reordered(problem, order), *(stronger(problem, share) for share in (-SETTLED, SETTLED, 3.0 * SETTLED))]
+    others = [reordered(problem, order), *(stronger(problem, SETTLED * share) for share in SHARES)]
     spread = np.max([apart(general, solve(replace(one, path="general"), scheme)) for one in others], axis=0)
     off = apart(general, found)
-    known = spread < 1e-3  # beyond, two general runs are no longer the same run
-    assert known[: STEPS // 3].all()
+    known = spread < SAME_RUN
+    assert known[: STEPS // 10].all()
     assert (off <= 30.0 * spread + 10.0 * SETTLED)[known].all(), (off[known][-1], spread[known][-1])
     if spread[-1] < 1e-9:  # no bounce more or less
         assert found.stats.events == pytest.approx(general.stats.events, abs=2)
