@@ -211,7 +211,7 @@ def test_several_forces_at_once(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(200))
+@pytest.mark.parametrize("seed", range(100))
 def test_many_forces_at_once(seed):
     rng = np.random.default_rng(1000 + seed)
     kinds = rng.choice(sorted(KINDS), size=int(rng.integers(1, 5))).tolist()
