@@ -4,6 +4,8 @@
 worker, go to ``build/verification.json`` (or the path in FLEXCAM_VERIFICATION_JSON), from which the page of
 verification is made. A page can thus name no test that does not exist. The rows of `tests/extremes` go the same way to
 ``build/extremes.json`` (FLEXCAM_EXTREMES_JSON).
+
+Machine code is kept for the session in a folder of its own, unless FLEXCAM_CACHE names one.
 """
 
 from __future__ import annotations
@@ -11,6 +13,8 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +38,9 @@ ROOT = Path(__file__).parents[1]
 
 def pytest_configure(config):
     config.stash[ROWS] = {page: [] for page in ORDER}
+    if "FLEXCAM_CACHE" not in os.environ:  # workers and commands find it set, and compile nothing twice
+        os.environ["FLEXCAM_CACHE"] = tempfile.mkdtemp(prefix="flexcam-machine-code-")
+        config.add_cleanup(lambda: shutil.rmtree(os.environ.pop("FLEXCAM_CACHE"), ignore_errors=True))
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -49,7 +49,6 @@ class Stepwise:
     ) -> None:  # fmt: skip
         self._problem, self._system, self._forces, self._save, self._stop = problem, problem.system, forces, save, stop
         self._starter = Starter(problem.system, forces)
-        self._load_vectors = problem.system.load_vectors()
 
         def stepper(length: float) -> Stepper:
             return scheme.stepper(problem.system, forces, length, self._at)

@@ -108,7 +108,7 @@ class Superposed:
     ) -> None:
         self._problem, self._system, self._scheme, self._stop = problem, problem.system, scheme, stop
         self._save, self._natural = save, natural
-        self._motions, self._vectors = Motions.of(problem), problem.system.load_vectors()
+        self._motions = Motions.of(problem)
         self._forces = LocalForces(problem.system)
         self._last: tuple[Track, FloatArray] | None = None
 
@@ -118,7 +118,7 @@ class Superposed:
             return Track.none(self._system.size, self._forces), STOPPED
         at = self._problem.times(steps)
         motion = self._problem.drive.at(at)
-        loads = self._system.load_histories(motion) @ self._vectors
+        loads = self._system.applied(motion)
         if self._last is None:
             track = first = first_track(self._problem, self._forces)
             if len(steps) > 1:

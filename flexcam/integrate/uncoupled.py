@@ -143,7 +143,7 @@ def _motions(pair: _Pair) -> Natural | None:
     moving = kept @ shapes
     back = np.vstack([system.mass.times_all(moving).T, system.stiffness.times_all(soft).T])
     few, whole = soft.shape[1], np.hstack([moving, soft])
-    if np.abs(back @ whole - np.eye(len(whole))).max(initial=0.0) > _CLEAN:
+    if not np.abs(back @ whole - np.eye(len(whole))).max(initial=0.0) <= _CLEAN:
         return None
     heavy = np.concatenate([np.ones(len(values)), np.zeros(few)])
     return Natural(whole, back, heavy, np.concatenate([values, np.ones(few)]))

@@ -55,6 +55,9 @@ def natural(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
     >>> natural(np.diag([4.0, 1.0]), np.diag([4.0, 9.0]))[0]
     array([1., 9.])
     """
+    if not (np.diag(M) > 0.0).all():
+        message = "the mass is not positive"
+        raise np.linalg.LinAlgError(message)
     scale = 1.0 / np.sqrt(np.diag(M))
     L = np.linalg.cholesky(scale[:, None] * M * scale)
     half = np.linalg.solve(L, scale[:, None] * K * scale)

@@ -142,8 +142,11 @@ class System:
         return np.stack([load.history(motion) for load in self.loads], axis=-1)
 
     def applied(self, motion: CamMotion) -> FloatArray:
-        """Return the loads in the unknowns at some instants, shape (times, n)."""
-        return self.load_histories(motion) @ self.load_vectors()
+        """Return the loads in the unknowns at some instants, shape (times, n).
+
+        Each instant has the same bits as if it were alone, which a product of matrices would not give.
+        """
+        return np.einsum("tk,kn->tn", self.load_histories(motion), self.load_vectors())
 
     def load_vectors(self) -> FloatArray:
         """Return the spatial vectors of all loads, shape (loads, n)."""

@@ -96,6 +96,12 @@ class March:
         )  # fmt: skip
         return int(ended), int(count[0]), int(count[1])
 
+    def unsettled(self) -> list[str]:
+        """Return the names of the forces that did not settle in the last call, as `settle` tells them."""
+        found, answered = self._room[0][0], self._room[0][3]
+        missing = np.abs(found - answered)
+        return [name for name, one in zip(self.forces.names, missing, strict=True) if one > 0.1 * missing.max()]
+
 
 class CompiledStepper:
     """A single compiled step of any length, for the `Walker`.
@@ -119,5 +125,5 @@ class CompiledStepper:
         loads = np.ascontiguousarray(to.load[None])
         ended, _, iterations = march.call(self._operator, moving, (0, 1), loads, cam, found, NO_SIDES)
         if ended == UNSETTLED:
-            raise NoConvergenceError(march.forces.names)
+            raise NoConvergenceError(march.unsettled())
         return replace(moving.moment(to.time), iterations=iterations)

@@ -1,0 +1,264 @@
+"""One physics: the general, the modal and the compiled way through time give the same motion of linear systems.
+
+How far two ways may lie apart is not chosen but measured: by general runs of the same system with its unknowns in other
+orders and units. What those differ by is rounding of the system itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexcam.checks import InputError
+from flexcam.integrate import Problem, SaveAt, State, generalized_alpha, hht, newmark, solve
+from flexcam.linalg import Triplets
+from flexcam.system import ConstantSpeed, Load, Probe, System
+
+SCHEMES = {
+    "newmark": newmark(), "newmark damped": newmark(beta=0.3025, gamma=0.6), "hht": hht(), "hht -1/3": hht(alpha=-1 / 3),
+    "generalized-alpha 0.9": generalized_alpha(), "generalized-alpha 0": generalized_alpha(rho_inf=0.0),
+}  # fmt: skip
+SERIES = ("displacement", "velocity", "acceleration")
+DAMPING = ["none", "Rayleigh", "any", "massless"]
+STEPS = 120
+
+
+def sine(motion):
+    return np.sin(motion.angle)
+
+
+def ramp(motion):
+    return np.minimum(motion.angle, 1.0)
+
+
+def steady(motion):
+    return np.ones_like(motion.angle)
+
+
+def chain(rng, n, decades, *, free, copies):
+    """Return masses and springs in a row, stiffnesses over some decades; copies side by side repeat all frequencies."""
+    k = 10.0 ** (2.0 + rng.uniform(0.0, decades, n))
+    K = np.zeros((n, n))
+    for i in range(n):
+        K[i, i] += 0.0 if free and i == 0 else k[i]
+        if i:
+            K[i - 1 : i + 1, i - 1 : i + 1] += k[i] * np.array([[1.0, -1.0], [-1.0, 1.0]])
+            K[i, i] -= k[i]
+    M = np.diag(rng.uniform(0.5, 2.0, n))
+    return np.kron(np.eye(copies), M), np.kron(np.eye(copies), K)
+
+
+def damping_of(kind, rng, M, K, light):
+    n = len(M)
+    if kind == "Rayleigh":
+        return 0.3 * M + 1e-4 * K
+    if kind == "any":
+        pulls = rng.normal(size=(n, 2))
+        return pulls @ pulls.T
+    return np.diag(light.astype(float)) if kind == "massless" else np.zeros((n, n))
+
+
+def some_system(seed, n, decades, kind, *, free=False, copies=1, massless=0):
+    """Return a system, and a start."""
+    rng = np.random.default_rng(seed)
+    M, K = chain(rng, n, decades, free=free, copies=copies)
+    n = len(M)
+    light = np.zeros(n, dtype=bool)
+    light[rng.permutation(n)[: min(massless, n - 1)]] = True
+    M[light] = 0.0
+    names = tuple(f"x{i}" for i in range(n))
+    loads = tuple(
+        Load(history.__name__, rng.normal(size=n) * (rng.random(n) < 0.5), history) for history in (sine, ramp, steady)
+    )
+    matrices = [Triplets.from_dense(one) for one in (M, damping_of(kind, rng, M, K, light), K)]
+    system = System(*matrices, names, loads, probes=(Probe("all", names, np.eye(n), (None,) * n),))
+    return system, State(0.01 * rng.normal(size=n), rng.normal(size=n))
+
+
+def rewritten(system, start, rng):
+    """Return the same system and start with the unknowns in another order and units; its probes are those of before."""
+    n = system.size
+    T = (np.eye(n) * rng.uniform(0.5, 2.0, n))[:, rng.permutation(n)]
+    M, C, K = (Triplets.from_dense(T.T @ one.dense() @ T) for one in (system.mass, system.damping, system.stiffness))
+    loads = tuple(replace(load, vector=T.T @ load.vector) for load in system.loads)
+    probes = tuple(replace(probe, rows=probe.rows @ T) for probe in system.probes)
+    other = replace(system, mass=M, damping=C, stiffness=K, loads=loads, probes=probes)
+    back = np.linalg.inv(T)
+    pushed = None if start.acceleration is None else back @ start.acceleration
+    return other, replace(
+        start, displacement=back @ start.displacement, velocity=back @ start.velocity, acceleration=pushed
+    )
+
+
+def step_of(system):
+    """Return a step that resolves some motions and leaves the faster ones to the scheme."""
+    stiff, heavy = system.stiffness.diagonal(), system.mass.diagonal().max()
+    middle = np.exp(np.log(np.maximum(stiff, 1.0)).mean())
+    return float(0.5 * np.sqrt(heavy / middle))
+
+
+def apart(one, other):
+    """Return by how much two runs differ in each kind of motion, as parts of the largest, and of the energy."""
+    motions = [(getattr(one.probes, kind), getattr(other.probes, kind)) for kind in SERIES]
+    energies = ([run.channels[name] for name in one.channels if name.startswith("energy.")] for run in (one, other))
+    pairs = [*motions, tuple(np.array(list(its)) for its in energies)]
+    return np.array([np.abs(a - b).max() / max(np.abs(a).max(), 1e-300) for a, b in pairs])
+
+
+ROUNDING = np.array([1e-13, 1e-13, 1e-12, 1e-12])
+"""What every run may differ by where two general ones agree by chance: some hundred roundings of as many steps."""
+
+
+def spread_of(problem, scheme, reference):
+    found = ROUNDING
+    for seed in range(3):
+        system, start = rewritten(problem.system, problem.start, np.random.default_rng(seed))
+        other = solve(replace(problem, system=system, start=start), scheme)
+        found = np.maximum(found, apart(reference, other))
+    return found
+
+
+def ways(problem, scheme, paths=("modal", "compiled")):
+    """Return the general run and those of the other ways that take the problem."""
+    general = solve(replace(problem, path="general"), scheme)
+    others = {}
+    for path in paths:
+        try:
+            others[path] = solve(replace(problem, path=path), scheme)
+        except InputError as refusal:
+            others[path] = refusal
+    return general, others
+
+
+def assert_one_physics(problem, scheme, *, modal=True):
+    general, others = ways(problem, scheme)
+    assert general.status.ok
+    allowed = 10.0 * spread_of(replace(problem, path="general"), scheme, general)
+    for path, run in others.items():
+        if path == "modal" and not modal:
+            assert "damping couples" in str(run)
+            continue
+        assert not isinstance(run, InputError), f"{path}: {run}"
+        assert run.stats.path == path
+        assert run.outline == general.outline
+        np.testing.assert_array_equal(run.time, general.time)
+        np.testing.assert_array_equal(run.field_time, general.field_time)
+        assert (apart(general, run) <= allowed).all(), (path, apart(general, run), allowed)
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 2**16), n=st.integers(1, 10), decades=st.floats(0.0, 10.0), free=st.booleans(),
+    copies=st.integers(1, 3), kind=st.sampled_from(["none", "Rayleigh"]), scheme=st.sampled_from(sorted(SCHEMES)),
+)  # fmt: skip
+def test_random_systems_that_damping_does_not_couple(seed, n, decades, free, copies, kind, scheme):
+    system, start = some_system(seed, n, decades, kind, free=free, copies=copies)
+    assert_one_physics(Problem(system, ConstantSpeed(3.0), step_of(system), STEPS, start), SCHEMES[scheme])
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 2**16), n=st.integers(2, 8), decades=st.floats(0.0, 6.0), massless=st.integers(0, 4),
+    kind=st.sampled_from(DAMPING), scheme=st.sampled_from(sorted(SCHEMES)),
+)  # fmt: skip
+def test_random_systems_with_massless_unknowns(seed, n, decades, massless, kind, scheme):
+    """Massless unknowns, alone and in groups; arbitrary damping, which couples, goes the compiled way alone."""
+    system, start = some_system(seed, n, decades, kind, massless=massless)
+    problem = Problem(system, ConstantSpeed(3.0), step_of(system), STEPS, start)
+    if kind in ("none", "Rayleigh"):
+        assert_one_physics(problem, SCHEMES[scheme])
+        return
+    general, others = ways(problem, SCHEMES[scheme], ("compiled",))
+    allowed = 10.0 * spread_of(replace(problem, path="general"), SCHEMES[scheme], general)
+    off = apart(general, others["compiled"])
+    assert (off <= allowed).all(), (off, allowed)
+
+
+@pytest.mark.parametrize("scheme", sorted(SCHEMES))
+@pytest.mark.parametrize("kind", DAMPING)
+def test_massless_unknowns_that_begin_at_speed(kind, scheme):
+    """They follow their springs from the first instant, whatever pushes on them: no way has a start of its own."""
+    M, K = np.diag([1.0, 0.0, 2.0]), 10.0 * np.array([[3.0, -2.0, 0.0], [-2.0, 3.0, -1.0], [0.0, -1.0, 2.0]])
+    C = damping_of(kind, np.random.default_rng(1), M, K, np.array([False, True, False]))
+    names = ("a", "b", "c")
+    loads = tuple(Load(f.__name__, v, f) for f, v in ((sine, np.array([1.0, 0.0, 0.0])), (steady, np.array([0, 1.0, 0]))))
+    matrices = [Triplets.from_dense(one) for one in (M, C, K)]
+    system = System(*matrices, names, loads, probes=(Probe("all", names, np.eye(3), (None,) * 3),))
+    start = State(np.array([0.1, 0.2, 0.3]), np.array([1.0, -1.0, 2.0]))
+    problem = Problem(system, ConstantSpeed(3.0), 0.01, 200, start)
+    assert_one_physics(problem, SCHEMES[scheme], modal=kind in ("none", "Rayleigh"))
+
+
+@pytest.mark.parametrize("path", ["general", "modal", "compiled"])
+def test_a_massless_unknown_is_accelerated_as_what_it_hangs_between(path):
+    """Between two springs of one mass that starts at rest under a load: the share of its acceleration at once."""
+    M, K = np.diag([1.0, 0.0]), np.array([[3.0, -1.0], [-1.0, 2.0]])
+    system = System(*(Triplets.from_dense(one) for one in (M, 0.0 * M, K)), ("heavy", "light"),
+                    (Load("push", np.array([1.0, 0.0]), steady),))  # fmt: skip
+    found = solve(Problem(system, ConstantSpeed(1.0), 0.01, 50, path=path), newmark(), save=SaveAt(field_every=1))
+    a = found.fields.acceleration
+    # K a = 0 in the massless row at every instant; Newmark keeps what the start has of it, and rounding over its step^2.
+    np.testing.assert_allclose(2.0 * a[:, 1], a[:, 0], rtol=0.0, atol=1e-9)
+    assert a[0, 0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("scheme", ["newmark", "hht", "generalized-alpha 0"])
+@pytest.mark.parametrize("path", ["modal", "compiled"])
+def test_going_on_from_a_result_of_another_way(path, scheme):
+    """Half a run the general way and half another is the general run; what is between them is a `State`."""
+    system, start = some_system(5, 6, 4.0, "Rayleigh")
+    problem = Problem(system, ConstantSpeed(3.0), step_of(system), STEPS, start, path="general")
+    every = SaveAt(field_every=20)
+    whole = solve(problem, SCHEMES[scheme], save=every)
+    first = solve(replace(problem, steps=60), SCHEMES[scheme], save=every)
+    middle = State(*(getattr(first.fields, kind)[-1] for kind in SERIES[:2]), float(first.time[-1]),
+                   acceleration=first.fields.acceleration[-1], taken=60)  # fmt: skip
+    later = solve(replace(problem, steps=60, start=middle, path=path), SCHEMES[scheme], save=every)
+    allowed = 10.0 * spread_of(problem, SCHEMES[scheme], whole)
+    for kind, most in zip(SERIES, allowed, strict=False):
+        one, other = getattr(whole.probes, kind), getattr(later.probes, kind)
+        assert np.abs(other - one[60:]).max() <= most * np.abs(one).max()
+
+
+@pytest.mark.parametrize("path", ["modal", "compiled"])
+def test_energy_is_kept_over_a_long_run(path):
+    """Average acceleration, no damping, stiffness ratios of 1e6: 1e5 steps add no more than their roundings.
+
+    A step keeps the energy of a motion exactly; roundings add up as a random walk, sqrt(1e5) eps = 7e-14, and by at
+    most 1e5 eps = 2e-11 if they all had one sign.
+    """
+    system, start = some_system(3, 6, 6.0, "none")
+    still = replace(system, loads=())
+    problem = Problem(still, ConstantSpeed(1.0), step_of(system), 100_000, start, path=path)
+    found = solve(problem, newmark(), save=SaveAt(field_every=100_000))
+    energy = found.channels["energy.kinetic"] + found.channels["energy.strain"]
+    assert found.stats.path == path
+    assert np.abs(energy / energy[0] - 1.0).max() < 1e-11
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", ["modal", "compiled"])
+def test_energy_is_kept_over_a_million_steps(path):
+    system, start = some_system(3, 6, 6.0, "none")
+    problem = Problem(replace(system, loads=()), ConstantSpeed(1.0), step_of(system), 1_000_000, start, path=path)
+    found = solve(problem, newmark(), save=SaveAt(field_every=100_000))
+    energy = found.channels["energy.kinetic"] + found.channels["energy.strain"]
+    assert np.abs(energy / energy[0] - 1.0).max() < 1e-11
+
+
+@pytest.mark.parametrize("path", ["general", "modal", "compiled"])
+@pytest.mark.parametrize("save", [SaveAt(1, 1), SaveAt(1, 2), SaveAt(7, 1), SaveAt(1000), SaveAt(10, 3)])
+def test_what_is_saved_changes_no_history(path, save):
+    """Blocks of one instant, of two, longer than the run: the same histories to rounding, the asked fields exactly."""
+    system, start = some_system(8, 4, 2.0, "Rayleigh")
+    problem = Problem(system, ConstantSpeed(3.0), step_of(system), 45, start, path=path)
+    plain, found = solve(problem, newmark()), solve(problem, newmark(), save=save)
+    assert (apart(plain, found) <= 10.0 * ROUNDING).all()
+    np.testing.assert_array_equal(found.field_time, found.time[np.unique([*range(0, 46, save.field_every), 45])])
+    picked = np.isin(found.time, found.field_time)
+    # A saved field is spread from the same amounts as a probe, in other sums.
+    np.testing.assert_allclose(found.fields.displacement, found.probes.displacement[picked], rtol=1e-12, atol=1e-14)

@@ -1,0 +1,252 @@
+"""One physics with local forces of every kind: machine code and the general way give the same motion.
+
+Two solvers of one contact problem lie apart by what their iterations leave (a force is settled to 1e-12 of the
+largest), and impacts make more of it at every touchdown. How much more is measured: by general runs whose stiffness
+and loads are as much larger or smaller, and by one with its unknowns in another order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexcam.fem.elements.shallow import Arch
+from flexcam.integrate import Problem, State, generalized_alpha, hht, newmark, solve
+from flexcam.linalg import Triplets
+from flexcam.system import AngleVector, ConstantSpeed, FluctuatingSpeed, Load, LocalForce, Probe, System, constant
+from flexcam.train.adjuster import OilColumn
+from flexcam.train.bowing import Bowing
+from flexcam.train.coils import Pulsating
+from flexcam.train.lever import LeverEnd
+from flexcam.train.parts import Pulsation
+from flexcam.train.penalty import Bilateral, HertzLine, HuntCrossley, Inclined, Sliding, Stop
+from flexcam.train.rockers import Lever
+
+SCHEMES = {
+    "newmark": newmark(), "newmark damped": newmark(beta=0.3025, gamma=0.6), "hht": hht(),
+    "generalized-alpha": generalized_alpha(rho_inf=0.7),
+}  # fmt: skip
+STEPS = 150
+SETTLED = 1e-12
+"""Of the largest force, as `settle` and the compiled step leave it."""
+
+SHARES = (-3.0, -1.0, 1.0, 5.0)
+SAME_RUN = 1e-6
+"""Spread beyond which general runs have parted: a bounce of one is none of the other."""
+
+
+def wavy(mean, swing, order=1.0):
+    """Return a function of the cam angle with all its derivatives."""
+    return lambda angle, k: mean * (k == 0) + swing * order**k * np.sin(order * angle + 0.5 * np.pi * k)
+
+
+def sine(motion):
+    return np.sin(motion.angle)
+
+
+def steady(motion):
+    return np.ones_like(motion.angle)
+
+
+LINE = HertzLine(0.01, 2e11, 0.3, wavy(0.02, 0.005), 0.03, 0.1)
+LEVER = Lever("a", "b", (0.03, 0.04), 1e-4, np.eye(6)[1], angles=(0.1, -0.2), stiffness=(1e5, 2e5), damping=(5.0, 9.0))
+
+
+def arch(rng):
+    pulls = rng.normal(size=(6, 6))
+    return Bowing(Arch(np.array([1e5]), 0.2 * (pulls @ pulls.T)[None], 0.01 * rng.normal(size=(1, 6))))
+
+
+KINDS = {
+    "bilateral": lambda rng, k: (Bilateral(k, 1e-5 * k), 1),
+    "stop": lambda rng, k: (Stop(k, 1e-5 * k), 1),
+    "stops": lambda rng, k: (Stop(k, 1e-5 * k), 3),
+    "hunt-crossley": lambda rng, k: (HuntCrossley(k, 0.3), 1),
+    "line": lambda rng, k: (LINE, 1),
+    "inclined": lambda rng, k: (Inclined(LINE, wavy(0.9, 0.08)), 1),
+    "sliding": lambda rng, k: (Sliding(HuntCrossley(k, 0.3), 0.1, 0.05), 2),
+    "sliding line": lambda rng, k: (Sliding(LINE, 0.1, 0.05), 2),
+    "oil": lambda rng, k: (OilColumn(k, 0.1 * k, 1e-3 * k, 5.0), 1),
+    "pulsating": lambda rng, k: (Pulsating(k, Pulsation(2.0, 0.4)), 2),
+    "lever": lambda rng, k: (LeverEnd(LEVER, int(rng.integers(2))), 2),
+    "arch": lambda rng, k: (arch(rng), 7),
+}
+SWITCHING = {"stop": 1, "stops": 3, "hunt-crossley": 1, "line": 1, "inclined": 1, "sliding": 1, "sliding line": 1}
+"""Kinds that can be told to end steps where they open and close, with their depths."""
+
+
+def row(rng, n):
+    found = np.zeros(n)
+    found[rng.integers(n)] = 1.0
+    if rng.random() < 0.5:
+        found[rng.integers(n)] -= 0.7
+    return found
+
+
+def vector(rng, n, *, turning):
+    if not turning or rng.random() < 0.5:
+        return AngleVector.constant(row(rng, n))
+    return AngleVector(np.array([row(rng, n), row(rng, n)]), (constant(1.0), wavy(0.1, 0.2)))
+
+
+def force(rng, n, kind, *, switching=False, restitution=None, ahead=0.0):
+    """Return a local force; `ahead` is how far its depths begin from touching, m."""
+    law, count = KINDS[kind](rng, 10.0 ** rng.uniform(3.0, 6.5))
+    sense = tuple(vector(rng, n, turning=kind not in ("arch", "lever")) for _ in range(count))
+    act = tuple(AngleVector(-one.vectors, one.functions) for one in sense)
+    at = 0.0 if kind == "arch" else 1.0
+    offset = tuple(wavy(at * (rng.uniform(-1e-4, 3e-4) - ahead), at * 1e-4, 3.0) for _ in range(count))
+    switches = tuple(range(SWITCHING.get(kind, 0))) if switching else ()
+    return LocalForce(kind, sense, act, law, offset, switches, restitution if switches else None)
+
+
+def chain(rng, n, *, massless=False):
+    k = 1e3 * 10.0 ** rng.uniform(0.0, 3.0, n)
+    K = np.diag(k) + np.diag([*k[1:], 0.0]) - np.diag(k[1:], 1) - np.diag(k[1:], -1)
+    M = np.diag(rng.uniform(0.05, 0.5, n))
+    if massless:
+        M[n // 2] = 0.0
+    pulls = rng.normal(size=(n, 1))
+    C = 1e-5 * K if rng.random() < 0.5 else 1e-5 * K + pulls @ pulls.T  # the second couples the natural motions
+    return M, C, K
+
+
+def some_problem(rng, kinds, *, massless=False, drive=None, **options):
+    n = int(rng.integers(2, 8))
+    M, C, K = chain(rng, n, massless=massless)
+    names = tuple(f"x{i}" for i in range(n))
+    loads = tuple(Load(f.__name__, size * row(rng, n), f) for f, size in ((sine, 100.0), (steady, 30.0)))
+    forces = tuple(force(rng, n, kind, **options) for kind in kinds)
+    matrices = [Triplets.from_dense(one) for one in (M, C, K)]
+    system = System(*matrices, names, loads, forces, (Probe("all", names, np.eye(n), (None,) * n),))
+    start = State(1e-5 * rng.normal(size=n), 0.1 * rng.normal(size=n))
+    return Problem(system, drive or ConstantSpeed(100.0), 10.0 ** rng.uniform(-5.0, -3.7), STEPS, start)
+
+
+def reordered(problem, order):
+    """Return the same problem with its unknowns in another order, its probes in theirs."""
+    system, start = problem.system, problem.start
+    names = tuple(system.names[i] for i in order)
+
+    def turned(one):
+        return AngleVector(one.vectors[:, order], one.functions)
+
+    forces = tuple(
+        replace(one, sense=tuple(map(turned, one.sense)), act=tuple(map(turned, one.act)))
+        for one in system.local_forces
+    )
+    other = replace(
+        system, mass=system.mass.part(order), damping=system.damping.part(order),
+        stiffness=system.stiffness.part(order), names=names, local_forces=forces,
+        loads=tuple(replace(load, vector=load.vector[order]) for load in system.loads),
+        probes=tuple(replace(probe, rows=probe.rows[:, order]) for probe in system.probes),
+    )  # fmt: skip
+    begin = replace(start, displacement=start.displacement[order], velocity=start.velocity[order])
+    return replace(problem, system=other, start=begin)
+
+
+def stronger(problem, share):
+    """Return a problem whose stiffness and loads are larger by a share."""
+    system = problem.system
+    loads = tuple(replace(load, vector=(1.0 + share) * load.vector) for load in system.loads)
+    return replace(problem, system=replace(system, stiffness=system.stiffness.scaled(1.0 + share), loads=loads))
+
+
+def apart(one, other):
+    """Return by how much two runs differ up to each instant, as a part of the largest displacement, shape (m,)."""
+    off = np.abs(one.probes.displacement - other.probes.displacement).max(axis=1)
+    return np.maximum.accumulate(off) / np.abs(one.probes.displacement).max()
+
+
+def compare(problem, scheme):
+    """Assert that machine code and the general way agree, and return both runs."""
+    general, found = (solve(replace(problem, path=path), scheme) for path in ("general", "compiled"))
+    assert found.stats.path == "compiled"
+    assert general.status.cause is found.status.cause
+    if not general.status.ok:  # a lever or an arch that is thrown about
+        return general, found
+    order = np.random.default_rng(0).permutation(problem.system.size)
+    others = [reordered(problem, order), *(stronger(problem, SETTLED * share) for share in SHARES)]
+    spread = np.max([apart(general, solve(replace(one, path="general"), scheme)) for one in others], axis=0)
+    off = apart(general, found)
+    known = spread < SAME_RUN
+    assert known[: STEPS // 10].all()
+    assert (off <= 30.0 * spread + 10.0 * SETTLED)[known].all(), (off[known][-1], spread[known][-1])
+    if spread[-1] < 1e-9:  # no bounce more or less
+        assert found.stats.events == pytest.approx(general.stats.events, abs=2)
+    return general, found
+
+
+@pytest.mark.parametrize("scheme", sorted(SCHEMES))
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_one_force_of_every_kind(kind, scheme):
+    rng = np.random.default_rng(list(KINDS).index(kind))
+    general, found = compare(some_problem(rng, [kind]), SCHEMES[scheme])
+    states = [name for name in general.channels if name.startswith("state.")]
+    assert bool(states) == (kind == "oil")
+    for name in states:
+        values = general.channels[name]
+        np.testing.assert_allclose(found.channels[name], values, rtol=0.0, atol=1e-9 * np.abs(values).max())
+
+
+@pytest.mark.parametrize("restitution", [None, 0.0, 0.5])
+@pytest.mark.parametrize("scheme", ["newmark", "hht"])
+@pytest.mark.parametrize("kind", sorted(SWITCHING))
+def test_steps_that_end_where_contacts_open_and_close(kind, scheme, restitution):
+    rng = np.random.default_rng(10 + list(KINDS).index(kind))
+    compare(some_problem(rng, [kind], switching=True, restitution=restitution), SCHEMES[scheme])
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_several_forces_at_once(seed):
+    """Among them massless unknowns, which a shallow arch would leave several balances, and a drive that swings."""
+    rng = np.random.default_rng(100 + seed)
+    massless = seed % 4 == 0
+    kinds = rng.choice([kind for kind in sorted(KINDS) if not (massless and kind == "arch")], size=3).tolist()
+    scheme = SCHEMES[rng.choice(sorted(SCHEMES))]
+    drive = FluctuatingSpeed(100.0, (2.0,), (0.3,), (0.5,)) if seed % 2 else None
+    compare(some_problem(rng, kinds, switching=bool(seed % 3), massless=massless, drive=drive), scheme)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(100))
+def test_many_forces_at_once(seed):
+    rng = np.random.default_rng(1000 + seed)
+    kinds = rng.choice(sorted(KINDS), size=int(rng.integers(1, 5))).tolist()
+    restitution = [None, 0.0, 0.6][seed % 3]
+    problem = some_problem(rng, kinds, switching=bool(seed % 2), restitution=restitution, massless=False)
+    compare(problem, SCHEMES[rng.choice(sorted(SCHEMES))])
+
+
+def test_before_the_first_contact_only_rounding_is_between_them():
+    rng = np.random.default_rng(0)
+    problem = some_problem(rng, ["stop", "hunt-crossley"], switching=True, ahead=1.0)
+    general, found = (solve(replace(problem, path=path), newmark()) for path in ("general", "compiled"))
+    assert general.stats.events == found.stats.events == 0
+    assert apart(general, found)[-1] < 1e-12
+
+
+@pytest.mark.parametrize(("scheme", "gain"), [("newmark", 2.0), ("newmark", 30.0), ("hht", 30.0)])
+def test_forces_that_react_through_each_other_alone(scheme, gain):
+    """Each senses what the other moves: none reacts to itself, and yet both must be found together.
+
+    The gain is what a force does to itself around both, per step.
+    """
+    step = 0.01
+    k = np.sqrt(gain) / (0.25 * step**2)
+    names, eye = ("x", "y"), np.eye(2)
+    ends = ((0, 1, k), (1, 0, -k))
+    forces = tuple(
+        LocalForce(f"on {names[to]}", (AngleVector.constant(eye[at]),), (AngleVector.constant(eye[to]),),
+                   Bilateral(stiffness), (constant(0.0),)) for at, to, stiffness in ends
+    )  # fmt: skip
+    matrices = [Triplets.from_dense(one) for one in (eye, 0.0 * eye, np.diag([100.0, 200.0]))]
+    load = Load("sine", eye[0], sine)
+    system = System(*matrices, names, (load,), forces, (Probe("all", names, eye, (None, None)),))
+    problem = Problem(system, ConstantSpeed(3.0), step, 20)
+    general, found = (solve(replace(problem, path=path), SCHEMES[scheme]) for path in ("general", "compiled"))
+    # Such forces feed the motion: it grows by orders of magnitude, and so does what was settled to 1e-12.
+    assert (np.abs(found.probes.displacement - general.probes.displacement).max()
+            < 1e-9 * np.abs(general.probes.displacement).max())  # fmt: skip

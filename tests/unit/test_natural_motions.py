@@ -1,0 +1,126 @@
+"""Natural motions of pairs of matrices, beside fifty digits: graded, repeated, clustered, free, and never NaN."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+
+from flexcam.linalg import natural
+
+EPS = np.finfo(float).eps
+
+
+def exact(M, K):
+    """Return the eigenvalues as mpmath finds them to fifty digits."""
+    with mpmath.workdps(50):
+        inverse = mpmath.cholesky(mpmath.matrix(M.tolist())) ** -1
+        whole = inverse * mpmath.matrix(K.tolist()) * inverse.T
+        return sorted(mpmath.eigsy((whole + whole.T) / 2, eigvals_only=True))
+
+
+def errors(values, reference):
+    return np.array([float(abs(mpmath.mpf(float(a)) - b)) for a, b in zip(values, reference, strict=True)])
+
+
+def spread(rng, n, decades):
+    """Return a full positive matrix with eigenvalues over some decades."""
+    Q = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    full = (Q * np.logspace(0.0, decades, n)) @ Q.T
+    return 0.5 * (full + full.T)
+
+
+def springs(k, *, free=False):
+    n = len(k)
+    K = np.diag(k) + np.diag([*k[1:], 0.0]) - np.diag(k[1:], 1) - np.diag(k[1:], -1)
+    return K - np.diag([k[0], *np.zeros(n - 1)]) if free else K
+
+
+def pairs():
+    rng = np.random.default_rng(7)
+    n = 7
+    M = np.diag(rng.uniform(0.5, 2.0, n))
+    for decades in (0, 3, 6, 10, 13):
+        grading = np.diag(np.logspace(0.0, 0.5 * decades, n))
+        yield f"full, {decades} decades", M, spread(rng, n, decades)
+        yield f"graded stiffness, {decades} decades", M, grading @ spread(rng, n, 1) @ grading
+        yield f"graded mass, {decades} decades", grading @ spread(rng, n, 1) @ grading, spread(rng, n, 1)
+        k = 10.0 ** rng.uniform(0.0, decades, n)
+        yield f"chain, {decades} decades", M, springs(k)
+        yield f"free chain, {decades} decades", M, springs(k, free=True)
+    full, eye = spread(rng, 5, 2), np.eye(10)
+    yield "one value", np.eye(6), np.eye(6)
+    yield "no stiffness", M, 0.0 * M
+    for gap in (0.0, 1e-15, 1e-13, 1e-10, 1e-6, 1e-3):
+        yield f"pairs {gap:g} apart", eye, np.kron(np.diag([1.0, 1.0 + gap]), full)
+    yield "all within 1e-10", np.eye(6), np.eye(6) + 1e-10 * spread(rng, 6, 1)
+    yield "two free bodies", np.eye(4), np.kron(np.eye(2), 1e8 * np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    yield "masses over 12 decades", np.diag(10.0 ** rng.uniform(-6.0, 6.0, n)), spread(rng, n, 2)
+    yield "other units", 1e-9 * M, 1e12 * spread(rng, n, 2)
+    yield "alone", np.array([[3.0]]), np.array([[12.0]])
+
+
+PAIRS = {name: (M, K) for name, M, K in pairs()}
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_eigenvalues_are_those_of_fifty_digits(name):
+    """Each within the rounding of the matrices along its own vector; none worse than numpy's."""
+    M, K = PAIRS[name]
+    values, X = natural(M, K)
+    assert np.isfinite(values).all()
+    assert np.isfinite(X).all()
+    assert (values >= 0.0).all()
+    assert (np.diff(values) >= 0.0).all()
+    reference = exact(M, K)
+    off, top = errors(values, reference), max(float(abs(reference[-1])), 1e-300)
+    # Products in extended precision leave its rounding of the largest value, the result its own; what the roundings of
+    # the stiffness itself put below zero is zero.
+    clamped = np.where(values == 0.0, 64.0 * EPS * np.sum(np.abs(X) * (np.abs(K) @ np.abs(X)), axis=0), 0.0)
+    assert (off <= 2.0 * EPS * values + 4.0 * len(M) * np.finfo(np.longdouble).eps * top + clamped).all()
+    inverse = np.linalg.inv(np.linalg.cholesky(M))
+    plain = errors(np.linalg.eigvalsh(inverse @ K @ inverse.T), reference)
+    assert off.max() <= max(plain.max(), 2.0 * EPS * top)
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_vectors_are_orthonormal_and_uncoupled(name):
+    """At right angles in the mass to rounding whatever the ratio; in the stiffness to that of its largest entries."""
+    M, K = PAIRS[name]
+    values, X = natural(M, K)
+    heavy, stiff, long = (one.astype(np.longdouble) for one in (M, K, X))
+    right = long.T @ heavy @ long
+    # Each entry of a vector is rounded once as it leaves: n terms of |x||M||x| eps.
+    sizes = np.abs(X).T @ np.abs(M) @ np.abs(X)
+    assert (np.abs(right - np.eye(len(M))) <= 4.0 * EPS * np.maximum(sizes, 1.0)).all()
+    coupled = np.abs(long.T @ stiff @ long - np.diag(values))
+    largest = np.abs(X).T @ np.abs(K) @ np.abs(X)
+    assert (coupled <= 16.0 * EPS * np.maximum(largest, EPS * values[-1])).all()
+
+
+@pytest.mark.parametrize("K", [np.diag([1.0, -1e-9]), np.diag([1e6, -1.0, 3.0]), -np.eye(2), springs(-np.ones(3))])
+def test_a_stiffness_that_pushes_is_refused(K):
+    with pytest.raises(np.linalg.LinAlgError, match="stiffness is not positive"):
+        natural(np.eye(len(K)), K)
+
+
+@pytest.mark.parametrize("M", [np.diag([1.0, -1.0]), np.array([[1.0, 2.0], [2.0, 1.0]])])
+def test_a_mass_that_is_not_positive_is_refused(M):
+    with pytest.raises(np.linalg.LinAlgError):
+        natural(M, np.eye(2))
+
+
+def test_above_the_size_that_is_refined():
+    """Numpy's own values, none below zero, with a free motion and without."""
+    k = np.random.default_rng(0).uniform(1.0, 10.0, 210)
+    for free in (False, True):
+        values, X = natural(np.eye(210), springs(k, free=free))
+        np.testing.assert_allclose(values, np.maximum(np.linalg.eigvalsh(springs(k, free=free)), 0.0), atol=1e-12)
+        np.testing.assert_allclose(X.T @ X, np.eye(210), atol=1e-12)
+    with pytest.raises(np.linalg.LinAlgError):
+        natural(np.eye(210), springs(k, free=True) - np.eye(210))
+
+
+def test_what_is_given_stays_as_it_is(readonly):
+    M, K = readonly([[2.0, 0.1], [0.1, 1.0]]), readonly([[5.0, -1.0], [-1.0, 3.0]])
+    natural(M, K)

@@ -1,0 +1,211 @@
+"""Which way through time is taken, what is refused when one is forced, and that a run is the same one every time."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam.checks import InputError
+from flexcam.integrate import Adaptive, Problem, SaveAt, State, bathe, exact, generalized_alpha, hht, newmark, solve
+from flexcam.integrate.compiled import machine
+from flexcam.integrate.paths import way_of
+from flexcam.linalg import Triplets
+from flexcam.response import RunFailedError
+from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Probe, Reaction, Shapes, System, constant
+from flexcam.train.penalty import Sliding, Stop
+
+FORCED = ["modal", "compiled"]
+EVERY = SaveAt()
+
+
+class Unknown:
+    """A law that no compiler knows."""
+
+    start_state = np.zeros(0)
+
+    def respond(self, gap, rate, state, angle):
+        return Reaction(-100.0 * gap**3, np.diag(-300.0 * gap**2), np.zeros((1, 1)))
+
+
+def sine(motion):
+    return np.sin(motion.angle)
+
+
+def masses(n, *, law=None, damping=0.0, stiffness=None):
+    eye = np.eye(n)
+    K = 100.0 * np.diag(np.arange(1.0, n + 1.0)) if stiffness is None else stiffness
+    local = ()
+    if law is not None:
+        row = AngleVector.constant(eye[0])
+        local = (LocalForce("bumper", (row,), (AngleVector.constant(-eye[0]),), law, (constant(0.0),)),)
+    names = tuple(f"x{i}" for i in range(n))
+    matrices = (Triplets.from_dense(one) for one in (eye, damping * np.ones((n, n)), K))
+    return System(*matrices, names, (Load("push", eye[0], sine),), local, (Probe("all", names, eye, (None,) * n),))
+
+
+def problem_of(system, path="auto", steps=20, **options):
+    return Problem(system, ConstantSpeed(3.0), 0.01, steps, path=path, **options)
+
+
+def refusal(problem, method=None):
+    with pytest.raises(InputError) as caught:
+        solve(problem, method or newmark())
+    said = str(caught.value)
+    assert "run.path" in said
+    assert repr(problem.path).strip("'") in said
+    assert "leave run.path out" in said
+    return said
+
+
+@pytest.mark.parametrize("path", FORCED)
+@pytest.mark.parametrize(("options", "method", "words"), [
+    ({"adaptive": Adaptive()}, newmark(), "its steps adapt"),
+    ({}, bathe(), "only newmark, hht and generalized-alpha"),
+    ({}, exact(), "only newmark, hht and generalized-alpha"),
+])  # fmt: skip
+def test_methods_that_go_the_general_way_alone(path, options, method, words):
+    assert words in refusal(problem_of(masses(2), path, **options), method)
+    assert way_of(problem_of(masses(2), steps=2000, **options), method, EVERY).path == "general"
+
+
+@pytest.mark.parametrize("path", FORCED)
+def test_sizes(path):
+    assert "201 unknowns" in refusal(problem_of(masses(201), path))
+    assert way_of(problem_of(masses(201), steps=5000), newmark(), EVERY).path == "general"
+    assert way_of(problem_of(masses(200), path), newmark(), EVERY).path == path
+
+
+def test_local_forces_and_damping():
+    assert "bumper depends on the motion" in refusal(problem_of(masses(2, law=Stop(1e3)), "modal"))
+    assert "the law of bumper is not known in machine code" in refusal(problem_of(masses(2, law=Unknown()), "compiled"))
+    # Friction needs a second scalar: its law is known, this use of it is not.
+    assert "the law of bumper" in refusal(problem_of(masses(2, law=Sliding(Stop(1e3), 0.1, 1e-3)), "compiled"))
+    assert "its damping couples the natural motions" in refusal(problem_of(masses(2, damping=1.0), "modal"))
+
+
+@pytest.mark.parametrize("path", FORCED)
+@pytest.mark.parametrize("K", [
+    np.array([[1.0, 0.0], [0.0, -1e-3]]), np.array([[1.0, 0.5], [-0.5, 1.0]]), np.array([[1.0, 3.0], [3.0, 1.0]]),
+])  # fmt: skip
+def test_stiffness_that_is_not_symmetric_and_positive(path, K):
+    """Beyond buckling, or of a follower force: motions that grow, which no natural motion does."""
+    assert "not symmetric and positive" in refusal(problem_of(masses(2, stiffness=K), path))
+    automatic, general = (solve(problem_of(masses(2, stiffness=K), one, 2000), newmark()) for one in ("auto", "general"))
+    assert automatic.stats.path == "general"
+    np.testing.assert_array_equal(automatic.probes.displacement, general.probes.displacement)
+
+
+@pytest.mark.parametrize("path", ["auto", "general"])
+@pytest.mark.parametrize("damping", [0.0, 1.0])
+def test_nothing_to_place_an_unknown_is_a_failure_with_its_name(path, damping):
+    system = masses(2)
+    M, C = Triplets.from_dense(np.diag([1.0, 0.0])), Triplets.from_dense(np.diag([0.0, damping]))
+    K = Triplets.from_dense(np.diag([1.0, 0.0]))
+    with pytest.raises(RunFailedError, match="nothing determines the motion"):
+        solve(problem_of(replace(system, mass=M, damping=C, stiffness=K), path, 2000), newmark())
+
+
+def test_without_a_compiler(monkeypatch):
+    monkeypatch.setattr("flexcam.integrate.paths.available", lambda: False)
+    assert "numba is not installed" in refusal(problem_of(masses(2), "compiled"))
+    assert way_of(problem_of(masses(2, law=Stop(1e3)), steps=10_000), newmark(), EVERY).path == "general"
+    assert way_of(problem_of(masses(2), steps=400_000), newmark(), EVERY).path == "modal"
+
+
+@pytest.mark.parametrize(("law", "steps", "path"), [
+    (None, 999, "general"), (None, 1000, "modal"), (None, 299_999, "modal"), (None, 300_000, "compiled"),
+    (Stop(1e3), 4999, "general"), (Stop(1e3), 5000, "compiled"), (Unknown(), 5000, "general"),
+])  # fmt: skip
+def test_what_the_length_of_a_run_makes_worthwhile(law, steps, path):
+    for method in (newmark(), hht(), generalized_alpha()):
+        assert way_of(problem_of(masses(3, law=law), steps=steps), method, EVERY).path == path
+
+
+def test_damping_that_couples_is_left_to_the_general_way():
+    assert way_of(problem_of(masses(2, damping=1.0), steps=2000), newmark(), EVERY).path == "general"
+
+
+def test_what_is_left_of_a_pruned_system_counts():
+    """Its contact is among what cannot move: what is integrated is linear."""
+    far = np.eye(3)[2]
+    force = LocalForce("far", (AngleVector.constant(far),), (AngleVector.constant(-far),), Unknown(), (constant(0.0),))
+    system = replace(masses(3), local_forces=(force,))
+    assert way_of(problem_of(system, steps=2000, prune=True), newmark(), EVERY).path in ("general", "modal")
+    whole, pruned = (solve(problem_of(system, steps=2000, prune=prune), newmark()) for prune in (False, True))
+    assert whole.stats.path == "general"
+    np.testing.assert_allclose(
+        pruned.probes.displacement, whole.probes.displacement, rtol=0.0,
+        atol=1e-12 * np.abs(whole.probes.displacement).max(),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("path", ["general", *FORCED])
+def test_other_unknowns(path):
+    """Amounts of shapes go every way as well: the rigid one of two, and both."""
+    system = masses(3)
+    for T in (np.array([[1.0], [0.5], [0.2]]), np.array([[1.0, 0.0], [0.5, 1.0], [0.2, -1.0]])):
+        problem = problem_of(system, "general", 300, basis=Shapes(T))
+        general, found = (solve(replace(problem, path=one), newmark()) for one in ("general", path))
+        assert found.stats.path == path
+        for kind, most in (("displacement", 1e-12), ("velocity", 1e-12), ("acceleration", 1e-11)):
+            one, other = (getattr(run.fields, kind) for run in (general, found))
+            np.testing.assert_allclose(other, one, rtol=0.0, atol=most * np.abs(one).max())
+
+
+@pytest.mark.parametrize(("path", "law"), [("modal", None), ("compiled", None), ("compiled", Stop(1e4, 1.0))])
+def test_the_same_problem_has_the_same_bits(path, law):
+    problem = problem_of(masses(6, law=law), path, 700)
+    one, other = (solve(problem, hht()) for _ in range(2))
+    assert one.fields.acceleration.tobytes() == other.fields.acceleration.tobytes()
+    assert np.array(list(one.channels.values())).tobytes() == np.array(list(other.channels.values())).tobytes()
+
+
+PROCESS = """
+import hashlib, sys
+sys.path.insert(0, {folder!r})
+import importlib
+tests = importlib.import_module("test_path_choice")
+law = tests.Stop(1e4, 1.0) if {path!r} == "compiled" else None
+run = tests.solve(tests.problem_of(tests.masses(6, law=law), {path!r}, 700), tests.hht())
+print(hashlib.sha256(run.probes.acceleration.tobytes()).hexdigest())
+"""
+
+
+@pytest.mark.parametrize("path", FORCED)
+def test_two_processes_have_the_same_bits(path):
+    code = PROCESS.format(folder=str(Path(__file__).parent), path=path)
+    said = {
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    }
+    assert len(said) == 1
+    assert len(said.pop()) > 60
+
+
+@pytest.mark.parametrize("prune", [False, True])
+@pytest.mark.parametrize("method", [newmark(), hht(), generalized_alpha(rho_inf=0.5)])
+@pytest.mark.parametrize("path", ["general", "modal"])
+def test_going_on_from_a_saved_field_is_the_same_run_bit_by_bit(path, method, prune):
+    """Under several loads, and at every kind of place: within a block, at its end, beside it."""
+    system = masses(7)
+    loads = tuple(Load(f"l{i}", np.random.default_rng(i).normal(size=7), sine) for i in range(3))
+    problem = Problem(replace(system, loads=loads), ConstantSpeed(3.0), 0.01, 900, path=path, prune=prune)
+    save = SaveAt(field_every=10)
+    whole = solve(problem, method, save=save)
+    for taken in (10, 320, 630, 640, 650):
+        fields = solve(replace(problem, steps=taken), method, save=save).fields
+        d, v, a = (one[-1] for one in (fields.displacement, fields.velocity, fields.acceleration))
+        start = State(d, v, float(whole.time[taken]), acceleration=a, taken=taken)
+        later = solve(replace(problem, steps=900 - taken, start=start), method, save=save)
+        for kind in ("displacement", "velocity", "acceleration"):
+            expected = getattr(whole.fields, kind)[taken // 10 :]
+            assert getattr(later.fields, kind).tobytes() == expected.tobytes(), (taken, kind)
+
+
+def test_machine_code_is_available_here():
+    assert machine.available()
