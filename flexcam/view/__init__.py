@@ -32,10 +32,10 @@ from flexcam.view.studies import bars_figure, front_figure, map_figure, progress
 from flexcam.view.trade import work_precision_figure
 
 __all__ = [
-    "bars_figure",
-    "campbell_figure",
     "Look",
     "Over",
+    "bars_figure",
+    "campbell_figure",
     "channel_figure",
     "contact_forces",
     "draw_channel",
