@@ -11,7 +11,7 @@ JOBS ?= 2
 export OPENBLAS_NUM_THREADS := 1
 
 # A copy, not a link to the source: the demo then proves what a plain `pip install .` gives.
-$(VENV)/.demo: pyproject.toml $(shell find flexcam -name '*.py')
+$(VENV)/.demo: pyproject.toml $(shell find flexcam -type f -not -name '*.pyc')
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check .
 	touch $@
@@ -23,15 +23,18 @@ $(VENV)/.dev: pyproject.toml
 
 CASE := cases/tayeb/model-3-shm.toml
 RESULT := results/model-3-shm.vtkhdf
+REPORT := results/model-3-shm.html
 
 demo: $(VENV)/.demo
 	$(BIN)/flexcam compare $(CASE)
 	@echo
 	$(BIN)/flexcam run $(CASE) -o results --overwrite
 	$(BIN)/flexcam export $(RESULT) --format pvd --overwrite
+	@$(BIN)/flexcam report $(RESULT) -o $(REPORT) --overwrite >/dev/null
 	@echo
 	@echo "The motion in ParaView: open $(RESULT) (5.12 and newer) or results/model-3-shm.pvd (any),"
 	@echo "apply Warp By Vector to 'displacement' (scale 1; the shaft's bending needs about 1000), then Tube, press play."
+	@echo "The report, in any browser, without a network: $(REPORT)"
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(JOBS)

@@ -156,9 +156,8 @@ def find_limits(
     """
     search = Search(lowest, highest, tolerance, bounce_height, count)
     found = bracketed_limits(case, search)
-    rigid = _rigid(case)
-    margin = None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0
-    return Limits(found, lowest / RPM, highest / RPM, rigid, margin, _at_rest(case))
+    left = margins(case)
+    return Limits(found, lowest / RPM, highest / RPM, left.rigid_rpm, left.spring, left.buckling)
 
 
 def bracketed_limits(case: Case, search: Search, among: Collection[str] | None = None) -> dict[str, Limit]:
@@ -209,9 +208,53 @@ def bracketed_limits(case: Case, search: Search, among: Collection[str] | None =
     return {name: _bracketed(name, words, speeds, ask, search.tolerance) for name, (_, words) in questions.items()}
 
 
+@dataclass(frozen=True)
+class Margins:
+    """What a train has in hand at its speed; no run of the flexible train is needed.
+
+    Parameters
+    ----------
+    rigid_rpm
+        As in `Limits`.
+    spring
+        As ``spring_margin`` in `Limits`.
+    buckling
+        As ``buckling_margins`` in `Limits`.
+    """
+
+    rigid_rpm: float | None
+    spring: float | None
+    buckling: Mapping[str, float]
+
+
+def margins(case: Case) -> Margins:
+    """Return what the springs of a rigid train and its members have in hand.
+
+    Parameters
+    ----------
+    case
+        A case.
+
+    Returns
+    -------
+    Margins
+        At the speed of the case.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+    RunFailedError
+        If the train has no balance at full lift.
+    """
+    rigid = _rigid(case)
+    return Margins(rigid, None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0, _at_rest(case))
+
+
 def _at_rest(case: Case) -> dict[str, float]:
     """Return the buckling load of every member by its compression when its cam stands at full lift."""
-    ready = prepare(case)
+    # Only the model is asked for: a periodic start would take revolutions.
+    ready = prepare(case.with_run({"start": "equilibrium"}) if case.record.run.start == "periodic" else case)
     system = ready.problem.system
     least: dict[str, float] = {}
     for cam in ready.model.cams.values():

@@ -215,3 +215,30 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
             where, repr(value), allowed, f"no mechanism has such {article} {kind.name}: {why}", "check the unit"
         )
     return si
+
+
+_SHOWN = {
+    "m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg"), "Pa": (1e-6, "MPa"), "m/s^2": (1.0, "m/s²"),
+    "rad/s^2": (1.0, "rad/s²"), "1": (1.0, ""),
+}  # fmt: skip
+
+
+def shown(unit: str) -> tuple[float, str]:
+    """Return in what an engineer reads a quantity.
+
+    Parameters
+    ----------
+    unit
+        SI unit.
+
+    Returns
+    -------
+    tuple
+        Factor from SI, and the unit's symbol; itself where there is nothing more common.
+
+    Examples
+    --------
+    >>> shown("m"), shown("N")
+    ((1000.0, 'mm'), (1.0, 'N'))
+    """
+    return _SHOWN.get(unit, (1.0, unit))

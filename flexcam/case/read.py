@@ -155,6 +155,10 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     return CaseFile.opened(path).read(overrides)
 
 
+_KEPT = ("case", "case_file", "overrides")
+"""What a result must hold for its case to be made again."""
+
+
 def recalled_case(result: Result) -> Case:
     """Return the case that a result was computed from, out of the result itself, on the result's mesh.
 
@@ -171,13 +175,15 @@ def recalled_case(result: Result) -> Case:
     Raises
     ------
     InputError
-        If such a file is gone, or the case is none that this version reads.
+        If the result keeps no case, such a file is gone, or the case is none that this version reads.
 
     Examples
     --------
     ``recalled_case(read_result("results/intake.vtkhdf")).record.title``
     """
     about = result.about
+    if missing := [name for name in _KEPT if name not in about]:
+        raise refuse("result", f"nothing about {missing[0]!r}", "a result that keeps its case", "flexcam run keeps it")
     source, text = Path(about["case_file"]), about["case"]
     case = CaseFile(source, text, _tables(source, text)).read(json.loads(about["overrides"]), mesh=result.mesh)
     members = {name: one.model_copy(update={"elements": 1}) for name, one in case.record.members.items()}

@@ -18,6 +18,8 @@ FILES = {
     "laws": ("law", "laws"),
     "limits": ("limits", "parting", "stability"),
     "new": ("new",),
+    "plot": ("plot",),
+    "report": ("report",),
     "settings": ("settings",),
     "speeds": ("campbell", "orders"),
     "studies": ("sensitivity", "optimize"),

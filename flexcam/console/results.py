@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,6 +14,7 @@ from flexcam.io import Result
 from flexcam.response import Response
 from flexcam.terminal import facts, table
 from flexcam.train import Figure, MemberStrength
+from flexcam.units import shown
 
 
 def run_table(case: Case, response: Response) -> Table:
@@ -59,9 +59,9 @@ def operation_table(figures: Sequence[Figure]) -> Table:
     """
     rows: list[tuple[str, str]] = []
     for figure in figures:
-        factor, unit = _SHOWN.get(figure.unit, (1.0, figure.unit))
+        factor, unit = shown(figure.unit)
         words = figure.name.replace(".", " ").replace("_", " ")
-        rows.append((words, f"{factor * figure.value:.4g} {'' if unit == '1' else unit}".rstrip()))
+        rows.append((words, f"{factor * figure.value:.4g} {unit}".rstrip()))
     return facts("The train in the last revolution", rows)
 
 
@@ -79,10 +79,6 @@ def periodicity(response: Response) -> float | None:
         1.
     """
     return response.stats.periodicity if response.stats.periodicity >= 0.0 else None
-
-
-_SHOWN = {"m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg"), "Pa": (1e-6, "MPa")}
-"""Factor and unit by SI unit, where tables show another."""
 
 
 def strength_table(members: Mapping[str, MemberStrength]) -> Table:

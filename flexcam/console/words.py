@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 _NOTHING = 1e-12
 """A length (m) or an angle (rad) below this is the rounding of a zero."""
@@ -64,3 +65,29 @@ def shaft_name(scale: float) -> str:
         ``crank`` or ``camshaft``.
     """
     return "crank" if scale == 2.0 else "camshaft"
+
+
+def told_apart(names: Sequence[str], beside: Sequence[str]) -> list[str]:
+    """Return names that differ: as they are, with what stands beside them, or with a number.
+
+    Parameters
+    ----------
+    names
+        Such as those of files.
+    beside
+        What may tell them apart, such as speeds.
+
+    Returns
+    -------
+    list
+        As many.
+
+    Examples
+    --------
+    >>> told_apart(["a", "a"], ["3000 rpm", "4000 rpm"])
+    ['a, 3000 rpm', 'a, 4000 rpm']
+    """
+    if len(set(names)) == len(names):
+        return list(names)
+    longer = [f"{name}, {more}" if more else name for name, more in zip(names, beside, strict=True)]
+    return longer if len(set(longer)) == len(names) else [f"{name} ({i})" for i, name in enumerate(longer, start=1)]

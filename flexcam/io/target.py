@@ -22,10 +22,13 @@ def free_to_write(where: str, path: Path, *, overwrite: bool) -> None:
     Raises
     ------
     InputError
-        If it exists and may not be replaced.
+        If it exists and may not be replaced, or its folder cannot be made.
     """
     if path.exists() and not overwrite:
         raise refuse(where, str(path), "a file that does not exist yet", "nothing is written over", "add --overwrite")
+    above = next(folder for folder in path.absolute().parents if folder.exists())
+    if not above.is_dir():
+        raise refuse("folder", str(path.parent), "a folder that can be made", f"{above} is a file", "name another")
 
 
 def made_folder(path: Path) -> Path:

@@ -9,6 +9,7 @@ for print without colour.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Sequence
 from itertools import cycle
 from pathlib import Path
@@ -25,6 +26,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 
 _DASHES = ("-", "--", "-.", ":")
 _FORMATS = (".svg", ".png", ".pdf")
+_PAPER, _INKS = 160, 64
+"""Dots per inch of a picture for paper, and its colours: curves need few."""
 
 
 def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
@@ -53,6 +56,28 @@ def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
     made_folder(path.parent)
     figure.savefig(path, dpi=150)
     return path
+
+
+def png_of(figure: Figure) -> bytes:
+    """Return a figure as a picture for paper, whose size does not grow with its curves.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+
+    Returns
+    -------
+    bytes
+        Of a PNG file.
+    """
+    from PIL import Image
+
+    drawn, written = io.BytesIO(), io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=_PAPER)
+    with Image.open(drawn) as image:
+        image.convert("RGB").quantize(_INKS).save(written, format="png", optimize=True)
+    return written.getvalue()
 
 
 def free_for_picture(path: Path, *, overwrite: bool = False) -> None:
@@ -84,7 +109,7 @@ def looks() -> Iterator[tuple[str, str]]:
     return zip(cycle(COLOURS), cycle(_DASHES), strict=False)
 
 
-def stacked(labels: Sequence[str], below: str) -> tuple[Figure, list[Axes]]:
+def stacked(labels: Sequence[str], below: str, *, height: float = 1.6) -> tuple[Figure, list[Axes]]:
     """Return a figure with axes above each other.
 
     Parameters
@@ -93,13 +118,15 @@ def stacked(labels: Sequence[str], below: str) -> tuple[Figure, list[Axes]]:
         Of the vertical axes, from above.
     below
         Of the horizontal axis.
+    height
+        Of each, inches.
 
     Returns
     -------
     tuple
         Figure and axes.
     """
-    figure = Figure(figsize=(7.0, 1.2 + 1.6 * len(labels)), layout="constrained")
+    figure = Figure(figsize=(7.0, 1.2 + height * len(labels)), layout="constrained")
     axes = list(np.atleast_1d(np.asarray(figure.subplots(len(labels), sharex=True))))
     for one, label in zip(axes, labels, strict=True):
         one.set_ylabel(label)

@@ -18,6 +18,7 @@ HEAVY = {
     "vtkmodules",
     "matplotlib",
     "plotly",
+    "jinja2",
     "dask",
     "meshio",
     "h5py",

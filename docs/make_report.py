@@ -1,0 +1,40 @@
+"""Make docs/pictures/report.png: the top of a report, as Chromium shows it."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import tempfile
+from pathlib import Path
+
+from flexcam import prepare, read_case, solve
+from flexcam.report import page, report_of, subject
+from flexcam.runner import result_file
+
+ROOT = Path(__file__).parents[1]
+SIZE = {"width": 1100, "height": 1330}
+COLOURS = 64
+
+
+def main() -> None:
+    """Run the pushrod engine, report on it, and take its picture."""
+    from PIL import Image
+    from playwright.sync_api import sync_playwright
+
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
+        ready = prepare(read_case(ROOT / "cases/pushrod-engine/intake.toml"))
+        sink = result_file(ready, folder)
+        solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
+        written = Path(folder) / "report.html"
+        written.write_text(page(report_of([subject(sink.path)])), encoding="utf-8")
+        browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        tab = browser.new_page(viewport=SIZE)
+        tab.goto(written.as_uri())
+        tab.wait_for_selector("#chart-0 .main-svg")
+        with Image.open(io.BytesIO(tab.screenshot())) as image:
+            image.convert("RGB").quantize(COLOURS).save(ROOT / "docs/pictures/report.png", optimize=True)
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,226 @@
+"""Command that draws results and cases: plot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from flexcam import fidelity, runner
+from flexcam.case import build_model
+from flexcam.checks import Fault, InputError, did_you_mean, refuse
+from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity
+from flexcam.commands.sources import Source, named, opened
+from flexcam.response import Response, Status
+from flexcam.terminal import out, print_json
+from flexcam.train import Cam, build_structure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from flexcam.view import Over
+
+What = Literal["motion", "force", "energy", "svaj", "profile", "modes", "work-precision"]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is to be drawn, of what.
+
+    Parameters
+    ----------
+    sources
+        By what tells them apart.
+    probe, channels, over, rigid, cam, angle, count
+        As the options say; None where they are left out.
+    """
+
+    sources: Mapping[str, Source]
+    probe: str | None
+    channels: list[str] | None
+    over: Over | None
+    rigid: bool
+    cam: str | None
+    angle: str | None
+    count: int | None
+
+    @property
+    def first(self) -> Source:
+        """The first source."""
+        return next(iter(self.sources.values()))
+
+    @property
+    def title(self) -> str:
+        """Above a picture of a single source."""
+        return self.first.title if len(self.sources) == 1 else ""
+
+    def responses(self) -> dict[str, Response]:
+        """Return what was computed, by name; a single run needs none."""
+        return {name: one.response for name, one in self.sources.items()}
+
+    def rigid_ones(self) -> dict[str, Response]:
+        """Return the rigid runs by name; none where they are not asked for."""
+        return {name: one.rigid for name, one in self.sources.items()} if self.rigid else {}
+
+
+@app.command(
+    help_prologue="""\
+flexcam plot results/case.vtkhdf --rigid -o motion.pdf
+flexcam plot slow.vtkhdf fast.vtkhdf --probe valve --over time
+flexcam plot case.toml --what profile --angle 90deg
+"""
+)
+def plot(
+    files: Annotated[list[Path], Parameter(help="Results (.vtkhdf), or cases (.toml), which are run.")], *,
+    what: Annotated[What, Parameter(help="What is drawn.")] = "motion",
+    probe: Annotated[str | None, Parameter(help="Whose motion; the valve by default.")] = None,
+    channels: Annotated[
+        list[str] | None, Parameter("--channel", negative=(), help="Force or other channel; may be repeated.")
+    ] = None,
+    over: Annotated[Literal["angle", "time"] | None, Parameter(help="Cam angle by default.")] = None,
+    rigid: Annotated[bool, Parameter(negative=(), help="Also the same mechanism with rigid members.")] = False,
+    cam: Annotated[str | None, Parameter(help="svaj, profile: this cam alone.")] = None,
+    angle: Annotated[str | None, Parameter(help="profile: cam angle at which it stands, such as '90 deg'.")] = None,
+    count: Annotated[int | None, Parameter(help="modes: how many; 6 by default.")] = None,
+    output: Annotated[Path | None, Parameter(["-o", "--output"], help="The picture: .svg, .png or .pdf.")] = None,
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> Status | None:  # fmt: skip
+    """Draw runs, cams, modes or what cheaper models cost: motion and contact force over the cam angle by default.
+
+    A run that ended early is drawn as far as it came.
+    """
+    from flexcam.view import free_for_picture, save_figure
+
+    _only_what_applies(
+        what, probe=probe, channel=channels, rigid=rigid or None, over=over, cam=cam, angle=angle, count=count
+    )
+    target = output or Path(f"{files[0].name.partition('.')[0] if files else 'flexcam'}-{what}.svg")
+    free_for_picture(target, overwrite=overwrite)
+    asked = Asked(named(opened(files, overrides)), probe, channels, over, rigid, cam, angle, count)
+    save_figure(_FIGURES[what](asked), target, overwrite=overwrite)
+    if as_json:
+        print_json({"status": "ok", "files": [str(target)]})
+    else:
+        out().print(str(target), markup=False)
+    return next((run.status for run in _solved(asked) if not run.status.ok), None)
+
+
+def _solved(asked: Asked) -> list[Response]:
+    """Return the runs that this command did itself."""
+    return [one.response for one in asked.sources.values() if one.result is None and "response" in vars(one)]
+
+
+_APPLIES = {
+    "probe": ("motion", "work-precision"), "channel": ("motion", "force"), "rigid": ("motion", "force"),
+    "over": ("motion", "force", "energy"), "cam": ("svaj", "profile"), "angle": ("profile",), "count": ("modes",),
+}  # fmt: skip
+
+
+def _only_what_applies(what: str, **options: object) -> None:
+    """Refuse options that this kind of picture does not have."""
+    faults = [
+        Fault(f"--{name}", str(given), f"--what {' or '.join(_APPLIES[name])}", f"{what} does not have it", "")
+        for name, given in options.items()
+        if given is not None and what not in _APPLIES[name]
+    ]
+    if faults:
+        raise InputError(faults)
+
+
+def _motion(asked: Asked) -> Figure:
+    from flexcam.view import contact_forces, motion_figure
+
+    responses = asked.responses()
+    channels = asked.channels if asked.channels is not None else contact_forces(asked.first.response)[:1]
+    return motion_figure(
+        responses, asked.probe or runner.scalar_probe(asked.first.ready), channels, rigid=asked.rigid_ones(),
+        over=asked.over or "angle", title=asked.title,
+    )  # fmt: skip
+
+
+def _force(asked: Asked) -> Figure:
+    from flexcam.view import channel_figure, contact_forces
+
+    responses, channels = asked.responses(), asked.channels or contact_forces(asked.first.response)
+    if not channels:
+        raise refuse("--what", "force", "a run with contacts", "this one has none", "name channels with --channel")
+    return channel_figure(responses, channels, rigid=asked.rigid_ones(), over=asked.over or "angle", title=asked.title)
+
+
+def _energy(asked: Asked) -> Figure:
+    from flexcam.view import energy_figure
+
+    return energy_figure(asked.responses(), over=asked.over or "angle", title=asked.title)
+
+
+def _svaj(asked: Asked) -> Figure:
+    from flexcam.view import lift_figure
+
+    events = {
+        ", ".join(filter(None, (name, cam))): one.event
+        for name, source in asked.sources.items()
+        for cam, one in _cams(source, asked.cam).items()
+    }
+    return lift_figure(events)
+
+
+def _profile(asked: Asked) -> Figure:
+    from flexcam.cam import cam_profile
+    from flexcam.view import profile_figure
+
+    source = _single(asked, "profile")
+    cams = {name: one for name, one in _cams(source, asked.cam).items() if one.follower is not None}
+    if not cams:
+        why = f"{asked.cam or 'no cam of it'} has a profile" if asked.cam is None else f"{asked.cam!r} has no profile"
+        raise refuse("--what", "profile", "a cam with a follower", why, "give the cam base_radius and follower")
+    one = next(iter(cams.values()))
+    turned = 0.0 if asked.angle is None else quantity("--angle", asked.angle, "angle", "deg")
+    if one.follower is None:
+        raise refuse("--cam", repr(asked.cam), "a cam with a follower")
+    return profile_figure(cam_profile(one.event, one.follower, count=720, turn=one.turn), angle=turned % math.tau)
+
+
+def _modes(asked: Asked) -> Figure:
+    from flexcam.view import mode_figure
+
+    count = 6 if asked.count is None else asked.count
+    if count < 1:
+        raise refuse("--count", count, "a whole number from 1")
+    case = _single(asked, "modes").case
+    structure = build_structure(build_model(case))
+    return mode_figure(structure, runner.modes(case, count), title=case.record.title or case.name)
+
+
+def _work_precision(asked: Asked) -> Figure:
+    from flexcam.view import work_precision_figure
+
+    source = _single(asked, "work-precision")
+    probe = asked.probe or runner.scalar_probe(source.ready)
+    return work_precision_figure(fidelity.trade(source.case, probe, repeats=1)[1])
+
+
+_FIGURES: Mapping[str, Callable[[Asked], Figure]] = {
+    "motion": _motion, "force": _force, "energy": _energy, "svaj": _svaj, "profile": _profile, "modes": _modes,
+    "work-precision": _work_precision,
+}  # fmt: skip
+
+
+def _single(asked: Asked, what: str) -> Source:
+    if len(asked.sources) > 1:
+        raise refuse("--what", what, "one file", f"{len(asked.sources)} were given")
+    return asked.first
+
+
+def _cams(source: Source, name: str | None) -> Mapping[str, Cam]:
+    """Return the cams of a source, or the one asked for."""
+    cams: Mapping[str, Cam] = build_model(source.case).cams
+    known: Sequence[str] = list(cams)
+    if name is not None and name not in cams:
+        raise refuse("--cam", repr(name), ", ".join(known), "", did_you_mean(name, known))
+    if not cams:
+        raise refuse("cams", "none", "a case with cams")
+    return cams if name is None else {name: cams[name]}

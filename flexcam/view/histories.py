@@ -1,0 +1,336 @@
+"""What a run did over time or cam angle: motion of a probe, forces and other channels, energies."""
+
+# pyright: reportUnknownMemberType=false
+# matplotlib leaves the types of its keyword arguments open.
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
+
+from flexcam.checks import did_you_mean, refuse
+from flexcam.linalg import FloatArray
+from flexcam.response import Response
+from flexcam.units import shown
+from flexcam.view.axes import COLOURS, legend, looks, stacked
+
+Over = Literal["angle", "time"]
+SERIES = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
+"""Motions of a probe, and what their units have beside that of the displacement."""
+
+_TURNS = ("rx", "ry", "rz")
+_TICKS = (5, 10, 15, 30, 45, 90, 180, 360, 720)
+_MOST_TICKS = 9
+_BELOW = {"angle": "cam angle, deg", "time": "time, s"}
+_FORCES = (".force",)
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a curve looks, and what it is called.
+
+    Parameters
+    ----------
+    label
+        In the legend.
+    colour, dashes
+        As matplotlib takes them.
+    width
+        Of the line, points.
+    """
+
+    label: str = ""
+    colour: str = COLOURS[0]
+    dashes: str = "-"
+    width: float = 1.4
+
+
+def unit_of(component: str, series: str) -> str:
+    """Return the SI unit of a probe's motion.
+
+    Parameters
+    ----------
+    component
+        Such as ``uy`` or ``rx``, or the name of a rocker's point.
+    series
+        Of `SERIES`.
+
+    Returns
+    -------
+    str
+        Such as ``m/s^2`` or ``rad``.
+    """
+    return ("rad" if component.rpartition(".")[2] in _TURNS else "m") + SERIES[series]
+
+
+def draw_motion(
+    axes: Sequence[Axes], response: Response, probe: str, *, over: Over = "angle", look: Look | None = None
+) -> None:
+    """Draw displacement, velocity and acceleration of a probe.
+
+    Parameters
+    ----------
+    axes
+        One to three, for the displacement, the velocity and the acceleration.
+    response
+        Of a run.
+    probe
+        Of one scalar, such as ``valve`` or ``cam.uy``.
+    over
+        Cam angle or time.
+    look
+        Of the curves.
+
+    Raises
+    ------
+    InputError
+        If the run saved no such probe, or it has several components.
+
+    Examples
+    --------
+    ``draw_motion([axes], flexcam.run(case), "valve")`` draws the lift of the valve alone.
+    """
+    history = response[probe]
+    if history.displacement.ndim != 1:
+        allowed = "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components)
+        raise refuse("probe", repr(probe), allowed, "a curve is one scalar over the cam angle")
+    for one, series in zip(axes, SERIES, strict=False):
+        factor, _ = shown(unit_of(probe, series))
+        _draw(one, response, factor * getattr(history, series), over, look)
+
+
+def draw_channel(
+    axes: Axes, response: Response, channel: str, *, over: Over = "angle", look: Look | None = None
+) -> None:
+    """Draw a channel, such as a contact force.
+
+    Parameters
+    ----------
+    axes
+        To draw into.
+    response
+        Of a run.
+    channel
+        Such as ``contacts.intake.force``.
+    over
+        Cam angle or time.
+    look
+        Of the curve.
+
+    Raises
+    ------
+    InputError
+        If the run has no such channel.
+    """
+    factor, _ = shown(unit_of_channel(response, channel))
+    _draw(axes, response, factor * response.channels[channel], over, look)
+
+
+def unit_of_channel(response: Response, channel: str) -> str:
+    """Return the SI unit of a channel.
+
+    Parameters
+    ----------
+    response
+        Of a run.
+    channel
+        Its name.
+
+    Returns
+    -------
+    str
+        Such as ``N``.
+
+    Raises
+    ------
+    InputError
+        If the run has no such channel.
+    """
+    known = dict(response.outline.channels)
+    if channel not in known:
+        allowed = ", ".join(known) or "(no channel was saved)"
+        raise refuse("channel", repr(channel), allowed, "", did_you_mean(channel, known))
+    return known[channel]
+
+
+def contact_forces(response: Response) -> list[str]:
+    """Return the channels that are forces of contacts.
+
+    Parameters
+    ----------
+    response
+        Of a run.
+
+    Returns
+    -------
+    list
+        Names, in the order of the run.
+    """
+    return [name for name, _ in response.outline.channels if name.startswith("contacts.") and name.endswith(_FORCES)]
+
+
+def motion_figure(
+    responses: Mapping[str, Response], probe: str, channels: Sequence[str] = (), *,
+    rigid: Mapping[str, Response] | None = None, over: Over = "angle", title: str = "",
+) -> Figure:  # fmt: skip
+    """Return the motion of a probe in several runs over each other, and channels below it.
+
+    Parameters
+    ----------
+    responses
+        By what they are called.
+    probe
+        Of one scalar.
+    channels
+        Axes of their own below the motion.
+    rigid
+        The same runs with rigid members, by the same names, drawn dotted.
+    over
+        Cam angle or time.
+    title
+        Above everything.
+
+    Returns
+    -------
+    Figure
+        Three axes and one per channel, above each other.
+
+    Raises
+    ------
+    InputError
+        If a run has no such probe or channel.
+    """
+    first = next(iter(responses.values()))
+    motions = [_label(series, unit_of(probe, series)) for series in SERIES]
+    called = [_label(_short(name), unit_of_channel(first, name)) for name in channels]
+    figure, axes = stacked([*motions, *called], _BELOW[over])
+    for response, look in _looked(responses, rigid or {}):
+        draw_motion(axes[: len(SERIES)], response, probe, over=over, look=look)
+        for one, channel in zip(axes[len(SERIES) :], channels, strict=True):
+            draw_channel(one, response, channel, over=over, look=look)
+    return _finished(figure, axes, over, title)
+
+
+def channel_figure(
+    responses: Mapping[str, Response], channels: Sequence[str], *, rigid: Mapping[str, Response] | None = None,
+    over: Over = "angle", title: str = "",
+) -> Figure:  # fmt: skip
+    """Return channels of several runs over each other.
+
+    Parameters
+    ----------
+    responses
+        By what they are called.
+    channels
+        An axis each.
+    rigid, over, title
+        As for `motion_figure`.
+
+    Returns
+    -------
+    Figure
+        An axis per channel, above each other.
+
+    Raises
+    ------
+    InputError
+        If a run has no such channel.
+    """
+    first = next(iter(responses.values()))
+    figure, axes = stacked([_label(_short(name), unit_of_channel(first, name)) for name in channels], _BELOW[over])
+    for response, look in _looked(responses, rigid or {}):
+        for one, channel in zip(axes, channels, strict=True):
+            draw_channel(one, response, channel, over=over, look=look)
+    for one, channel in zip(axes, channels, strict=True):
+        if channel.endswith(_FORCES):
+            one.axhline(0.0, color="0.4", linewidth=0.8)
+    return _finished(figure, axes, over, title)
+
+
+def draw_energy(axes: Axes, response: Response, *, over: Over = "angle") -> None:
+    """Draw the energies of a run, and what of them does not add up.
+
+    Parameters
+    ----------
+    axes
+        To draw into.
+    response
+        Of a run.
+    over
+        Cam angle or time.
+    """
+    parts = [name for name in response.channels if name.startswith("energy.")]
+    for name, (colour, dashes) in zip(parts, looks(), strict=False):
+        if response.channels[name].any():
+            draw_channel(axes, response, name, over=over, look=Look(name.removeprefix("energy."), colour, dashes))
+
+
+def energy_figure(responses: Mapping[str, Response], *, over: Over = "angle", title: str = "") -> Figure:
+    """Return the energies of runs.
+
+    Parameters
+    ----------
+    responses, over, title
+        As for `motion_figure`.
+
+    Returns
+    -------
+    Figure
+        An axis per run, above each other.
+    """
+    labels = ["energy, J" if len(responses) == 1 else f"{name}\nenergy, J" for name in responses]
+    figure, axes = stacked(labels, _BELOW[over], height=3.0)
+    for one, response in zip(axes, responses.values(), strict=True):
+        draw_energy(one, response, over=over)
+    return _finished(figure, axes, over, title)
+
+
+def _draw(axes: Axes, response: Response, values: FloatArray, over: Over, look: Look | None) -> None:
+    look = look or Look()
+    x = np.degrees(response.angle) if over == "angle" else response.time
+    axes.plot(x, values, label=look.label, color=look.colour, linestyle=look.dashes, linewidth=look.width)
+
+
+def _looked(responses: Mapping[str, Response], rigid: Mapping[str, Response]) -> list[tuple[Response, Look]]:
+    """Return what is drawn, and how: a rigid run dotted, in the colour of its flexible one where there are others."""
+    found: list[tuple[Response, Look]] = []
+    for (name, response), (colour, dashes) in zip(responses.items(), looks(), strict=False):
+        flexible = "flexible" if name in rigid and not name else name
+        found.append((response, Look(flexible, colour, "-" if dashes == ":" else dashes)))
+        if name in rigid:
+            own = colour if len(responses) > 1 else COLOURS[1]
+            found.append((rigid[name], Look(f"{name}, rigid" if name else "rigid", own, ":", 1.6)))
+    return found
+
+
+def _label(name: str, unit: str) -> str:
+    _, symbol = shown(unit)
+    return f"{name}\n{symbol}" if symbol else name
+
+
+def _short(channel: str) -> str:
+    """Return a channel as the label of an axis: ``contacts.intake.force`` is the intake's force."""
+    return " ".join(channel.split(".")[1:]).replace("_", " ")
+
+
+def _finished(figure: Figure, axes: Sequence[Axes], over: Over, title: str) -> Figure:
+    lines, _ = axes[0].get_legend_handles_labels()
+    legend(figure, axes[0], len(lines))
+    first, last = axes[-1].dataLim.intervalx
+    if over == "angle" and last > first:
+        axes[-1].xaxis.set_major_locator(MultipleLocator(_tick(last - first)))
+    if last > first:
+        axes[-1].set_xlim(first, last)
+    axes[0].set_title(title, fontsize="medium")
+    return figure
+
+
+def _tick(span: float) -> float:
+    """Return a distance of ticks that fits a revolution."""
+    return next((float(one) for one in _TICKS if span / one <= _MOST_TICKS), 720.0 * np.ceil(span / 720.0 / 8.0))

@@ -1,0 +1,201 @@
+"""flexcam plot: what is drawn of results and cases, what is refused, and how the pictures look."""
+
+from __future__ import annotations
+
+import shutil
+import xml.etree.ElementTree as ET  # the files are our own
+from pathlib import Path
+
+import imagehash
+import numpy as np
+import pytest
+from PIL import Image
+
+from flexcam import prepare, read_case, read_result, solve
+from flexcam.case import recalled_case
+from flexcam.io import write_text
+from flexcam.reopened import reopened, strength_of
+from flexcam.runner import result_file
+from flexcam.train import StrengthSink, build_structure
+
+ROOT = Path(__file__).parents[2]
+ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
+
+SEEN_ALWAYS = ("motion", "modes")
+LOOKS = {
+    "motion": "b1cc7321ce33ce31",
+    "force": "b13131a1cecc6e5e",
+    "energy": "e5ac7ea9a6598618",
+    "svaj": "859ffe87648ce610",
+    "profile": "ab707424a32c8faf",
+    "modes": "a4267b067b263b72",
+}
+"""Perceptual hash (64 bits) of every kind of picture."""
+
+SAME = 10
+"""Bits by which a picture may differ: other fonts and versions of matplotlib move labels; others differ by 22."""
+
+
+@pytest.fixture
+def result(flexcam, case, tmp_path):
+    assert flexcam("run", "case.toml", "-o", "out").code == 0
+    return tmp_path / "out/case.vtkhdf"
+
+
+def words_of(path):
+    """Return the comments of an SVG file, in which matplotlib keeps the texts it draws."""
+    parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))  # noqa: S314 - our own file
+    tree = ET.parse(path, parser)  # noqa: S314
+    return [str(one.text).strip() for one in tree.iter() if one.tag is ET.Comment]
+
+
+def look(path):
+    with Image.open(path) as image:
+        return imagehash.phash(image)
+
+
+def test_motion_of_a_result_with_its_rigid_train(flexcam, result, tmp_path):
+    told = flexcam("plot", result, "--rigid", "-o", "a.svg", "--json")
+    assert (told.code, told.err, told.json["files"]) == (0, "", ["a.svg"])
+    words = words_of(tmp_path / "a.svg")
+    wanted = ["displacement", "mm", "velocity", "m/s", "acceleration", "m/s²", "intake force", "N", "cam angle, deg",
+              "rigid", "flexible", "Nodes in the file, camshaft 3000 rpm"]  # fmt: skip
+    assert [word for word in wanted if word not in words] == []
+
+
+def test_several_results_over_time(flexcam, case, result, tmp_path):
+    """Files of one name are told apart by their speeds."""
+    assert flexcam("run", "case.toml", "-o", "fast", "--set", "run.speed=4000rpm").code == 0
+    assert flexcam("plot", result, "fast/case.vtkhdf", "--over", "time", "--probe", "cam.rx", "-o", "b.svg").code == 0
+    words = words_of(tmp_path / "b.svg")
+    assert [word for word in ("case, 3000 rpm", "case, 4000 rpm", "time, s", "deg", "rad/s") if word not in words] == []
+
+
+def test_a_case_is_run(flexcam, case, tmp_path):
+    told = flexcam("plot", "case.toml", "--set", "run.speed=3500rpm")
+    assert (told.code, told.out.strip()) == (0, "case-motion.svg")
+    assert "Nodes in the file, camshaft 3500 rpm" in words_of(tmp_path / "case-motion.svg")
+
+
+@pytest.mark.parametrize("ending", ["png", "pdf"])
+def test_endings(ending, flexcam, result, tmp_path):
+    assert flexcam("plot", result, "--what", "energy", "-o", f"deep/e.{ending}").code == 0
+    begin = {"png": b"\x89PNG", "pdf": b"%PDF"}[ending]
+    assert (tmp_path / f"deep/e.{ending}").read_bytes().startswith(begin)
+
+
+def test_a_result_whose_case_is_gone(flexcam, result, case):
+    """Its rigid train, cams and modes come out of what the result keeps."""
+    case.unlink()
+    for what, more in (("motion", ["--rigid"]), ("svaj", []), ("modes", ["--count", "2"])):
+        assert flexcam("plot", result, "--what", what, *more, "-o", f"{what}.png").code == 0
+
+
+def test_what_a_run_that_ended_early_left(flexcam, case, tmp_path):
+    """It is drawn as far as it came; the command ends as the run did."""
+    told = flexcam("plot", "case.toml", "--set", "run.integrator.beta=0.01", "-o", "early.svg")
+    assert told.code == 3
+    assert "not-finite" in told.err
+    assert "displacement" in words_of(tmp_path / "early.svg")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nosuch.vtkhdf"], "no such file"),
+        (["text.vtkhdf"], "a result file of flexcam"),
+        (["out/case.vtkhdf", "--probe", "valv"], "did you mean 'valve'"),
+        (["out/case.vtkhdf", "--probe", "cam"], "cam.uy"),
+        (["out/case.vtkhdf", "--channel", "contacts.intake.forc"], "did you mean 'contacts.intake.force'"),
+        (["out/case.vtkhdf", "-o", "a.jpg"], ".svg, .png, .pdf"),
+        (["out/case.vtkhdf", "-o", "case.toml/a.svg"], "a folder that can be made"),
+        (["out/case.vtkhdf", "-o", "taken.svg"], "--overwrite"),
+        (["out/case.vtkhdf", "--set", "run.speed=1000rpm"], "a result has been computed"),
+        (["out/case.vtkhdf", "--what", "energy", "--probe", "valve", "--rigid"], "--what motion or work-precision"),
+        (["case.toml", "--what", "profile"], "base_radius and follower"),
+        (["case.toml", "--what", "svaj", "--cam", "intak"], "did you mean 'intake'"),
+        (["case.toml", "--what", "modes", "--count", "0"], "a whole number from 1"),
+        (["case.toml", "out/case.vtkhdf", "--what", "modes"], "one file"),
+        (["out/case.vtkhdf", "--what", "nosuch"], "motion"),
+    ],
+)
+def test_refusals(words, said, flexcam, result, tmp_path):
+    write_text(tmp_path / "taken.svg", "mine")
+    write_text(tmp_path / "text.vtkhdf", "no result")
+    before = sorted(tmp_path.rglob("*"))
+    told = flexcam("plot", *words)
+    assert told.code == 2
+    assert said in told.err
+    assert sorted(tmp_path.rglob("*")) == before, "nothing is written"
+    assert (tmp_path / "taken.svg").read_text() == "mine"
+
+
+def test_every_wrong_option_is_told_at_once(flexcam, result):
+    told = flexcam("plot", result, "--what", "modes", "--probe", "valve", "--over", "time", "--angle", "3 deg")
+    assert [line.partition(":")[0] for line in told.err.splitlines()] == ["--probe", "--over", "--angle"]
+
+
+@pytest.fixture(scope="module")
+def engine(tmp_path_factory):
+    """Run the pushrod engine in few steps."""
+    folder = tmp_path_factory.mktemp("engine")
+    ready = prepare(read_case(ENGINE, ["run.steps_per_revolution=720", "run.revolutions=1"]))
+    sink = result_file(ready, folder)
+    assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink]).status.ok
+    return sink.path
+
+
+@pytest.mark.parametrize(
+    "what", [pytest.param(one, marks=() if one in SEEN_ALWAYS else pytest.mark.slow) for one in LOOKS]
+)
+def test_looks(what, flexcam, engine, tmp_path):
+    shutil.copy(engine, tmp_path / "intake.vtkhdf")
+    more = {"motion": ["--rigid"], "profile": ["--angle", "160 deg"], "modes": ["--count", "4"]}.get(what, [])
+    assert flexcam("plot", "intake.vtkhdf", "--what", what, *more, "-o", "look.png").code == 0
+    off = {other: look(tmp_path / "look.png") - imagehash.hex_to_hash(known) for other, known in LOOKS.items()}
+    assert off[what] <= SAME, f"it looks otherwise now: {look(tmp_path / 'look.png')}"
+    assert min(bits for other, bits in off.items() if other != what) > SAME, "and like no other"
+
+
+@pytest.mark.slow
+def test_work_precision(flexcam, tmp_path):
+    """The same picture as that of flexcam trade."""
+    shutil.copy(ROOT / "cases/li/valve-train.toml", tmp_path / "li.toml")
+    few = ("--set", "run.steps_per_revolution=120", "--set", "run.revolutions=1")
+    told = flexcam("plot", "li.toml", "--what", "work-precision", *few, "-o", "w.svg")
+    assert (told.code, told.err) == (0, "")
+    words = words_of(tmp_path / "w.svg")
+    assert [word for word in ("unknowns times steps", "error of lift, %", "rigid") if word not in words] == []
+
+
+@pytest.mark.parametrize(
+    ("path", "overrides"),
+    [("pushrod-engine/intake.toml", []), ("tayeb/model-1-shm.toml", ["members.pushrod.elements=3"])],
+    ids=["nodes in the file", "a mesh with members divided further"],
+)
+def test_the_recalled_case_is_the_case(path, overrides, tmp_path):
+    """Out of the result alone: the same matrices, names and loads."""
+    own = read_case(ROOT / "cases" / path, [*overrides, "run.steps_per_revolution=90", "run.revolutions=0.1"])
+    ready = prepare(own)
+    sink = result_file(ready, tmp_path)
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
+    kept = recalled_case(read_result(sink.path))
+    assert (kept.text, kept.overrides, kept.speed) == (own.text, own.overrides, own.speed)
+    one, other = ready.problem.system, prepare(kept).problem.system
+    assert one.names == other.names
+    for name in ("mass", "stiffness", "damping"):
+        assert (getattr(one, name).dense() == getattr(other, name).dense()).all(), name
+    assert [load.name for load in one.loads] == [load.name for load in other.loads]
+
+
+def test_a_reopened_result_is_the_run(tmp_path):
+    """Its fields are the unknowns of the run, those that no node has among them, and so are its stresses."""
+    ready = prepare(read_case(ENGINE, ["run.steps_per_revolution=360", "run.revolutions=0.5"]))
+    sink, stressed = result_file(ready, tmp_path), StrengthSink(build_structure(ready.model))
+    response = solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink, stressed])
+    result = read_result(sink.path)
+    again, found = reopened(recalled_case(result), result)
+    assert found.outline == response.outline
+    for name, values in vars(response.fields).items():
+        np.testing.assert_allclose(getattr(found.fields, name), values, rtol=0.0, atol=0.0)
+    assert strength_of(again, found) == stressed.members()

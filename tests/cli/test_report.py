@@ -1,0 +1,180 @@
+"""flexcam report: complete, failed and several results; with the case gone; hostile strings; refusals."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from flexcam.io import write_text
+
+ROOT = Path(__file__).parents[2]
+ROOM = 6_000_000
+"""Bytes of a page."""
+
+
+@pytest.fixture
+def result(flexcam, case, tmp_path):
+    assert flexcam("run", "case.toml", "-o", "out").code == 0
+    return tmp_path / "out/case.vtkhdf"
+
+
+def data_of(text):
+    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)[1])
+
+
+def without_programs(page):
+    return re.sub(r"<(script|style)>.*?</\1>", "", page, flags=re.S)
+
+
+def text_of(page):
+    """Return a page without its programs and tags, as a reader reads it."""
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", without_programs(page)))
+
+
+def test_a_report(flexcam, result):
+    told = flexcam("report", result, "--json")
+    assert (told.code, told.err) == (0, "")
+    assert told.json["file"] == str(result.with_suffix(".html"))
+    assert told.json["warnings"] == {str(result): []}
+    page = result.with_suffix(".html").read_text(encoding="utf-8")
+    assert len(page.encode()) < ROOM
+    text = text_of(page)
+    wanted = [
+        "Nodes in the file, camshaft 3000 rpm", "A rigid train would not tell the same", "deviates by up to",
+        "Modelled with flexible beams: 2 members, 3 masses, 1 spring, 1 rocker, 1 cam, 1 contact",
+        "the run covers 1 revolution in 720 steps (720 per revolution)", "Left out of the run",
+        "published load", "buckling load of pushrod is", "Stresses at the saved instants", "Energy over the run",
+        "what moves", "numpy", "members]", "[contacts.intake]",
+    ]  # fmt: skip
+    assert [words for words in wanted if words not in text] == []
+    data = data_of(page)
+    assert [album["title"] for album in data["albums"]] == ["Motion", "Forces and more", "Energy"]
+    assert data["albums"][0]["charts"][0]["name"] == "valve"
+    assert [one["name"] for one in data["scenes"][0]["shapes"]][-1] == "the run"
+    assert [one["name"] for one in data["scenes"][0]["lines"]] == ["camshaft", "pushrod"]
+
+
+def test_the_case_may_be_gone(flexcam, result, case, tmp_path):
+    """The report is the same out of the result alone; it replaces another only where that is asked."""
+    assert flexcam("report", result, "-o", "a.html").code == 0
+    before = (tmp_path / "a.html").read_bytes()
+    case.unlink()
+    write_text(tmp_path / "a.html", "another", overwrite=True)
+    assert flexcam("report", result, "-o", "a.html", "--overwrite").code == 0
+    assert (tmp_path / "a.html").read_bytes() == before
+
+
+def test_what_cannot_be_had_is_said(flexcam, case, tmp_path):
+    """A lift table that is gone: curves and lines remain, and the page says what is left out."""
+    text = case.read_text(encoding="utf-8")
+    old = 'law = "shm"\nlift = "6 mm"\nrise = "180 deg"\nreturn = "180 deg"'
+    assert old in text
+    lift = 'lift_table = { file = "lift.csv", unit = "mm" }'
+    shutil.copy(ROOT / "tests/data/lift.csv", tmp_path)
+    case.write_text(text.replace(old, lift), encoding="utf-8")
+    assert flexcam("run", "case.toml", "-o", "out").code == 0
+    (tmp_path / "lift.csv").unlink()
+    told = flexcam("report", "out/case.vtkhdf", "--json")
+    assert told.code == 0
+    (warnings,) = told.json["warnings"].values()
+    assert "Not in this report" in warnings[0]
+    assert "lift.csv" in warnings[0]
+    page = (tmp_path / "out/case.html").read_text(encoding="utf-8")
+    assert warnings[0].partition(";")[0] in text_of(page)
+    data = data_of(page)
+    assert "valve" in [chart["name"] for chart in data["albums"][0]["charts"]]
+    assert [one["name"] for one in data["scenes"][0]["shapes"]] == ["the run"]
+
+
+def test_a_run_that_diverged(flexcam, case, tmp_path):
+    assert flexcam("run", "case.toml", "-o", "out", "--set", "run.integrator.beta=0.01").code == 3
+    assert flexcam("report", "out/case.partial.vtkhdf", "-o", "early.html").code == 0
+    text = text_of((tmp_path / "early.html").read_text(encoding="utf-8"))
+    assert "The run did not reach its end. not-finite" in text
+    assert "A rigid train would" not in text, "no verdict of half a run"
+
+
+@pytest.mark.slow
+def test_several_results(flexcam, case, result, tmp_path):
+    assert flexcam("run", "case.toml", "-o", "fast", "--set", "run.speed=4000rpm").code == 0
+    assert flexcam("report", result, "fast/case.vtkhdf", "--probe", "cam.rx", "-o", "both.html").code == 0
+    page = (tmp_path / "both.html").read_text(encoding="utf-8")
+    assert len(page.encode()) < ROOM
+    first = data_of(page)["albums"][0]["charts"][0]
+    assert first["name"] == "cam.rx"
+    names = [curve["name"] for curve in first["panels"][0]["curves"]]
+    assert [one for one in names if "rigid" not in one] == ["case, 3000 rpm", "case, 4000 rpm"]
+    assert "run.speed=4000rpm" in text_of(page)
+
+
+@pytest.mark.slow
+def test_hostile_cases(flexcam, case, tmp_path):
+    """A title and a comment that would be programs."""
+    text = case.read_text(encoding="utf-8")
+    evil = "</title><script>alert(1)</script>"
+    text = text.replace('title = "Nodes in the file"', f"title = '{evil}'") + f"\n# </pre></script>{evil}\n"
+    case.write_text(text, encoding="utf-8")
+    assert flexcam("run", "case.toml", "-o", "out").code == 0
+    assert flexcam("report", "out/case.vtkhdf").code == 0
+    page = (tmp_path / "out/case.html").read_text(encoding="utf-8")
+    assert evil not in page
+    bare = without_programs(page)
+    assert bare.count("</title>") == bare.count("</pre>") == bare.count("</script>") == 1
+    assert bare.count("&lt;script&gt;alert(1)") >= 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["rigid", "sdof"])
+def test_coarser_models(model, flexcam, case, tmp_path):
+    assert flexcam("run", "case.toml", "-o", "out", "--set", f"fidelity.model={model}").code == 0
+    told = flexcam("report", "out/case.vtkhdf", "--json")
+    assert told.code == 0
+    assert "know nothing of" in str(told.json["warnings"])
+    text = text_of((tmp_path / "out/case.html").read_text(encoding="utf-8"))
+    assert ("A rigid train would" in text) == (model != "rigid")
+    assert "Stresses at the saved instants" not in text
+
+
+def test_what_is_asked_for_beside(flexcam, case, tmp_path):
+    """Errors and the trade run the case again; in few steps here."""
+    assert flexcam("run", "case.toml", "-o", "out", "--set", "run.steps_per_revolution=120").code == 0
+    assert flexcam("report", "out/case.vtkhdf", "--errors", "--trade").code == 0
+    page = (tmp_path / "out/case.html").read_text(encoding="utf-8")
+    text = text_of(page)
+    wanted = ["How far the numbers may be off", "±", "What a cheaper model costs in error", "No other model beats"]
+    assert [words for words in wanted if words not in text] == []
+    assert without_programs(page).count('src="data:image/png') == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nosuch.vtkhdf"], "no such file"),
+        (["case.toml"], "a result file of flexcam"),
+        (["out/case.vtkhdf", "--probe", "valv"], "did you mean 'valve'"),
+        (["out/case.vtkhdf", "--probe", "cam"], "cam.uy"),
+        (["out/case.vtkhdf", "-o", "a.pdf"], ".html"),
+        (["out/case.vtkhdf", "-o", "case.toml/a.html"], "a folder that can be made"),
+        (["out/case.vtkhdf", "-o", "taken.html"], "--overwrite"),
+        (["out/case.vtkhdf", "--limits"], "unilateral"),
+        ([], "results"),
+    ],
+)
+def test_refusals(words, said, flexcam, result, tmp_path):
+    write_text(tmp_path / "taken.html", "mine")
+    before = sorted(tmp_path.rglob("*"))
+    told = flexcam("report", *words)
+    assert told.code == 2
+    assert said in told.err
+    assert sorted(tmp_path.rglob("*")) == before, "nothing is written"
+
+
+def test_no_display_and_no_gl_library_is_needed(spawned, result, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    done = spawned("report", result)
+    assert (done.code, done.err) == (0, "")
