@@ -17,7 +17,7 @@ from flexcam.linalg import FloatArray, IntArray
 from flexcam.response import SaveAt, Stats, Status
 
 State = tuple[FloatArray, FloatArray, FloatArray]
-"""Amounts, velocities and accelerations."""
+"""Amounts, velocities times the step and accelerations times its square: all three are of one size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +45,7 @@ class Motions:
 
 
 def advance(scheme: Scheme, motions: Motions, begin: State, loads: FloatArray) -> State:
-    """Return amounts, velocities and accelerations after every step.
-
-    The step of the generalized-alpha family with velocities times the step and accelerations times its square, so that
-    all three are of one size.
+    """Return the states after every step of the generalized-alpha family.
 
     Parameters
     ----------
@@ -71,7 +68,7 @@ def advance(scheme: Scheme, motions: Motions, begin: State, loads: FloatArray) -
     whole = (1.0 - scheme.alpha_m) * motions.mass + new * (scheme.gamma * slow + scheme.beta * stiff)
     slow, stiff, heavy = slow / whole, stiff / whole, scheme.alpha_m * motions.mass / whole
     pushed = h**2 / whole * (new * loads[1:] + old * loads[:-1] if old else loads[1:])
-    q, v, a = begin[0], h * begin[1], h**2 * begin[2]
+    q, v, a = begin
     found = (np.empty_like(pushed), np.empty_like(pushed), np.empty_like(pushed))
     damped, looks_back = bool(np.any(slow)), bool(scheme.alpha_m or old)
     for k, push in enumerate(pushed):
@@ -82,7 +79,7 @@ def advance(scheme: Scheme, motions: Motions, begin: State, loads: FloatArray) -
         a = right - (new * pull if old else pull)
         q, v = moved + scheme.beta * a, moving + scheme.gamma * a
         found[0][k], found[1][k], found[2][k] = q, v, a
-    return found[0], found[1] / h, found[2] / h**2
+    return found
 
 
 class Superposed:
@@ -111,6 +108,7 @@ class Superposed:
         self._motions = Motions.of(problem)
         self._forces = LocalForces(problem.system)
         self._last: tuple[Track, FloatArray] | None = None
+        self._state: State = (np.zeros(0), np.zeros(0), np.zeros(0))
 
     def advance(self, steps: IntArray) -> tuple[Track, Status]:
         """Return the instants of some successive steps, as `Engine` says."""
@@ -121,18 +119,19 @@ class Superposed:
         loads = self._system.applied(motion)
         if self._last is None:
             track = first = first_track(self._problem, self._forces)
+            self._state = self._scaled((first.d[0], first.v[0], first.a[0]))
             if len(steps) > 1:
-                track = Track.joined([first, self._walked(first, loads, at[1:], steps[1:])])
+                track = Track.joined([first, self._walked(loads, at[1:], steps[1:])])
         else:
             first, load = self._last
-            track = self._walked(first, np.vstack([load, loads]), at, steps)
+            track = self._walked(np.vstack([load, loads]), at, steps)
         before = None if self._last is None else everything(first)[-1]
         self._last = track.last(), loads[-1:]
         return in_range(track, before, self._system, motion.angle)
 
-    def _walked(self, first: Track, loads: FloatArray, at: FloatArray, steps: IntArray) -> Track:
-        """Return the instants behind the first, in pieces from saved field to saved field."""
-        state: State = (first.d[-1], first.v[-1], first.a[-1])
+    def _walked(self, loads: FloatArray, at: FloatArray, steps: IntArray) -> Track:
+        """Return the instants behind the last, in pieces from saved field to saved field."""
+        state = self._state
         pieces: list[State] = []
         every = self._save.field_every
         for piece in np.split(np.arange(len(steps)), np.flatnonzero(steps[:-1] % every == 0) + 1):
@@ -141,14 +140,21 @@ class Superposed:
                 state = self._taken_anew(state)
             pieces.append(advance(self._scheme, self._motions, state, loads[piece[0] : piece[-1] + 2]))
             state = (pieces[-1][0][-1], pieces[-1][1][-1], pieces[-1][2][-1])
-        q, v, a = (np.concatenate([piece[i] for piece in pieces]) for i in range(3))
+        self._state = state  # as it is: a block's end must leave no rounding
+        q, v, a = (np.concatenate([piece[i] for piece in pieces]) / self._problem.step**i for i in range(3))
         nothing = np.zeros((len(at), 0))
         return Track(at, q, v, a, nothing, nothing, nothing, np.arange(len(at)))
 
     def _taken_anew(self, state: State) -> State:
         """Return the amounts as they follow from the unknowns that are saved."""
-        q, v, a = (self._natural.back @ self._natural.saved(one[None])[0] for one in state)
-        return q, v, a
+        h, natural = self._problem.step, self._natural
+        q, v, a = (natural.back @ natural.saved(one[None] / h**i)[0] for i, one in enumerate(state))
+        return self._scaled((q, v, a))
+
+    def _scaled(self, motion: tuple[FloatArray, FloatArray, FloatArray]) -> State:
+        """Return amounts, velocities and accelerations as a state."""
+        q, v, a = motion
+        return q, v * self._problem.step, a * self._problem.step**2
 
     def counted(self, stats: Stats) -> Stats:
         """Return the figures as they are: there is nothing to iterate on."""
