@@ -185,7 +185,9 @@ def test_massless_unknowns_that_begin_at_speed(kind, scheme):
     M, K = np.diag([1.0, 0.0, 2.0]), 10.0 * np.array([[3.0, -2.0, 0.0], [-2.0, 3.0, -1.0], [0.0, -1.0, 2.0]])
     C = damping_of(kind, np.random.default_rng(1), M, K, np.array([False, True, False]))
     names = ("a", "b", "c")
-    loads = tuple(Load(f.__name__, v, f) for f, v in ((sine, np.array([1.0, 0.0, 0.0])), (steady, np.array([0, 1.0, 0]))))
+    loads = tuple(
+        Load(f.__name__, v, f) for f, v in ((sine, np.array([1.0, 0.0, 0.0])), (steady, np.array([0, 1.0, 0])))
+    )
     matrices = [Triplets.from_dense(one) for one in (M, C, K)]
     system = System(*matrices, names, loads, probes=(Probe("all", names, np.eye(3), (None,) * 3),))
     start = State(np.array([0.1, 0.2, 0.3]), np.array([1.0, -1.0, 2.0]))

@@ -36,7 +36,9 @@ def cosine(angle, order):
 
 
 LINE = HertzLine(0.01, 2.07e11, 0.29, radius, 0.03, 0.2)
-LEVER = Lever("a", "b", (0.03, 0.045), 1e-4, np.eye(6)[1], angles=(0.1, -0.2), stiffness=(1e7, 2e7), damping=(50.0, 9.0))
+LEVER = Lever(
+    "a", "b", (0.03, 0.045), 1e-4, np.eye(6)[1], angles=(0.1, -0.2), stiffness=(1e7, 2e7), damping=(50.0, 9.0)
+)
 LAWS = {
     "bilateral": (Bilateral(2e6, 30.0), 1), "stop": (Stop(2e6, 300.0), 1), "stops": (Stop(2e6, 300.0, 3e-5), 4),
     "stop without damping": (Stop(5e5), 1), "hunt-crossley": (HuntCrossley(5e7, 0.3), 1),

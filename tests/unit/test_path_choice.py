@@ -95,7 +95,9 @@ def test_local_forces_and_damping():
 def test_stiffness_that_is_not_symmetric_and_positive(path, K):
     """Beyond buckling, or of a follower force: motions that grow, which no natural motion does."""
     assert "not symmetric and positive" in refusal(problem_of(masses(2, stiffness=K), path))
-    automatic, general = (solve(problem_of(masses(2, stiffness=K), one, 2000), newmark()) for one in ("auto", "general"))
+    automatic, general = (
+        solve(problem_of(masses(2, stiffness=K), one, 2000), newmark()) for one in ("auto", "general")
+    )
     assert automatic.stats.path == "general"
     np.testing.assert_array_equal(automatic.probes.displacement, general.probes.displacement)
 
