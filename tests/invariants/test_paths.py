@@ -19,7 +19,8 @@ from flexcam.linalg import Triplets
 from flexcam.system import ConstantSpeed, Load, Probe, System
 
 SCHEMES = {
-    "newmark": newmark(), "newmark damped": newmark(beta=0.3025, gamma=0.6), "hht": hht(), "hht -1/3": hht(alpha=-1 / 3),
+    "newmark": newmark(), "newmark damped": newmark(beta=0.3025, gamma=0.6), "hht": hht(),
+    "hht -1/3": hht(alpha=-1 / 3),
     "generalized-alpha 0.9": generalized_alpha(), "generalized-alpha 0": generalized_alpha(rho_inf=0.0),
 }  # fmt: skip
 SERIES = ("displacement", "velocity", "acceleration")
@@ -203,7 +204,7 @@ def test_a_massless_unknown_is_accelerated_as_what_it_hangs_between(path):
                     (Load("push", np.array([1.0, 0.0]), steady),))  # fmt: skip
     found = solve(Problem(system, ConstantSpeed(1.0), 0.01, 50, path=path), newmark(), save=SaveAt(field_every=1))
     a = found.fields.acceleration
-    # K a = 0 in the massless row at every instant; Newmark keeps what the start has of it, and rounding over its step^2.
+    # K a = 0 in the massless row at every instant; Newmark keeps what the start has of it, and rounding over step^2.
     np.testing.assert_allclose(2.0 * a[:, 1], a[:, 0], rtol=0.0, atol=1e-9)
     assert a[0, 0] == pytest.approx(1.0)
 

@@ -46,7 +46,8 @@ LAWS = {
     "pulsating": (Pulsating(4e4, Pulsation(2.0, 0.7, 0.3)), 3), "lever, driven": (LeverEnd(LEVER, 0), 2),
     "lever, point": (LeverEnd(LEVER, 1), 2), "sliding": (Sliding(HuntCrossley(5e7, 0.3), 0.12, 1e-2), 2),
     "sliding line": (Sliding(LINE, 0.12, 1e-3), 2), "sliding inclined": (Sliding(Inclined(LINE, cosine), 0.1, 1e-2), 2),
-    "sliding stop": (Sliding(Stop(2e6, 300.0), 0.1, 1e-2), 2), "sliding both ways": (Sliding(Bilateral(1e6), 0.1, 1e-2), 2),
+    "sliding stop": (Sliding(Stop(2e6, 300.0), 0.1, 1e-2), 2),
+    "sliding both ways": (Sliding(Bilateral(1e6), 0.1, 1e-2), 2),
 }  # fmt: skip
 GAPS = [0.0, -1e-6, 1e-12, 1e-6, 1e-5, 1e-5 * (1 - 1e-15), 3e-5, 2e-4, 1e-3, 0.01, -0.3]
 RATES = [0.0, 1e-9, -0.5, 2.0, -30.0, 3e3]
