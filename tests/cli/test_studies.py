@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import csv
 import math
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -249,6 +254,27 @@ def test_refusals(flexcam, told):
     done = flexcam(told[0], PUBLISHED, *QUICK, *told[1:])
     assert done.code == 2, done.out + done.err
     assert "allowed" in done.err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_study_on_processes_ends_when_it_is_told(number, code, tmp_path):
+    """With thousands of variants still to do, and no process left behind."""
+    told = ("--of", "contacts.intake.force.largest", "--tolerance", "springs.valve.stiffness=±5%", "--count", "4000")
+    words = [sys.executable, "-m", "flexcam", "sensitivity", str(ENGINE), *told, "--workers", "2"]
+    restored = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    process = subprocess.Popen(
+        words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=restored
+    )
+    time.sleep(8.0)
+    process.send_signal(number)
+    try:
+        _, err = process.communicate(timeout=20)  # pipes close when the last process that holds them ends
+    finally:
+        process.kill()
+    assert process.returncode == code
+    assert "interrupted" in err
+    assert "Traceback" not in err
 
 
 @pytest.mark.slow
