@@ -145,12 +145,11 @@ def ended(executor: Executor, before: set[int | None]) -> None:
     before
         Identifiers of processes that were there before its own.
     """
-    executor.shutdown(wait=False, cancel_futures=True)
-    own = [process for process in multiprocessing.active_children() if process.pid not in before]
-    for process in own:
-        process.terminate()
-    for process in own:
-        process.join()
+    for process in multiprocessing.active_children():
+        if process.pid not in before:
+            process.terminate()
+    # Once, and waiting: a second call would forget to cancel, and a thread left behind trips over its own exit.
+    executor.shutdown(wait=True, cancel_futures=True)
 
 
 def end_with_parent() -> None:
