@@ -60,7 +60,7 @@ class Search:
     highest: float
     tolerance: float = RPM
     bounce_height: float = 1e-4
-    count: int = 7
+    count: int = 25
 
     def __post_init__(self) -> None:
         positive("lowest", self.lowest, "rad/s")
@@ -127,7 +127,7 @@ Answers = dict[str, bool] | str
 
 
 def find_limits(
-    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = 1e-4, count: int = 7
+    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = 1e-4, count: int = 25
 ) -> Limits:
     """Find the speeds at which a train loses contact, its valve bounces, its coils clash and its pushrod buckles.
 

@@ -23,6 +23,9 @@ _COUPLED = 1e-9
 _SYMMETRIC = 1e-12
 """Difference across the diagonal, as a part of it, that is rounding of what was added up."""
 
+_ROUNDING = 64.0 * np.finfo(float).eps
+"""Of a stiffness's own entries and their sums: an energy as far below zero is none."""
+
 _CLEAN = 1e-9
 """What two natural motions may have in common."""
 
@@ -141,6 +144,8 @@ def _motions(pair: _Pair) -> Natural | None:
     except (np.linalg.LinAlgError, SingularMatrixError):  # a mass or a stiffness that is not positive
         return None
     moving = kept @ shapes
+    if _pushes(moving, system.stiffness):
+        return None
     back = np.vstack([system.mass.times_all(moving).T, system.stiffness.times_all(soft).T])
     few, whole = soft.shape[1], np.hstack([moving, soft])
     if not np.abs(back @ whole - np.eye(len(whole))).max(initial=0.0) <= _CLEAN:
@@ -153,6 +158,14 @@ def _symmetric(matrix: Triplets) -> bool:
     full = matrix.dense()
     size = np.sqrt(np.abs(np.diag(full)))
     return bool((np.abs(full - full.T) <= _SYMMETRIC * np.outer(size, size)).all())
+
+
+def _pushes(motions: FloatArray, stiffness: Triplets) -> bool:
+    """Tell whether a stiffness drives a motion instead of holding it back, as beyond buckling."""
+    energy = np.sum(motions * stiffness.times_all(motions), axis=0)
+    every = replace(stiffness, values=np.abs(stiffness.values))
+    sizes = np.sum(np.abs(motions) * every.times_all(np.abs(motions)), axis=0)
+    return bool((energy < -_ROUNDING * sizes).any())
 
 
 def _unit_stiff(motions: FloatArray, stiffness: Triplets) -> FloatArray:

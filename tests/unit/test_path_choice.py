@@ -211,3 +211,26 @@ def test_going_on_from_a_saved_field_is_the_same_run_bit_by_bit(path, method, pr
 
 def test_machine_code_is_available_here():
     assert machine.available()
+
+
+def pair(K, mass=(1.0, 1.0, 0.0)):
+    M = Triplets.from_dense(np.diag(mass))
+    return replace(masses(3, stiffness=K), mass=M, damping=Triplets.zeros(3))
+
+
+@pytest.mark.parametrize("soft", [1.0, 1e-3])
+def test_a_free_motion_behind_a_massless_unknown_is_no_negative_stiffness(soft):
+    """Two bodies joined by a stiff and a soft spring, nothing between them; what is condensed leaves rounding alone."""
+    stiff = 2.0823e7
+    K = np.array([[stiff, 0.0, -stiff], [0.0, soft, -soft], [-stiff, -soft, stiff + soft]])
+    for path in FORCED:
+        general, found = (solve(problem_of(pair(K), one, 200), newmark()) for one in ("general", path))
+        one, other = general.probes.displacement, found.probes.displacement
+        # The soft spring is what rounding of the stiff one leaves: eps stiff/soft of its force.
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-5 * np.abs(one).max())
+
+
+@pytest.mark.parametrize("push", [-1e-3, -1e3])
+def test_a_stiffness_that_pushes_behind_a_massless_unknown(push):
+    K = np.array([[10.0, 0.0, -10.0], [0.0, 10.0 + push, -10.0], [-10.0, -10.0, 20.0]])
+    assert "not symmetric and positive" in refusal(problem_of(pair(K), "modal"))

@@ -1,0 +1,143 @@
+"""Every case that is shipped goes every way through time alike: motion, channels, energies, internal states, events."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import prepare, read_case
+from flexcam.checks import InputError
+from flexcam.integrate import SaveAt, State, solve
+
+ROOT = Path(__file__).parents[2]
+CASES = [path for path in sorted((ROOT / "cases").glob("*/*.toml")) if path.parent.name != "cams"]
+SHORT = ["run.revolutions=1", "run.steps_per_revolution=720"]
+KINDS = ("displacement", "velocity", "acceleration")
+
+LINEAR = {"displacement": 1e-11, "velocity": 1e-9, "acceleration": 1e-7}
+"""Parts of the largest: rounding of one whose axial entries are 1e4 times those of bending, and that a velocity has
+by 1/step, an acceleration by 1/step^2. A general run with its unknowns in another order is as far away."""
+
+CONTACTS = {"displacement": 1e-9, "velocity": 1e-6, "acceleration": 1e-4}
+"""With contacts: a force is settled to 1e-12 of the largest, and every touchdown makes more of it."""
+
+
+def shorter(path):
+    ready = prepare(read_case(path, SHORT))
+    return replace(ready.problem, steps=min(ready.problem.steps, 720)), ready.scheme
+
+
+def forced(problem, scheme, path):
+    save = SaveAt(field_every=20)
+    general = solve(replace(problem, path="general"), scheme, save=save)
+    try:
+        return general, solve(replace(problem, path=path), scheme, save=save)
+    except InputError as refusal:
+        said = str(refusal)
+        local = problem.system.local_forces
+        expected = local and (path == "modal" or "not known in machine code" in said)
+        assert expected or "0 unknowns" in said, said
+        pytest.skip(said)
+
+
+def stronger(problem, share):
+    """Return a problem whose stiffness and loads are larger by a share."""
+    system = problem.system
+    loads = tuple(replace(load, vector=(1.0 + share) * load.vector) for load in system.loads)
+    return replace(problem, system=replace(system, stiffness=system.stiffness.scaled(1.0 + share), loads=loads))
+
+
+def assert_one_of(problem, scheme, found, most):
+    """Assert that a run is a general one; where contacts part at a touchdown, one of those that rounding may make.
+
+    Loads larger by what a force is settled to send a general run one way or the other, by 1e-5 of the motion; a run in
+    machine code goes exactly one of these ways.
+    """
+    for share in (0.0, 1e-12, -1e-12, 3e-12, -3e-12):
+        general = solve(stronger(replace(problem, path="general"), share), scheme, save=SaveAt(field_every=20))
+        with suppress(AssertionError):
+            assert found.stats.events == pytest.approx(general.stats.events, abs=2)
+            assert_near(general, found, most)
+            return
+    assert_near(general, found, most)
+
+
+def units_of(run, name):
+    return dict(run.outline.channels)[name]
+
+
+def assert_near(general, found, most, tail=""):
+    for kind in KINDS:
+        for group in ("probes", "fields"):
+            one, other = (getattr(getattr(run, group), kind) for run in (general, found))
+            size = np.abs(getattr(general.fields, kind)).max(initial=0.0)
+            np.testing.assert_allclose(other, one, rtol=0.0, atol=most[kind] * size, err_msg=f"{group} {kind}{tail}")
+    for name, values in general.channels.items():
+        unit = units_of(general, name)
+        alike = [key for key in general.channels if units_of(general, key) == unit]
+        size = max(np.abs(general.channels[key]).max() for key in alike)
+        rate = "velocity" if "/s" in unit or unit == "W" else "displacement"
+        allowed = 100.0 * most["velocity" if unit in ("N", "N m", "Pa", "J") else rate]
+        np.testing.assert_allclose(found.channels[name], values, rtol=0.0, atol=allowed * size, err_msg=f"{name}{tail}")
+
+
+@pytest.mark.parametrize("path", ["modal", "compiled"])
+@pytest.mark.parametrize("case", CASES, ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_every_case(case, path):
+    problem, scheme = shorter(case)
+    general, found = forced(problem, scheme, path)
+    assert found.stats.path == path
+    assert found.status.cause is general.status.cause
+    assert_one_of(problem, scheme, found, CONTACTS if problem.system.local_forces else LINEAR)
+
+
+@pytest.mark.parametrize("method", ["hht", "generalized-alpha"])
+@pytest.mark.parametrize("name", ["direct-acting/bucket.toml", "pushrod-engine/intake.toml", "tayeb/model-3-shm.toml"])
+def test_schemes_that_weigh_the_old_instant(name, method):
+    ready = prepare(read_case(ROOT / "cases" / name, [*SHORT, f'run.integrator={{ method = "{method}" }}']))
+    problem = replace(ready.problem, steps=720)
+    _, found = forced(problem, ready.scheme, "compiled")
+    assert_one_of(problem, ready.scheme, found, CONTACTS)
+
+
+@pytest.mark.parametrize("prune", [False, True])
+@pytest.mark.parametrize("path", ["modal", "compiled"])
+def test_pruned_and_whole(path, prune):
+    """What cannot move is left out of the natural motions too; nothing that is shown changes."""
+    problem, scheme = shorter(ROOT / "cases/tayeb/model-3-shm.toml")
+    general, found = forced(replace(problem, prune=prune), scheme, path)
+    assert found.stats.unknowns == general.stats.unknowns
+    assert_near(general, found, LINEAR)
+
+
+@pytest.mark.parametrize("change", [
+    "fidelity.modes=8", 'fidelity.model="chain"', "run.fluctuation={ orders = [2], amplitudes = [0.05] }",
+    pytest.param('run.start="periodic"', marks=pytest.mark.slow),
+], ids=lambda change: change.split("=")[0])  # fmt: skip
+@pytest.mark.parametrize("name", ["direct-acting/bucket.toml", "tayeb/model-3-shm.toml"])
+def test_what_else_a_case_may_ask(name, change):
+    """Few modes, a chain, a periodic start, a speed that swings."""
+    ready = prepare(read_case(ROOT / "cases" / name, [*SHORT, change]))
+    problem = replace(ready.problem, steps=720)
+    _, found = forced(problem, ready.scheme, "compiled")
+    assert_one_of(problem, ready.scheme, found, CONTACTS)
+
+
+@pytest.mark.parametrize("name", ["direct-acting/bucket.toml", "pushrod-engine/intake.toml"])
+def test_going_on_in_machine_code_from_a_general_run(name):
+    """A state with contacts and internal states: half a run the general way, the other half compiled."""
+    problem, scheme = shorter(ROOT / "cases" / name)
+    save = SaveAt(field_every=20)
+    whole = solve(replace(problem, path="general"), scheme, save=save)
+    first = solve(replace(problem, path="general", steps=360), scheme, save=save)
+    d, v, a = (getattr(first.fields, kind)[-1] for kind in KINDS)
+    inner = first.inner if len(first.inner) else None
+    start = State(d, v, float(first.time[-1]), inner, acceleration=a, taken=360)
+    later = solve(replace(problem, path="compiled", steps=360, start=start), scheme, save=save)
+    for kind in KINDS:
+        one, other = getattr(whole.fields, kind)[18:], getattr(later.fields, kind)
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=CONTACTS[kind] * np.abs(one).max(), err_msg=kind)
