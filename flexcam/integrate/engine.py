@@ -83,8 +83,9 @@ def in_range(track: Track, before: FloatArray | None, system: System, angle: Flo
 
 
 def _within(values: FloatArray) -> bool:
-    """Tell whether all values are in range; what is not a number is not."""
-    return values.size == 0 or (float(values.max()) < LARGEST and float(values.min()) > -LARGEST)
+    """Tell whether all values are in range for certain; what is not a number is not."""
+    flat = values.ravel()
+    return float(flat @ flat) < LARGEST**2
 
 
 def everything(track: Track) -> FloatArray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -94,8 +95,25 @@ def event_extremes(event: Event, order: int = 0) -> tuple[Extreme, Extreme]:
     >>> round(high.value / (2.0 * math.pi), 12), round(high.at, 6)
     (1.0, 0.25)
     """
+    return _known_extremes(event, order) if _hashable(event) else _extremes(event, order)
+
+
+def _hashable(event: Event) -> bool:
+    """Tell whether an event can be a key: one that holds arrays cannot."""
+    try:
+        hash(event)
+    except TypeError:
+        return False
+    return True
+
+
+def _extremes(event: Event, order: int) -> tuple[Extreme, Extreme]:
     high = lowest(lambda angle: -event(angle, order), event.joints)
     return lowest(lambda angle: event(angle, order), event.joints), Extreme(-high.value, high.at)
+
+
+_known_extremes = lru_cache(maxsize=64)(_extremes)
+"""The same cam is asked at every speed."""
 
 
 def _piece(start: float, end: float) -> FloatArray:
