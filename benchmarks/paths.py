@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from flexcam.checks import InputError
 from flexcam.integrate import Method, Problem, SaveAt, newmark, solve
 from flexcam.integrate.paths import way_of
 from flexcam.integrate.problem import Path
 from flexcam.response import Response
 
-BOTH: tuple[Path, ...] = ("auto", "general")
-"""The way flexcam takes, and the one that fits every system."""
+ALL: tuple[Path, ...] = ("auto", "compiled", "general")
+"""The way flexcam takes, that in machine code, and the one that fits every system."""
 
 
-def taken(problem: Problem, scheme: Method | None = None, save: SaveAt | None = None) -> str:
-    """Return the path that flexcam takes by itself."""
-    return way_of(replace(problem, path="auto"), scheme or newmark(), save or SaveAt()).path
+def taken(problem: Problem, path: Path, scheme: Method | None = None, save: SaveAt | None = None) -> str | None:
+    """Return the path that flexcam takes when it is asked for one; None if it cannot."""
+    try:
+        return way_of(replace(problem, path=path), scheme or newmark(), save or SaveAt()).path
+    except InputError:
+        return None
 
 
-def ways(automatic: str) -> dict[str, bool]:
-    """Return the ways to be measured, the one flexcam takes and the general one, and which of them is automatic."""
-    return {automatic: True} | ({} if automatic == "general" else {"general": False})
+def ways(problem: Problem, scheme: Method | None = None, save: SaveAt | None = None) -> dict[str, bool]:
+    """Return the ways to be measured, and which of them is automatic."""
+    found = {path: taken(problem, path, scheme, save) for path in ALL}
+    return {path: path == found["auto"] for path in found.values() if path is not None}
 
 
 def solved(problem: Problem, path: str = "auto", save: SaveAt | None = None, scheme: Method | None = None) -> Response:

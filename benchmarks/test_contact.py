@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.measure.contact import ran, revolution
-from benchmarks.paths import BOTH
+from benchmarks.paths import ALL
 
 
-@pytest.mark.parametrize("path", BOTH)
+@pytest.mark.parametrize("path", ALL)
 def test_revolution(benchmark, path):
     ready = revolution("pushrod-engine/intake")
     response = benchmark(ran, ready, path)

@@ -7,7 +7,7 @@ import importlib.util
 import pytest
 
 from benchmarks import machine
-from benchmarks.measure import assembly, bounds, contact, linear, modes, process
+from benchmarks.measure import assembly, bounds, contact, linear, modes, process, sweep
 from benchmarks.processes import ROOT
 
 
@@ -19,6 +19,7 @@ def smallest(monkeypatch):
     monkeypatch.setattr(linear, "STEPS", 1200)
     monkeypatch.setattr(contact, "CASES", ("petrescu/valve-spring",))
     monkeypatch.setattr(contact, "REPEATS", 1)
+    monkeypatch.setattr(sweep, "SPEEDS", 3)
     monkeypatch.setattr(assembly, "ELEMENTS", (10,))
     monkeypatch.setattr(modes, "SHAFTS", modes.SHAFTS[:1])
     monkeypatch.setattr(process, "COMMANDS", {"Python alone": ["-c", "pass"]})
@@ -26,7 +27,7 @@ def smallest(monkeypatch):
 
 @pytest.mark.usefixtures("smallest")
 def test_the_page_is_made_of_what_is_measured():
-    rooms = (bounds, linear, contact, assembly, modes, process)
+    rooms = (bounds, linear, contact, sweep, assembly, modes, process)
     tables = {room.__name__.rpartition(".")[2]: room.measured() for room in rooms}
     found = {"machine": machine.described(), "date": machine.today(), "versions": machine.versions("flexcam")}
     spec = importlib.util.spec_from_file_location("make_performance", ROOT / "docs/make_performance.py")

@@ -206,13 +206,26 @@ def _contact(tables: dict) -> list[str]:
     return [
         "## Contact",
         "",
-        "One camshaft revolution of cases with contact, as they stand, from their start. Local forces are contacts, seats,",
+        "Two camshaft revolutions of cases with contact, as they stand, from their start. Local forces are contacts, seats,",
         "lash, coils that touch, friction and the like; events are instants located within a step, where a contact opens or",
         "closes; iterations are Newton's, of the local forces, per step. Paths as above.",
         "",
         "| case | unknowns | local forces | path | steps | events | iterations | us per step |",
         "|---|---|---|---|---|---|---|---|",
         *rows,
+        "",
+    ]
+
+
+def _sweep(tables: dict) -> list[str]:
+    """Return what a speed costs among many."""
+    found = tables["sweep"]
+    return [
+        "## Many speeds",
+        "",
+        f"{found['speeds']} speeds of `cases/tayeb/model-3-shm.toml`, {found['steps']} steps each, one after the other in one process:",
+        f"{found['row_ms']:.1f} ms per speed for the whole row of a sweep (every channel and scalar, flexible against rigid),",
+        f"{found['probes_ms']:.1f} ms for the motion of the probes alone. Processes share the speeds among them.",
         "",
     ]
 
@@ -266,7 +279,7 @@ def _process(tables: dict) -> list[str]:
 
 
 SECTIONS: dict[str, Callable[[dict], list[str]]] = {
-    "linear": _linear, "bounds": _bounds, "contact": _contact, "assembly": _assembly, "modes": _modes, "process": _process,
+    "linear": _linear, "bounds": _bounds, "contact": _contact, "sweep": _sweep, "assembly": _assembly, "modes": _modes, "process": _process,
 }  # fmt: skip
 """Their order on the page, by the table of the JSON each shows."""
 

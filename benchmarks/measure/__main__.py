@@ -12,13 +12,14 @@ import sys
 from collections.abc import Callable
 
 from benchmarks import machine
-from benchmarks.measure import assembly, bounds, contact, linear, modes, process
+from benchmarks.measure import assembly, bounds, contact, linear, modes, process, sweep
 from benchmarks.processes import ROOT
 
 KEPT = ROOT / "docs/performance.json"
 TABLES: dict[str, Callable[[], object]] = {
     "linear": linear.measured,
     "contact": contact.measured,
+    "sweep": sweep.measured,
     "assembly": assembly.measured,
     "modes": modes.measured,
     "process": process.measured,
