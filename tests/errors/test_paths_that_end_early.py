@@ -1,0 +1,138 @@
+"""Runs that end early, by every way through time: what is told, by names of the user's system, and what is kept."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexcam.integrate import Problem, SaveAt, newmark, solve
+from flexcam.linalg import Triplets
+from flexcam.response import Cause
+from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Probe, System, constant
+from flexcam.train.penalty import Bilateral, HuntCrossley, Stop
+
+NAMES = ("cam.uy", "tappet.uy", "valve")
+WAYS = ["general", "modal", "compiled"]
+
+
+def sine(motion):
+    return np.sin(motion.angle)
+
+
+def growing(motion):
+    return np.exp(np.minimum(40.0 * motion.angle, 700.0))
+
+
+def chain(history=sine, law=None, at=1, stiff=1e4):
+    K = stiff * np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
+    matrices = (Triplets.from_dense(one) for one in (np.diag([1.0, 0.5, 0.2]), 1e-4 * K, K))
+    row = np.eye(3)[at]
+    local = () if law is None else (
+        LocalForce("seat", (AngleVector.constant(row),), (AngleVector.constant(-row),), law, (constant(0.0),)),
+    )  # fmt: skip
+    probes = (Probe("all", NAMES, np.eye(3), (None,) * 3),)
+    return System(*matrices, NAMES, (Load("push", row, history),), local, probes)
+
+
+def problem_of(system, path, steps=2000):
+    return Problem(system, ConstantSpeed(10.0), 1e-3, steps, path=path)
+
+
+def assert_kept_is_finite(run):
+    for values in (*run.channels.values(), run.probes.displacement, run.fields.acceleration):
+        assert np.isfinite(values).all()
+
+
+@pytest.mark.parametrize("path", WAYS)
+def test_a_motion_that_grows_beyond_numbers(path):
+    run = solve(problem_of(chain(growing), path), newmark(), save=SaveAt(field_every=10))
+    general = solve(problem_of(chain(growing), "general"), newmark(), save=SaveAt(field_every=10))
+    assert run.stats.path == path
+    assert run.status.cause is Cause.NOT_FINITE
+    assert run.status.text.split()[0] in NAMES
+    assert "left the range of numbers at t = " in run.status.text
+    assert run.status.remedy
+    assert_kept_is_finite(run)
+    # Amounts of natural motions are other numbers than displacements: they pass the limit some steps apart.
+    assert abs(len(run.time) - len(general.time)) <= 30
+    assert np.abs(run.probes.displacement).max() > 1e80
+
+
+@pytest.mark.parametrize("law", [Bilateral(-3e5), HuntCrossley(1e4, 0.1)])
+@pytest.mark.parametrize("path", ["general", "compiled"])
+def test_a_motion_that_grows_with_a_local_force(path, law):
+    """A negative spring, and a push that ends all numbers through a contact: a cause and a name, no traceback."""
+    system = chain(sine if isinstance(law, Bilateral) else growing, law)
+    run = solve(problem_of(system, path, 20_000), newmark())
+    assert run.status.cause in (Cause.NOT_FINITE, Cause.NO_CONVERGENCE)
+    assert any(name in run.status.text for name in (*NAMES, "seat"))
+    assert_kept_is_finite(run)
+
+
+def test_forces_without_a_balance_within_the_step():
+    """A negative spring that makes the step's operator zero: both ways take such a step in halves, to one result."""
+    step, mass = 1e-3, 0.5
+    system = chain(law=None)
+    one = replace(
+        system, mass=Triplets.from_dense(np.diag([1.0, mass, 0.2])), damping=Triplets.zeros(3),
+        stiffness=Triplets.from_dense(np.diag([1e4, 1e4, 1e4])),
+    )  # fmt: skip
+    operator = mass + 0.25 * step**2 * 1e4
+    row = np.eye(3)[1]
+    force = LocalForce("seat", (AngleVector.constant(row),), (AngleVector.constant(-row),),
+                       Bilateral(-operator / (0.25 * step**2)), (constant(0.0),))  # fmt: skip
+    system = replace(one, local_forces=(force,))
+    general, run = (solve(problem_of(system, path, 5), newmark()) for path in ("general", "compiled"))
+    assert general.status.cause is run.status.cause
+    np.testing.assert_allclose(run.probes.displacement, general.probes.displacement, rtol=1e-9)
+
+
+@pytest.mark.parametrize("path", WAYS)
+@pytest.mark.parametrize("after", [0, 2])
+def test_asked_to_stop(path, after):
+    asked = iter(range(10_000))
+    law = Stop(1e4) if path == "compiled" else None
+    run = solve(problem_of(chain(law=law), path), newmark(), save=SaveAt(20, 4),
+                stop=lambda: next(asked) >= after * (80 if path == "general" else 1))  # fmt: skip
+    assert run.status.cause is Cause.INTERRUPTED
+    assert len(run.time) == after * 80
+    assert run.stats.steps == max(after * 80 - 1, 0)
+    assert_kept_is_finite(run)
+
+
+class Interrupting:
+    """A sink at whose third block the user presses Ctrl-C."""
+
+    def __init__(self):
+        self.blocks, self.ended = 0, None
+
+    def write(self, block):
+        self.blocks += 1
+        if self.blocks == 3:
+            raise KeyboardInterrupt
+
+    def close(self, status, stats):
+        self.ended = status
+
+
+@pytest.mark.parametrize("path", WAYS)
+def test_interrupted(path):
+    sink = Interrupting()
+    run = solve(problem_of(chain(), path), newmark(), save=SaveAt(20, 4), sinks=[sink])
+    assert run.status.cause is Cause.INTERRUPTED
+    assert sink.ended is run.status
+    assert len(run.time) >= 160
+
+
+@pytest.mark.parametrize("path", WAYS)
+def test_nothing_is_changed_for_the_caller(path, readonly):
+    system = chain()
+    loads = tuple(replace(load, vector=readonly(load.vector)) for load in system.loads)
+    probes = tuple(replace(probe, rows=readonly(probe.rows)) for probe in system.probes)
+    problem = problem_of(replace(system, loads=loads, probes=probes), path, 50)
+    before = [matrix.values.copy() for matrix in (system.mass, system.damping, system.stiffness)]
+    solve(problem, newmark())
+    for matrix, values in zip((system.mass, system.damping, system.stiffness), before, strict=True):
+        np.testing.assert_array_equal(matrix.values, values)
