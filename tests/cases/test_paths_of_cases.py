@@ -11,7 +11,7 @@ import pytest
 
 from flexcam import prepare, read_case
 from flexcam.checks import InputError
-from flexcam.integrate import SaveAt, State, solve
+from flexcam.integrate import SaveAt, State, integrated, solve
 
 ROOT = Path(__file__).parents[2]
 CASES = [path for path in sorted((ROOT / "cases").glob("*/*.toml")) if path.parent.name != "cams"]
@@ -32,10 +32,9 @@ def shorter(path):
 
 
 def forced(problem, scheme, path):
-    save = SaveAt(field_every=20)
-    general = solve(replace(problem, path="general"), scheme, save=save)
+    """Return the run a way, or skip where the way is not the problem's."""
     try:
-        return general, solve(replace(problem, path=path), scheme, save=save)
+        return solve(replace(problem, path=path), scheme, save=SaveAt(field_every=20))
     except InputError as refusal:
         said = str(refusal)
         local = problem.system.local_forces
@@ -89,18 +88,20 @@ def assert_near(general, found, most, tail=""):
 @pytest.mark.parametrize("case", CASES, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_every_case(case, path):
     problem, scheme = shorter(case)
-    general, found = forced(problem, scheme, path)
+    found = forced(problem, scheme, path)
     assert found.stats.path == path
-    assert found.status.cause is general.status.cause
+    assert found.status.ok
     assert_one_of(problem, scheme, found, CONTACTS if problem.system.local_forces else LINEAR)
 
 
-@pytest.mark.parametrize("method", ["hht", "generalized-alpha"])
-@pytest.mark.parametrize("name", ["direct-acting/bucket.toml", "pushrod-engine/intake.toml", "tayeb/model-3-shm.toml"])
+@pytest.mark.parametrize(("name", "method"), [
+    ("direct-acting/bucket.toml", "hht"), ("pushrod-engine/intake.toml", "generalized-alpha"),
+    ("tayeb/model-3-shm.toml", "hht"), ("tayeb/model-3-shm.toml", "generalized-alpha"),
+])  # fmt: skip
 def test_schemes_that_weigh_the_old_instant(name, method):
     ready = prepare(read_case(ROOT / "cases" / name, [*SHORT, f'run.integrator={{ method = "{method}" }}']))
     problem = replace(ready.problem, steps=720)
-    _, found = forced(problem, ready.scheme, "compiled")
+    found = forced(problem, ready.scheme, "compiled")
     assert_one_of(problem, ready.scheme, found, CONTACTS)
 
 
@@ -109,9 +110,10 @@ def test_schemes_that_weigh_the_old_instant(name, method):
 def test_pruned_and_whole(path, prune):
     """What cannot move is left out of the natural motions too; nothing that is shown changes."""
     problem, scheme = shorter(ROOT / "cases/tayeb/model-3-shm.toml")
-    general, found = forced(replace(problem, prune=prune), scheme, path)
-    assert found.stats.unknowns == general.stats.unknowns
-    assert_near(general, found, LINEAR)
+    problem = replace(problem, prune=prune)
+    found = forced(problem, scheme, path)
+    assert found.stats.unknowns == integrated(problem)
+    assert_one_of(problem, scheme, found, LINEAR)
 
 
 @pytest.mark.parametrize("change", [
@@ -123,7 +125,7 @@ def test_what_else_a_case_may_ask(name, change):
     """Few modes, a chain, a periodic start, a speed that swings."""
     ready = prepare(read_case(ROOT / "cases" / name, [*SHORT, change]))
     problem = replace(ready.problem, steps=720)
-    _, found = forced(problem, ready.scheme, "compiled")
+    found = forced(problem, ready.scheme, "compiled")
     assert_one_of(problem, ready.scheme, found, CONTACTS)
 
 

@@ -28,11 +28,11 @@ SCHEMES = {
     "newmark": newmark(), "newmark damped": newmark(beta=0.3025, gamma=0.6), "hht": hht(),
     "generalized-alpha": generalized_alpha(rho_inf=0.7),
 }  # fmt: skip
-STEPS = 150
+STEPS = 100
 SETTLED = 1e-12
 """Of the largest force, as `settle` and the compiled step leave it."""
 
-SHARES = (-3.0, -1.0, 1.0, 5.0)
+SHARES = (-3.0, 1.0, 5.0)
 SAME_RUN = 1e-6
 """Spread beyond which general runs have parted: a bounce of one is none of the other."""
 
@@ -199,7 +199,7 @@ def test_steps_that_end_where_contacts_open_and_close(kind, scheme, restitution)
     compare(some_problem(rng, [kind], switching=True, restitution=restitution), SCHEMES[scheme])
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(8))
 def test_several_forces_at_once(seed):
     """Among them massless unknowns, which a shallow arch would leave several balances, and a drive that swings."""
     rng = np.random.default_rng(100 + seed)

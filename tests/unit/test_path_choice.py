@@ -119,13 +119,14 @@ def test_without_a_compiler(monkeypatch):
     assert way_of(problem_of(masses(2), steps=400_000), newmark(), EVERY).path == "modal"
 
 
-@pytest.mark.parametrize(("law", "steps", "path"), [
-    (None, 999, "general"), (None, 1000, "modal"), (None, 299_999, "modal"), (None, 300_000, "compiled"),
-    (Stop(1e3), 4999, "general"), (Stop(1e3), 5000, "compiled"), (Unknown(), 5000, "general"),
+@pytest.mark.parametrize(("law", "steps", "runs", "path"), [
+    (None, 999, 1, "general"), (None, 1000, 1, "modal"), (None, 99_999, 1, "modal"), (None, 100_000, 1, "compiled"),
+    (None, 999, 100, "general"), (None, 1000, 100, "compiled"), (Stop(1e3), 4999, 1, "general"),
+    (Stop(1e3), 5000, 1, "compiled"), (Stop(1e3), 50, 100, "compiled"), (Unknown(), 5000, 1, "general"),
 ])  # fmt: skip
-def test_what_the_length_of_a_run_makes_worthwhile(law, steps, path):
+def test_what_the_length_of_all_runs_makes_worthwhile(law, steps, runs, path):
     for method in (newmark(), hht(), generalized_alpha()):
-        assert way_of(problem_of(masses(3, law=law), steps=steps), method, EVERY).path == path
+        assert way_of(problem_of(masses(3, law=law), steps=steps, runs=runs), method, EVERY).path == path
 
 
 def test_damping_that_couples_is_left_to_the_general_way():
