@@ -14,7 +14,7 @@ from flexcam.limits import Search
 from flexcam.response import Cause, RunFailedError, Status
 from flexcam.study.points import Runs, serial, variant_row
 from flexcam.sweep import Row
-from flexcam.sweep.workers import end_with_parent, one_thread, undisturbed
+from flexcam.sweep.workers import end_with_parent, ended, one_thread, undisturbed
 
 Asked = tuple[CaseFile, tuple[str, ...], tuple[str, ...], Search | None]
 """Case file, values laid over it, names of quantities, and where limits are looked for."""
@@ -67,6 +67,7 @@ def evaluators(
     asked = bare, tuple(fixed), tuple(names), search
     # spawn: threads and locks of this process stay out of the workers, on every system
     context = multiprocessing.get_context("spawn")
+    before = {process.pid for process in multiprocessing.active_children()}
     with one_thread(), ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(asked,)) as pool:
 
         def run(variants: Sequence[tuple[str, ...]]) -> list[Row]:
@@ -77,7 +78,7 @@ def evaluators(
             except BrokenProcessPool:
                 raise RunFailedError(_LOST) from None
             except KeyboardInterrupt:
-                pool.shutdown(wait=False, cancel_futures=True)
+                ended(pool, before)
                 raise
 
         yield run

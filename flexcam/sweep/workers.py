@@ -121,7 +121,7 @@ def _processes(bundle: Bundle, count: int, histories: bool) -> Generator[Pool]:
             if awake.done() and awake.exception() is not None:
                 raise RunFailedError(_ASLEEP)
         finally:
-            _ended(executor, before)
+            ended(executor, before)
 
 
 _ASLEEP = Status(
@@ -135,8 +135,16 @@ def _version() -> str:
     return __version__
 
 
-def _ended(executor: Executor, before: set[int | None]) -> None:
-    """End the processes of an executor, in the middle of a run if need be."""
+def ended(executor: Executor, before: set[int | None]) -> None:
+    """End the processes of an executor, in the middle of a run if need be.
+
+    Parameters
+    ----------
+    executor
+        Whose processes end.
+    before
+        Process numbers of the children that were there before it.
+    """
     executor.shutdown(wait=False, cancel_futures=True)
     own = [process for process in multiprocessing.active_children() if process.pid not in before]
     for process in own:
