@@ -17,7 +17,7 @@ from flexcam.checks import positive, refuse
 from flexcam.integrate import Problem, equilibrium, solve
 from flexcam.linalg import FloatArray
 from flexcam.motion import event_extremes
-from flexcam.response import Response
+from flexcam.response import Response, heed
 from flexcam.runner import Prepared, prepare
 from flexcam.system import ConstantSpeed
 from flexcam.train import CamContact, Model, Seat, main_lift, seating, separation
@@ -198,6 +198,7 @@ def bracketed_limits(case: Case, search: Search, among: Collection[str] | None =
         if speed not in seen:
             ready = prepare(case.at_speed(speed, _REVOLUTIONS))
             response = solve(ready.problem, ready.scheme, save=ready.save)
+            heed(response.status)
             if response.status.ok:
                 seen[speed] = {name: question(response, ready) for name, (question, _) in questions.items()}
             else:

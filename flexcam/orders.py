@@ -17,7 +17,7 @@ from flexcam.integrate import solve
 from flexcam.io.csv import component_unit
 from flexcam.linalg import FloatArray
 from flexcam.motion import OrderSpectrum, order_spectrum
-from flexcam.response import Response, RunFailedError, Status
+from flexcam.response import Response, RunFailedError, Status, heed
 from flexcam.runner import prepare
 from flexcam.units import RPM
 
@@ -181,6 +181,7 @@ def waterfall(case: Case, speeds: Sequence[float], signals: Sequence[Signal], co
     units: dict[Signal, str] = {}
     for speed in speeds:
         response = _run(case.at_speed(speed))
+        heed(response if isinstance(response, Status) else response.status)
         statuses.append(response if isinstance(response, Status) else response.status)
         for one, its in found.items():
             if isinstance(response, Status) or not response.status.ok:

@@ -483,3 +483,20 @@ def _empty(outline: Outline) -> Block:
     return Block(
         nothing, nothing, Series(probes, probes, probes), channels, nothing, nothing, Series(fields, fields, fields)
     )
+
+
+def heed(status: Status) -> None:
+    """Go on being interrupted: one of many runs was stopped, and what asked for them all stops as well.
+
+    Parameters
+    ----------
+    status
+        Of the run.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If the user stopped it.
+    """
+    if status.cause is Cause.INTERRUPTED:
+        raise KeyboardInterrupt

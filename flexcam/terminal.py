@@ -16,7 +16,7 @@ from flexcam.response import Block, Sink, Stats, Status
 
 
 def out() -> Console:
-    """Return the console of results; tables keep one width where nobody reads along.
+    """Return the console of results; tables keep one width where nobody reads along, and brackets are brackets.
 
     Returns
     -------
@@ -24,7 +24,7 @@ def out() -> Console:
         On standard output.
     """
     width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
-    return Console(file=sys.stdout, width=width, highlight=False, soft_wrap=False)
+    return Console(file=sys.stdout, width=width, highlight=False, markup=False, soft_wrap=False)
 
 
 def print_json(content: object) -> None:

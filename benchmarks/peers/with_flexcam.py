@@ -24,7 +24,7 @@ def run(work: Work, path: str = "auto") -> Result:
         solved(Problem(system, ConstantSpeed(1.0), step=work.step(1.0), steps=1), path)
     for frequency in work.frequencies:
         drive = ConstantSpeed(2.0 * math.pi * frequency)
-        problem = Problem(system, drive, step=work.step(frequency), steps=work.steps)
+        problem = Problem(system, drive, step=work.step(frequency), steps=work.steps, runs=len(work.frequencies))
         begun = time.perf_counter()
         response = solved(problem, path, SaveAt(field_every=work.steps, channels=False))
         loop += time.perf_counter() - begun

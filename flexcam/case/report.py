@@ -210,3 +210,22 @@ def _units_in(annotation: object) -> list[Unit]:
         return [annotation]
     parts: list[object] = [*get_args(annotation)]
     return [unit for part in parts for unit in _units_in(part)]
+
+
+def filled(record: CaseRecord) -> dict[str, Any]:
+    """Return a case with every value filled in, as tables that are read again.
+
+    Parameters
+    ----------
+    record
+        Of the case.
+
+    Returns
+    -------
+    dict
+        Texts, numbers in SI, lists and tables; without nodes where a mesh gives them.
+    """
+    tables = record.model_dump(mode="json", by_alias=True, exclude_none=True)
+    if record.mesh is not None:
+        del tables["nodes"]
+    return tables

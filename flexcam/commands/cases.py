@@ -40,7 +40,7 @@ from flexcam.console.results import operation_table, periodicity, run_table, str
 from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, read_result, write_modes
 from flexcam.response import Cause, Response, RunFailedError, Status
-from flexcam.runner import default_probe, geometry_of, mode_likeness, prepare, result_file, scalar_probe
+from flexcam.runner import geometry_of, mode_likeness, prepare, result_file, scalar_probe
 from flexcam.runner import modes as case_modes
 from flexcam.runner import run as solve_case
 from flexcam.terminal import out, print_json, progress
@@ -86,7 +86,7 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
         out().print(model_table(ready, found))
         for sentence in doubts(found) + coarse_steps(ready):
             out().print("\n" + sentence)
-        out().print("\n# the case as it is run, SI\n" + resolved(ready.case), markup=False)
+        out().print("\n# the case as it is run, SI\n" + resolved(ready.case))
 
 
 @app.command(
@@ -228,7 +228,7 @@ def compare(
     if against is not None:
         return _two(case, against, probe, overrides, as_json)
     read = load_beams(case, overrides)
-    at = probe or default_probe(read)
+    at = probe or scalar_probe(prepare(read))
     found = fidelity.deviation(read, at)
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
     mode_hz = fidelity.loaded_mode(read)[0] if published else None
@@ -270,7 +270,7 @@ def _two(case: Path, against: str, probe: str | None, overrides: Overrides, as_j
         at = probe or one.outline.probes[0][0]
     else:
         read = load(case, overrides)
-        one, at = solve_case(read), probe or default_probe(read)
+        one, at = solve_case(read), probe or scalar_probe(prepare(read))
     other = _other(against, read, overrides)
     found = fidelity.between(one, other, at, _speed_rpm(one), (case.stem, Path(against).stem))
     if as_json:

@@ -105,7 +105,7 @@ def plot(
     if as_json:
         print_json({"status": "ok", "files": [str(target)]})
     else:
-        out().print(str(target), markup=False)
+        out().print(str(target))
     return next((run.status for run in _solved(asked) if not run.status.ok), None)
 
 

@@ -44,4 +44,4 @@ def report(
         warnings = {str(path): list(chapter.warnings) for path, chapter in zip(results, found.chapters, strict=True)}
         print_json({"status": "ok", "file": str(target), "title": found.title, "warnings": warnings})
     else:
-        out().print(str(target), markup=False)
+        out().print(str(target))

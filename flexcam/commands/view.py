@@ -45,6 +45,7 @@ def view(
     from flexcam.view.rendering import ready_to_render
     from flexcam.view.saving import FRAMES, free_to_save, save
 
+    _finite(scale, at)
     pixels = _pixels(size)
     if picture is not None:
         free_to_save(picture, pixels, overwrite=overwrite)
@@ -70,6 +71,12 @@ def view(
         out().print(str(picture))
 
 
+def _finite(scale: float, at: float | None) -> None:
+    for option, given in (("--scale", scale), ("--at", 0.0 if at is None else at)):
+        if not math.isfinite(given):
+            raise refuse(option, given, "a finite number")
+
+
 def _pixels(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d+)x(\d+)", text)
     sides = (int(found[1]), int(found[2])) if found else (0, 0)
@@ -86,7 +93,7 @@ def _read(source: Path, overrides: Overrides) -> tuple[Case, Result | None]:
     if source.suffix != ".vtkhdf":
         return load(source, overrides), None
     if overrides:
-        raise refuse("--set", str(overrides), "a case file to lay it over", "a result is shown as it was computed")
+        raise refuse("--set", overrides[0], "cases alone", "a result has been computed", "give the case, or run it")
     result = read_result(source)
     return recalled_case(result), result
 
@@ -99,8 +106,10 @@ def _motion(
 
     title = case.record.title or case.name
     if mode is not None:
-        found = case_modes(case, max(mode, 1)).modes
-        if not 1 <= mode <= found.shapes.shape[1]:
+        if mode < 1:
+            raise refuse("--mode", mode, "a whole number from 1, as flexcam modes counts them")
+        found = case_modes(case, mode).modes
+        if mode > found.shapes.shape[1]:
             raise refuse("--mode", mode, f"1 to {found.shapes.shape[1]}, as flexcam modes counts them")
         if color not in (None, "displacement"):
             raise refuse("--color", repr(color), "displacement", "a mode has no size, and so no stress")

@@ -11,6 +11,7 @@ import tomli_w
 from rich.table import Table
 
 from flexcam.case import Case
+from flexcam.case.report import filled
 from flexcam.fidelity import Claim, Comparison
 from flexcam.integrate import reached
 from flexcam.linalg import FloatArray
@@ -47,7 +48,7 @@ def resolved(case: Case) -> str:
     str
         TOML text.
     """
-    return tomli_w.dumps(case.record.model_dump(mode="json", by_alias=True, exclude_none=True))
+    return tomli_w.dumps(filled(case.record))
 
 
 def couplings(case: Case) -> list[str]:

@@ -19,7 +19,7 @@ from flexcam.case.tables.contacts import CamContactRecord
 from flexcam.checks import did_you_mean, refuse
 from flexcam.integrate import solve
 from flexcam.linalg import FloatArray, Triplets
-from flexcam.response import Status
+from flexcam.response import Status, heed
 from flexcam.runner import prepare
 from flexcam.stability.reached import ReachedModes, force_harmonics, reached_modes
 from flexcam.stability.resonance import Resonance, lift_harmonics
@@ -135,6 +135,7 @@ def campbell(
     for i, speed in enumerate(speeds):
         ready = prepare(case.at_speed(speed))
         response = solve(ready.problem, ready.scheme, save=ready.save)
+        heed(response.status)
         statuses.append(response.status)
         if response.status.ok:
             loads[i] = force_harmonics(response, name, max(orders))[wanted - 1]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from flexcam.case import Case
+from flexcam.case.report import filled
 
 
 def case_text(case: Case, target: Path, told: Sequence[str] = ()) -> str:
@@ -29,8 +30,7 @@ def case_text(case: Case, target: Path, told: Sequence[str] = ()) -> str:
     """
     import tomli_w
 
-    record = case.record.model_dump(mode="json", by_alias=True, exclude_none=True)
-    moved = _named_from(record, case.path.parent, target.parent)
+    moved = _named_from(filled(case.record), case.path.parent, target.parent)
     head = "".join(f"# {line}\n" for line in told)
     return head + tomli_w.dumps(cast("dict[str, Any]", moved))
 

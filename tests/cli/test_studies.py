@@ -158,6 +158,14 @@ def test_lightest_spring_for_a_frequency(flexcam, oscillator, tmp_path):
     assert flexcam("optimize", oscillator, *told, "-o", best).code == 2  # it is there
 
 
+def test_the_best_of_a_case_with_a_mesh_can_be_run(flexcam, tmp_path):
+    """The mesh is named from the other folder, and no nodes stand beside it."""
+    told = ("--vary", "cams.intake.rise=60:90deg", "--least", "cams.intake.deceleration", "--evaluations", "24")
+    best = tmp_path / "deep" / "best.toml"
+    assert flexcam("optimize", PUBLISHED, *told, "-o", best).code == 0
+    assert flexcam("check", best).code == 0
+
+
 def test_fullest_lift_with_a_given_acceleration(flexcam):
     """Least deceleration of a lift is that of the widest cam; numbers in lists are varied too."""
     law = 'cams.intake.law={id="bspline",coefficients=[0.0,0.0,0.0,0.1,0.5,0.9,1.0,1.0,1.0]}'

@@ -256,3 +256,13 @@ def test_the_slider_of_the_window_turns_the_cam(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
     assert done.returncode == 0, done.stderr
     assert seen(made) - seen(ROOT / "tests/data/pictures/finger.png") <= ALIKE
+
+
+@pytest.mark.parametrize(
+    ("option", "given", "said"), [("--at", "nan", "finite"), ("--scale", "inf", "finite"), ("--mode", "0", "from 1")]
+)
+def test_numbers_that_cannot_be_shown(flexcam, tmp_path, option, given, said):
+    case = tmp_path / "train.toml"
+    assert flexcam("new", "lumped-train", "-o", case).code == 0
+    done = flexcam("view", case, option, given, "--save", tmp_path / "x.png")
+    assert (done.code, option in done.err, said in done.err) == (2, True, True)

@@ -201,9 +201,9 @@ def corrected(
     iteration: int, local: FloatArray, tangent: FloatArray, stiff: IntArray, matrix: FloatArray,
 ) -> bool:  # fmt: skip
     """Correct the forces (row 0): by Newton's step where they react to themselves, by the laws' answer elsewhere."""
-    sense = 0
     turn, act = give.shape[1], 2 * give.shape[1]
-    n = 0
+    sense = act - 2 * turn  # zero, as a number: a literal one would be compiled apart
+    n = sense
     part, weak = 1.0, _WEAK
     if iteration > _WHOLE_STEPS:
         part = 0.5
@@ -316,7 +316,8 @@ def march(
     h, beta, gamma, alpha_m, alpha_f = scheme[0], scheme[1], scheme[2], scheme[3], scheme[4]
     new, to_d, to_v, half = 1.0 - alpha_f, beta * h * h, gamma * h, 0.5 * h
     n, c, s, senses = state.shape[1], local.shape[1], inner.shape[1], give.shape[1]
-    sense, act, offset = 0, 2 * senses, 2 * senses + give.shape[0]
+    act, offset = 2 * senses, 2 * senses + give.shape[0]
+    sense = act - 2 * senses
     for k in range(begin, end):
         count[0] = k
         for i in range(n):
