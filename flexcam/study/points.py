@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from flexcam.case import Case, CaseFile
+from flexcam.case import Case, CaseFile, read_case
 from flexcam.checks import Fault, InputError, refuse
 from flexcam.limits import Search
 from flexcam.linalg import FloatArray
@@ -92,7 +92,17 @@ def _variable(case: Case, setting: str, where: str) -> Variable:
     low, *_, high = ends.values[0], ends.values[-1]
     if not ends.interval or low.number is None or high.number is None:
         raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "anything between may be taken")
+    for end in (low, high):
+        _refuse_unreadable(case, overrides_of(case, {key: end.text}), where)
     return Variable(key, low.number, high.number, ends.unit)
+
+
+def _refuse_unreadable(case: Case, overrides: Sequence[str], where: str) -> None:
+    """Refuse an end of an interval that the case cannot take, such as one of another unit."""
+    try:
+        read_case(case.path, (*case.overrides, *overrides))
+    except InputError as refusal:
+        raise InputError(replace(fault, where=where) for fault in refusal.faults) from None
 
 
 Runs = Callable[[Sequence[tuple[str, ...]]], list[Row]]
