@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.settle import Inner
 from flexcam.linalg import FloatArray, IntArray
+from flexcam.response import Series
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,3 +148,28 @@ class Track:
         moved = (self.d[rows], self.v[rows], self.a[rows])
         local, state, impulse = self.local[rows], self.state[rows], self.impulse[rows]
         return Track(self.time[rows], *moved, local, state, impulse, self.ends[:count])
+
+
+@dataclass(frozen=True, eq=False)
+class Glance:
+    """What is kept of some steps where nobody asks for more.
+
+    Parameters
+    ----------
+    time
+        s, shape (b,).
+    probes
+        All scalars of the probes without their prescribed part, shape (b, p).
+    fields
+        The motions at saved fields, shape (f, n).
+    """
+
+    time: FloatArray
+    probes: Series
+    fields: Series
+
+    @classmethod
+    def none(cls, probes: int, size: int) -> Glance:
+        """Return no steps of a system of some size."""
+        watched, still = np.zeros((0, probes)), np.zeros((0, size))
+        return cls(np.zeros(0), Series(watched, watched, watched), Series(still, still, still))

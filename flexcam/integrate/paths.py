@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from flexcam.checks import refuse
+from flexcam.integrate.compiled.glancing import Glancing
 from flexcam.integrate.compiled.machine import available
 from flexcam.integrate.compiled.marching import Marching
 from flexcam.integrate.engine import Engine
@@ -173,5 +174,8 @@ def engine_of(
     if way.natural is not None and isinstance(method, Scheme):
         if way.path == "modal":
             return Superposed(way.problem, method, save, stop, way.natural)
+        probes = way.problem.system.probes
+        if not save.channels and not forces.count and save.field_every >= _SPARSE and any(len(p.rows) for p in probes):
+            return Glancing(way.problem, method, forces, save, stop)
         return Marching(way.problem, method, forces, stop)
     return Stepwise(way.problem, method, forces, save, stop, pilot)

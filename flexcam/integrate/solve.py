@@ -9,12 +9,14 @@ from dataclasses import replace
 from functools import reduce
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flexcam.integrate.compiled.glancing import Glancing
 from flexcam.integrate.energy import PARTS, EnergyAccount
 from flexcam.integrate.engine import STOPPED, Engine
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.method import Method
-from flexcam.integrate.moment import Track
+from flexcam.integrate.moment import Glance, Track
 from flexcam.integrate.paths import engine_of, way_of
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.within import shown
@@ -184,18 +186,37 @@ class _Run:
         for begin in range(first, end, size):
             steps = np.arange(begin, min(begin + size, end))
             with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
-                track, self.status = self._engine.advance(steps)
-            if len(track.ends):
-                yield self._block(steps[: len(track.ends)], track)
+                block = self._part(steps)
+            if block is not None:
+                yield block
             if not self.status.ok:
                 return
+
+    def _part(self, steps: IntArray) -> Block | None:
+        """Return the block of some steps, or None where not even the first could be taken; `status` tells why."""
+        if isinstance(self._engine, Glancing):
+            glance, self.status = self._engine.glance(steps)
+            return self._glanced(steps[: len(glance.time)], glance) if len(glance.time) else None
+        track, self.status = self._engine.advance(steps)
+        return self._block(steps[: len(track.ends)], track) if len(track.ends) else None
+
+    def _saved(self, steps: IntArray) -> NDArray[np.bool_]:
+        return (steps % self._save.field_every == 0) | (steps == self._problem.steps)
+
+    def _glanced(self, steps: IntArray, glance: Glance) -> Block:
+        motion, saved = self._problem.drive.at(glance.time), self._saved(steps)
+        return Block(
+            time=glance.time, angle=motion.angle, probes=_offset(self._system.probes, glance.probes, motion),
+            channels=np.zeros((len(steps), 0)), field_time=glance.time[saved], field_angle=motion.angle[saved],
+            fields=glance.fields,
+        )  # fmt: skip
 
     def _block(self, steps: IntArray, track: Track) -> Block:
         ends = track.ends if len(track.ends) < len(track.time) else slice(None)
         motion, time = self._problem.drive.at(track.time), track.time[ends]
         at_ends = CamMotion(motion.angle[ends], motion.speed[ends], motion.rate[ends])
         series = Series(track.d[ends], track.v[ends], track.a[ends])
-        saved = (steps % self._save.field_every == 0) | (steps == self._problem.steps)
+        saved = self._saved(steps)
         return Block(
             time=time, angle=at_ends.angle, probes=_probe_series(self._system.probes, series, at_ends),
             channels=self._channels(track, motion) if self._save.channels else np.zeros((len(steps), 0)),
@@ -221,7 +242,14 @@ class _Run:
 
 def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -> Series:
     picked = np.concatenate([p.rows for p in probes]) if probes else np.zeros((0, moved.displacement.shape[1]))
-    d, v, a = (series @ picked.T for series in (moved.displacement, moved.velocity, moved.acceleration))
+    return _offset(
+        probes, Series(*(one @ picked.T for one in (moved.displacement, moved.velocity, moved.acceleration))), motion
+    )
+
+
+def _offset(probes: tuple[Probe, ...], picked: Series, motion: CamMotion) -> Series:
+    """Return what rows pick of a motion with what the cam prescribes beside it."""
+    d, v, a = (np.array(one) for one in (picked.displacement, picked.velocity, picked.acceleration))
     for column, offset in enumerate(o for p in probes for o in p.offset):
         if offset is not None:
             slope = offset(motion.angle, 1)

@@ -55,6 +55,13 @@ class Design:
         low, high = (np.array([getattr(one, end) for one in self.points.variables]) for end in ("low", "high"))
         return (points - low) / (high - low)
 
+    @property
+    def stands(self) -> FloatArray | None:
+        """Where the case stands, as parts of the intervals, shape (k,); None if it stands outside one."""
+        parts = [one.stands for one in self.points.variables]
+        known = [part for part in parts if part is not None and 0.0 <= part <= 1.0]
+        return np.array(known) if len(known) == len(parts) else None
+
     def unit(self, name: str, rows: Sequence[Row]) -> str:
         """Return the unit of a quantity; empty for a plain number."""
         unit = next((row.units[name] for row in rows if name in row.units), "")
@@ -185,7 +192,7 @@ def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evalua
     if evaluations < 2 * generation:
         raise refuse("--evaluations", evaluations, f"{2 * generation} or more", "two generations")
     judge = Judge(design)
-    _evolve(judge, len(design.points.variables), generation, int(_GLOBAL * evaluations), seed)
+    _evolve(judge, design, generation, int(_GLOBAL * evaluations), seed)
     left = evaluations - judge.count
     if left > 0:
         _close_in(judge, judge.evaluations(), design, left)
@@ -208,12 +215,14 @@ def generation_size(variables: int) -> int:
     return min(max(_PER_VARIABLE * variables, _FEWEST), _MOST)
 
 
-def _evolve(judge: Judge, variables: int, generation: int, most: int, seed: int) -> None:
+def _evolve(judge: Judge, design: Design, generation: int, most: int, seed: int) -> None:
     from scipy.optimize import Bounds, NonlinearConstraint, differential_evolution
     from scipy.stats import qmc
 
-    rng = np.random.default_rng(seed)
+    rng, variables = np.random.default_rng(seed), len(design.points.variables)
     start = qmc.LatinHypercube(variables, seed=rng).random(generation)
+    if design.stands is not None:
+        start[0] = design.stands  # what is found is no worse than the case as it stands
 
     def cost(x: FloatArray) -> FloatArray:
         return np.minimum(judge.judged(x.T)[0][:, 0], _LARGE)

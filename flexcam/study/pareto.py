@@ -48,6 +48,8 @@ def pareto(design: Design, *, evaluations: int = 400, seed: int = 0) -> Evaluati
     if evaluations < 2 * size:
         raise refuse("--evaluations", evaluations, f"{2 * size} or more", "two generations")
     judge = Judge(design)
+    if design.stands is not None:
+        judge.judged(design.stands[None])  # the front is no worse than the case as it stands
     _evolve(judge, design, size, evaluations // size, seed)
     return judge.evaluations()
 

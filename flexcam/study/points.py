@@ -31,6 +31,8 @@ class Variable:
         Its ends, in its unit.
     unit
         As written; empty for SI.
+    stands
+        Where the case stands, as a part of the interval; None where that is not known.
 
     Examples
     --------
@@ -42,6 +44,7 @@ class Variable:
     low: float
     high: float
     unit: str = ""
+    stands: float | None = None
 
     def text(self, value: float) -> str:
         """Return the value as it is laid over a case."""
@@ -87,22 +90,23 @@ def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Vari
 
 def _variable(case: Case, setting: str, where: str) -> Variable:
     key, _, spec = (part.strip() for part in setting.partition("="))
-    number_of(case, key, where)
+    number_of(case, key, where)  # or there is no such key
     ends = axis(key, spec, where=where)
     low, *_, high = ends.values[0], ends.values[-1]
     if not ends.interval or low.number is None or high.number is None:
         raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "anything between may be taken")
-    for end in (low, high):
-        _refuse_unreadable(case, overrides_of(case, {key: end.text}), where)
-    return Variable(key, low.number, high.number, ends.unit)
+    first, last = (_number_at(case, key, end.text, where) for end in (low, high))
+    stands = (number_of(case, key, where).value - first) / (last - first) if last != first else None
+    return Variable(key, low.number, high.number, ends.unit, stands)
 
 
-def _refuse_unreadable(case: Case, overrides: Sequence[str], where: str) -> None:
-    """Refuse an end of an interval that the case cannot take, such as one of another unit."""
+def _number_at(case: Case, key: str, text: str, where: str) -> float:
+    """Return the number, SI, that a case has with a text in its place; refuse a text it cannot take."""
     try:
-        read_case(case.path, (*case.overrides, *overrides))
+        there = read_case(case.path, (*case.overrides, *overrides_of(case, {key: text})))
     except InputError as refusal:
         raise InputError(replace(fault, where=where) for fault in refusal.faults) from None
+    return number_of(there, key, where).value
 
 
 Runs = Callable[[Sequence[tuple[str, ...]]], list[Row]]

@@ -12,6 +12,8 @@ Answer = tuple[float, float, float]
 
 _MOST_ITERATIONS = 60
 _SETTLED = 1e-14
+_LEAST = 1e-300
+"""Load times its give, m, below which there is none: the logarithm of zero is not a number."""
 
 
 def stop(gap: float, rate: float, stiffness: float, damping: float, hold: float) -> Answer:
@@ -106,7 +108,7 @@ def line_load(approach: float, most: float, give: float, rest: float, depth: flo
     end, slope = q * terms, give * (terms - 2.0)
     if approach >= end:
         return most + (approach - end) / slope, 1.0 / slope
-    q = q * approach / end
+    q = max(q * approach / end, _LEAST)
     for _ in range(_MOST_ITERATIONS):
         terms = 2.0 * math.log(depth / q) - rest
         new = q + (approach - q * terms) / (terms - 2.0)

@@ -13,7 +13,7 @@ from flexcam.linalg import FloatArray
 from flexcam.system import ONE, AngleFunction, Formula, Formulated, Kind, LocalLaw, Reaction, Stored, Storing
 from flexcam.system.pointwise import dissipating, hunt_crossley, line_load, stop
 
-_MOST_ITERATIONS, _SETTLED = 60, 1e-14
+_MOST_ITERATIONS, _SETTLED, _LEAST = 60, 1e-14, 1e-300
 _WITH_FRICTION = 2
 """Scalars of a contact with friction: depth and path."""
 
@@ -232,7 +232,7 @@ class HertzLine(Stateless):
         terms = 2.0 * np.log(self.depth / largest) - rest
         end, give = largest * terms, self._one * (terms - 2.0)
         below = np.minimum(approach, end)
-        q = largest * below / end
+        q = np.maximum(largest * below / end, _LEAST)
         for _ in range(_MOST_ITERATIONS):
             terms = 2.0 * np.log(self.depth / q) - rest
             new = q + (below - q * terms) / (terms - 2.0)

@@ -66,9 +66,13 @@ class March:
         Of the time integration.
     forces
         The local forces, stacked.
+    watched
+        Rows that are all that is asked of a step, shape (w, n); none where everything is.
     """
 
-    def __init__(self, problem: Problem, scheme: Scheme, forces: LocalForces) -> None:
+    def __init__(
+        self, problem: Problem, scheme: Scheme, forces: LocalForces, watched: FloatArray | None = None
+    ) -> None:
         self._run, self._scheme, self.forces = machine_code(), scheme, forces
         self.packed, self._system = PackedForces.of(forces), PackedSystem.of(problem.system, forces)
         c, width = forces.count, int(self.packed.laws[:, 2].max(initial=1))
@@ -76,7 +80,8 @@ class March:
             np.zeros((7, c)), np.zeros((2, c, width)), np.zeros(len(forces.sense.vectors)),
             np.zeros((2, c), dtype=np.intp), np.zeros((3, c, c + 1)),
         )  # fmt: skip
-        self.columns = 3 * problem.system.size + c + len(forces.start_state)
+        self._watched = np.zeros((0, problem.system.size)) if watched is None else np.ascontiguousarray(watched)
+        self.columns = 3 * (len(self._watched) or problem.system.size) + c + len(forces.start_state)
 
     def operator(self, step: float) -> Operator:
         """Return what a step of a length does."""
@@ -92,7 +97,8 @@ class March:
         ended = self._run(
             *rows, operator.scheme, operator.motions, system.coupled, operator.inverse, loads, moving.motion,
             packed.laws, packed.constants, packed.places, sides, system.sensing, system.acting, operator.give,
-            operator.answering, cam, moving.forces, local, tangent, moving.inner, moved, stiff, matrix, found, count,
+            operator.answering, self._watched, cam, moving.forces, local, tangent, moving.inner, moved, stiff, matrix,
+            found, count,
         )  # fmt: skip
         return int(ended), int(count[0]), int(count[1])
 

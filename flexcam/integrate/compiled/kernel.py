@@ -304,19 +304,20 @@ def settled(
 def march(
     begin: int, end: int, scheme: FloatArray, motions: FloatArray, coupled: FloatArray, inverse: FloatArray,
     loads: FloatArray, state: FloatArray, laws: IntArray, constants: FloatArray, places: IntArray, switching: IntArray,
-    sensing: FloatArray, acting: FloatArray, give: FloatArray, answering: FloatArray, cam: FloatArray,
-    forces: FloatArray, local: FloatArray, tangent: FloatArray, inner: FloatArray,
+    sensing: FloatArray, acting: FloatArray, give: FloatArray, answering: FloatArray, watched: FloatArray,
+    cam: FloatArray, forces: FloatArray, local: FloatArray, tangent: FloatArray, inner: FloatArray,
     moved: FloatArray, stiff: IntArray, matrix: FloatArray, found: FloatArray, count: IntArray,
 ) -> int:  # fmt: skip
     """Advance from row `begin` of what is prescribed up to `end`, and tell how it ended.
 
     The state (q, v, a and the forces on the motions; the local forces; the internal states) moves along. `count` takes
-    the row reached and the iterations. No switching scalar is looked at where none is named.
+    the row reached and the iterations. No switching scalar is looked at where none is named. Where
+    rows are watched, and no local forces act, only what they make of the motions is found.
     """
     h, beta, gamma, alpha_m, alpha_f = scheme[0], scheme[1], scheme[2], scheme[3], scheme[4]
     new, to_d, to_v, half = 1.0 - alpha_f, beta * h * h, gamma * h, 0.5 * h
     n, c, s, senses = state.shape[1], local.shape[1], inner.shape[1], give.shape[1]
-    act, offset = 2 * senses, 2 * senses + give.shape[0]
+    act, offset, rows = 2 * senses, 2 * senses + give.shape[0], len(watched)
     sense = act - 2 * senses
     for k in range(begin, end):
         count[0] = k
@@ -383,8 +384,17 @@ def march(
             still = abs(q) < _GONE and abs(v) < _GONE and abs(a) < _GONE
             state[0, i], state[1, i], state[2, i] = (0.0, 0.0, 0.0) if still else (q, v, a)
             state[3, i] = loads[k, i]
-        for i in range(n):
-            found[k, i], found[k, n + i], found[k, 2 * n + i] = state[0, i], state[1, i], state[2, i]
+        if rows > 0:  # nothing else of this step is asked for
+            for r in range(rows):
+                on_d, on_v, on_a = 0.0, 0.0, 0.0
+                for i in range(n):
+                    on_d += watched[r, i] * state[0, i]
+                    on_v += watched[r, i] * state[1, i]
+                    on_a += watched[r, i] * state[2, i]
+                found[k, r], found[k, rows + r], found[k, 2 * rows + r] = on_d, on_v, on_a
+        else:
+            for i in range(n):
+                found[k, i], found[k, n + i], found[k, 2 * n + i] = state[0, i], state[1, i], state[2, i]
         for j in range(c):
             if local[0, j] != 0.0:
                 for b in range(places[1, j], places[1, j + 1]):

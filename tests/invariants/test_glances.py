@@ -1,0 +1,65 @@
+"""A run that keeps the probes alone keeps the same ones, whichever way it takes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import prepare, read_case
+from flexcam.integrate import Problem, SaveAt, hht, newmark, solve
+from flexcam.linalg import Triplets
+from flexcam.response import Cause
+from flexcam.system import ConstantSpeed, Load, Probe, System
+
+CASES = Path(__file__).parents[2] / "cases"
+SERIES = ("displacement", "velocity", "acceleration")
+
+
+@pytest.fixture(scope="module")
+def published():
+    return prepare(read_case(CASES / "tayeb/model-2-parabolic.toml"))
+
+
+@pytest.mark.parametrize("every", [10, 37, 5000])
+@pytest.mark.parametrize("scheme", [newmark(), hht(alpha=-0.1)], ids=["newmark", "hht"])
+def test_probes_and_saved_fields_are_those_of_the_whole_run(published, every, scheme):
+    """Both march alike; sums of a dozen products are taken in another order."""
+    problem = replace(published.problem, path="compiled", steps=1500)
+    whole, few = (solve(problem, scheme, save=SaveAt(every, channels=kept)) for kept in (True, False))
+    assert few.status.ok
+    assert few.channels == {}
+    assert np.array_equal(whole.time, few.time)
+    assert np.array_equal(whole.angle, few.angle)
+    assert np.array_equal(whole.field_time, few.field_time)
+    for name in SERIES:
+        one, other = getattr(whole.probes, name), getattr(few.probes, name)
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-13 * np.abs(one).max())
+        np.testing.assert_array_equal(getattr(few.fields, name), getattr(whole.fields, name))
+
+
+def test_every_way_keeps_them(published):
+    problem = replace(published.problem, steps=1500)
+    found = [
+        solve(replace(problem, path=path), newmark(), save=SaveAt(100, channels=False))
+        for path in ("general", "modal", "compiled")
+    ]
+    for other in found[1:]:  # by another order of operations
+        np.testing.assert_allclose(other.probes.displacement, found[0].probes.displacement, rtol=0.0, atol=1e-10 * 0.01)
+
+
+def test_what_leaves_the_range_is_cut_at_the_same_step():
+    """Newmark with beta 1/12 beyond its limit: the last good step is that of a run that looks at every step."""
+    one = Triplets.from_dense([[1.0]])
+    push = Load("push", np.ones(1), lambda motion: np.ones_like(motion.angle))
+    watch = Probe("x", ("x",), np.eye(1), (None,))
+    system = System(one, Triplets.zeros(1), one.scaled(1e4), ("x",), (push,), probes=(watch,))
+    problem = Problem(system, ConstantSpeed(1.0), step=0.03, steps=4000, path="compiled")
+    scheme = newmark(beta=1.0 / 12.0)
+    whole, few = (solve(problem, scheme, save=SaveAt(50, channels=kept)) for kept in (True, False))
+    assert few.status == whole.status
+    assert few.status.cause is Cause.NOT_FINITE
+    assert len(few.time) == len(whole.time) < 4001
+    assert np.isfinite(few.probes.displacement).all()
