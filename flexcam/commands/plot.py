@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import numpy as np
 from cyclopts import Parameter
 
 from flexcam import fidelity, runner
-from flexcam.case import build_model
+from flexcam.case import Case, build_model
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
-from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity
+from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity, speed_range, turns
 from flexcam.commands.sources import Source, named, opened
+from flexcam.console.words import shaft_name
 from flexcam.response import Response, Status
 from flexcam.terminal import out, print_json
 from flexcam.train import Cam, build_structure
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 
     from flexcam.view import Over
 
-What = Literal["motion", "force", "energy", "svaj", "profile", "modes", "work-precision"]
+What = Literal["motion", "force", "energy", "svaj", "profile", "modes", "campbell", "waterfall", "work-precision"]
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,9 @@ def plot(
     rigid: Annotated[bool, Parameter(negative=(), help="Also the same mechanism with rigid members.")] = False,
     cam: Annotated[str | None, Parameter(help="svaj, profile: this cam alone.")] = None,
     angle: Annotated[str | None, Parameter(help="profile: cam angle at which it stands, such as '90 deg'.")] = None,
-    count: Annotated[int | None, Parameter(help="modes: how many; 6 by default.")] = None,
+    count: Annotated[
+        int | None, Parameter(help="modes: how many, 6 by default; campbell, waterfall: speeds, 9 by default.")
+    ] = None,
     output: Annotated[Path | None, Parameter(["-o", "--output"], help="The picture: .svg, .png or .pdf.")] = None,
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status | None:  # fmt: skip
@@ -115,8 +119,9 @@ def _solved(asked: Asked) -> list[Response]:
 
 
 _APPLIES = {
-    "probe": ("motion", "work-precision"), "channel": ("motion", "force"), "rigid": ("motion", "force"),
-    "over": ("motion", "force", "energy"), "cam": ("svaj", "profile"), "angle": ("profile",), "count": ("modes",),
+    "probe": ("motion", "waterfall", "work-precision"), "channel": ("motion", "force", "waterfall"),
+    "rigid": ("motion", "force"), "over": ("motion", "force", "energy"), "cam": ("svaj", "profile"),
+    "angle": ("profile",), "count": ("modes", "campbell", "waterfall"),
 }  # fmt: skip
 
 
@@ -195,6 +200,38 @@ def _modes(asked: Asked) -> Figure:
     return mode_figure(structure, runner.modes(case, count), title=case.record.title or case.name)
 
 
+def _campbell(asked: Asked) -> Figure:
+    """Draw modes and orders from half to one and a half of the case's speed."""
+    from flexcam.stability import campbell
+    from flexcam.view import campbell_figure
+
+    case = _single(asked, "campbell").case
+    scale = turns(case)
+    return campbell_figure(campbell(case, _speeds(asked, case), orders=range(1, _ORDERS + 1)), scale, shaft_name(scale))
+
+
+def _waterfall(asked: Asked) -> Figure:
+    """Draw the orders of a motion and a force from half to one and a half of the case's speed."""
+    from flexcam.commands.speeds import signals
+    from flexcam.orders import waterfall
+    from flexcam.view import waterfall_figure
+
+    case = _single(asked, "waterfall").case
+    seen = signals(case, asked.channels, None if asked.probe is None else [asked.probe])
+    scale = turns(case)
+    return waterfall_figure(waterfall(case, _speeds(asked, case), seen, _ORDERS), scale, shaft_name(scale))
+
+
+_ORDERS = 24
+"""Highest order of the camshaft that is drawn."""
+
+
+def _speeds(asked: Asked, case: Case) -> list[float]:
+    """Return camshaft speeds, rad/s."""
+    count = 9 if asked.count is None else asked.count
+    return np.linspace(*speed_range(None, None, count, case.speed, turns(case)), count).tolist()
+
+
 def _work_precision(asked: Asked) -> Figure:
     from flexcam.view import work_precision_figure
 
@@ -205,7 +242,7 @@ def _work_precision(asked: Asked) -> Figure:
 
 _FIGURES: Mapping[str, Callable[[Asked], Figure]] = {
     "motion": _motion, "force": _force, "energy": _energy, "svaj": _svaj, "profile": _profile, "modes": _modes,
-    "work-precision": _work_precision,
+    "campbell": _campbell, "waterfall": _waterfall, "work-precision": _work_precision,
 }  # fmt: skip
 
 

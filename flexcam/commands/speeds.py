@@ -109,7 +109,7 @@ def orders(
     if csv is not None:
         free_to_write("output", csv, overwrite=overwrite)
     speeds = np.linspace(low, high, count).tolist()
-    found = waterfall(read, speeds, _signals(read, channels, probes), highest_order)
+    found = waterfall(read, speeds, signals(read, channels, probes), highest_order)
     if csv is not None:
         write_text(csv, orders_csv(found, scale), overwrite=overwrite)
     if plot is not None:
@@ -129,7 +129,7 @@ def orders(
         out().print(path)
 
 
-def _signals(case: Case, channels: list[str] | None, probes: list[str] | None) -> list[Signal]:
+def signals(case: Case, channels: list[str] | None, probes: list[str] | None) -> list[Signal]:
     """Return the histories asked for: by default the acceleration of the valve and the force of the first cam."""
     if channels is None and probes is None:
         driven = next((name for name, one in case.record.contacts.items() if hasattr(one, "cam")), None)
