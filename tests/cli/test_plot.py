@@ -99,7 +99,7 @@ def test_what_a_run_that_ended_early_left(flexcam, case, tmp_path):
     assert "displacement" in words_of(tmp_path / "early.svg")
 
 
-@pytest.mark.parametrize(("what", "said"), [("campbell", "Hz"), ("waterfall", "order of the camshaft")])
+@pytest.mark.parametrize(("what", "said"), [("campbell", "natural frequency, Hz"), ("waterfall", "order of the camshaft")])
 def test_orders_over_speed(what, said, flexcam, case, tmp_path):
     """The pictures of `flexcam campbell` and `flexcam orders`, from half to one and a half of the case's speed."""
     assert flexcam("plot", "case.toml", "--what", what, "--count", "2", "-o", "orders.svg").code == 0
