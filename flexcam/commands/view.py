@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from flexcam.case import Case, build_model, recalled_case
 from flexcam.checks import refuse
-from flexcam.commands.app import Json, Overrides, Overwrite, app, load
+from flexcam.commands.app import Json, Overrides, Overwrite, app, load, quantity
 from flexcam.console.drawing import drawing_words
 from flexcam.io import Result, read_result
 from flexcam.runner import modes as case_modes
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     help_prologue="""\
 flexcam view results/intake.vtkhdf
 flexcam view results/intake.vtkhdf --color stress_von_mises --scale 50 --save train.gif
-flexcam view case.toml --at 120 --save train.png
+flexcam view case.toml --at 120deg --save train.png
 flexcam view case.toml --mode 2 --save mode.mp4
 """
 )
@@ -35,7 +35,7 @@ def view(
     picture: Annotated[Path | None, Parameter("--save", help="Write it (.png, .gif, .mp4, .html), no window.")] = None,
     color: Annotated[str | None, Parameter(help="Colour members by a saved field or recovered stress.")] = None,
     scale: Annotated[float, Parameter(help="Of what the members give way; the lift is shown as it is.")] = 1.0,
-    at: Annotated[float | None, Parameter("--at", help="Cam angle of a picture, or to begin with, deg.")] = None,
+    at: Annotated[str | None, Parameter("--at", help="Cam angle of a picture, or to begin with: 120deg.")] = None,
     mode: Annotated[int | None, Parameter(help="Swing a natural mode, counted as by flexcam modes.")] = None,
     size: Annotated[str, Parameter(help="Of the window, pixels.")] = "1024x768",
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
@@ -45,14 +45,16 @@ def view(
     from flexcam.view.rendering import ready_to_render
     from flexcam.view.saving import FRAMES, free_to_save, save
 
-    _finite(scale, at)
+    if not math.isfinite(scale):
+        raise refuse("--scale", scale, "a finite number")
+    angle = None if at is None else quantity("--at", at, "angle", "deg")
     pixels = _pixels(size)
     if picture is not None:
         free_to_save(picture, pixels, overwrite=overwrite)
     case, result = _read(source, overrides)
     structure = build_structure(build_model(case))
     motion, title = _motion(case, structure, result, color, mode)
-    drawn, still = mechanism(structure), 0 if at is None else motion.nearest(math.radians(at))
+    drawn, still = mechanism(structure), 0 if angle is None else motion.nearest(angle)
     ready_to_render(off_screen=picture is not None)
     from flexcam.view.solid import Looks, Stage, show
 
@@ -69,12 +71,6 @@ def view(
         out().print(sentence)
     if picture is not None:
         out().print(str(picture))
-
-
-def _finite(scale: float, at: float | None) -> None:
-    for option, given in (("--scale", scale), ("--at", 0.0 if at is None else at)):
-        if not math.isfinite(given):
-            raise refuse(option, given, "a finite number")
 
 
 def _pixels(text: str) -> tuple[int, int]:

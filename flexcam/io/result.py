@@ -104,7 +104,8 @@ def read_result(path: str | Path) -> Result:
         raise
     except (OSError, KeyError, ValueError) as fault:
         why = "there is no such file" if not source.exists() else str(fault)
-        raise refuse("result", str(source), "a result file of flexcam (.vtkhdf)", why) from None
+        remedy = f"a case is solved first: flexcam run {source}" if source.suffix == ".toml" else ""
+        raise refuse("result", str(source), "a result file of flexcam (.vtkhdf)", why, remedy) from None
 
 
 def _result(file: Any, source: Path) -> Result:  # noqa: ANN401 - h5py has no types

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from flexcam import fidelity
 from flexcam.case import Case
+from flexcam.checks import InputError
 from flexcam.console.fidelity import error_table, plus_minus, trade_table
 from flexcam.console.limits import limits_table
 from flexcam.limits import Limits, find_limits
@@ -96,7 +97,10 @@ def _errors(case: Case, probe: str) -> Extra:
 
 def _limits(case: Case) -> Extra:
     scale = 2.0 if case.record.run.speed is None else 1.0
-    limits = find_limits(case, lowest=0.5 * case.speed, highest=2.0 * case.speed, tolerance=_BRACKET * case.speed)
+    try:
+        limits = find_limits(case, lowest=0.5 * case.speed, highest=2.0 * case.speed, tolerance=_BRACKET * case.speed)
+    except InputError as refusal:  # the rest of the page does not suffer from it
+        return Extra(tuple(f"Limits were not looked for: {fault.why or fault.given}." for fault in refusal.faults), ())
     return Extra((_first(limits, scale),), (sheet(limits_table(limits, scale)),))
 
 

@@ -99,7 +99,9 @@ def test_what_a_run_that_ended_early_left(flexcam, case, tmp_path):
     assert "displacement" in words_of(tmp_path / "early.svg")
 
 
-@pytest.mark.parametrize(("what", "said"), [("campbell", "natural frequency, Hz"), ("waterfall", "order of the camshaft")])
+@pytest.mark.parametrize(
+    ("what", "said"), [("campbell", "natural frequency, Hz"), ("waterfall", "order of the camshaft")]
+)
 def test_orders_over_speed(what, said, flexcam, case, tmp_path):
     """The pictures of `flexcam campbell` and `flexcam orders`, from half to one and a half of the case's speed."""
     assert flexcam("plot", "case.toml", "--what", what, "--count", "2", "-o", "orders.svg").code == 0
@@ -118,7 +120,10 @@ def test_orders_over_speed(what, said, flexcam, case, tmp_path):
         (["out/case.vtkhdf", "-o", "case.toml/a.svg"], "a folder that can be made"),
         (["out/case.vtkhdf", "-o", "taken.svg"], "--overwrite"),
         (["out/case.vtkhdf", "--set", "run.speed=1000rpm"], "a result has been computed"),
-        (["out/case.vtkhdf", "--what", "energy", "--probe", "valve", "--rigid"], "--what motion or waterfall or work-precision"),
+        (
+            ["out/case.vtkhdf", "--what", "energy", "--probe", "valve", "--rigid"],
+            "--what motion or waterfall or work-precision",
+        ),
         (["case.toml", "--what", "profile"], "base_radius and follower"),
         (["case.toml", "--what", "svaj", "--cam", "intak"], "did you mean 'intake'"),
         (["case.toml", "--what", "modes", "--count", "0"], "a whole number from 1"),

@@ -31,9 +31,9 @@ pytest.importorskip("pyvista")
 ROOT = Path(__file__).parents[2]
 INTAKE, FINGER = (ROOT / f"cases/{name}.toml" for name in ("pushrod-engine/intake", "direct-acting/finger"))
 PICTURES = {
-    "finger": (FINGER, "--at", "236"),
-    "intake": (INTAKE, "--at", "180"),
-    "camshaft": (ROOT / "cases/camshaft-4cyl/camshaft.toml", "--at", "20"),
+    "finger": (FINGER, "--at", "236deg"),
+    "intake": (INTAKE, "--at", "180deg"),
+    "camshaft": (ROOT / "cases/camshaft-4cyl/camshaft.toml", "--at", "20deg"),
     "mode": (INTAKE, "--mode", "3", "--color", "displacement"),
 }
 TITLE = "Roller finger follower with hydraulic lash adjuster: rigid mechanism"
@@ -77,7 +77,7 @@ def test_a_picture_looks_like_its_reference(name, flexcam):
 
 @pytest.mark.usefixtures("drawing")
 def test_the_measure_tells_another_instant_and_another_case(flexcam):
-    flexcam("view", INTAKE, "--at", "150", *SIZE, "--save", "made.png")
+    flexcam("view", INTAKE, "--at", "150deg", *SIZE, "--save", "made.png")
     assert seen("made.png") - seen(ROOT / "tests/data/pictures/intake.png") > ALIKE
     assert seen("made.png") - seen(ROOT / "tests/data/pictures/finger.png") > 5 * ALIKE
 
@@ -95,7 +95,7 @@ def result(tmp_path_factory):
 def test_a_result_is_coloured_by_its_stress(flexcam, result, tmp_path):
     """As its picture says: the same scene, coloured apart from the rest, at the instant asked for."""
     moved = shutil.copy(result, tmp_path / "elsewhere.vtkhdf")
-    plain = ("view", moved, *SIZE, "--at", "180")
+    plain = ("view", moved, *SIZE, "--at", "180deg")
     assert flexcam(*plain, "--save", "plain.png").code == 0
     told = flexcam(*plain, "--save", "stress.png", "--color", "stress_von_mises", "--json").json
     assert told["files"] == ["stress.png"]
@@ -259,7 +259,8 @@ def test_the_slider_of_the_window_turns_the_cam(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("option", "given", "said"), [("--at", "nan", "finite"), ("--scale", "inf", "finite"), ("--mode", "0", "from 1")]
+    ("option", "given", "said"),
+    [("--at", "nan", "180 deg"), ("--scale", "inf", "finite"), ("--mode", "0", "from 1")],
 )
 def test_numbers_that_cannot_be_shown(flexcam, tmp_path, option, given, said):
     case = tmp_path / "train.toml"
