@@ -68,6 +68,13 @@ def test_the_case_may_be_gone(flexcam, result, case, tmp_path):
     assert (tmp_path / "a.html").read_bytes() == before
 
 
+def test_limits_that_do_not_exist_cost_no_page(flexcam, result, tmp_path):
+    """A published load loses no contact: the rest of the page is made."""
+    assert flexcam("report", result, "--limits", "-o", "a.html").code == 0
+    words = text_of((tmp_path / "a.html").read_text(encoding="utf-8"))
+    assert "Limits were not looked for: only a follower that may leave its cam can lose it" in words
+
+
 def test_what_cannot_be_had_is_said(flexcam, case, tmp_path):
     """A lift table that is gone: curves and lines remain, and the page says what is left out."""
     text = case.read_text(encoding="utf-8")
@@ -160,7 +167,6 @@ def test_what_is_asked_for_beside(flexcam, case, tmp_path):
         (["out/case.vtkhdf", "-o", "a.pdf"], ".html"),
         (["out/case.vtkhdf", "-o", "case.toml/a.html"], "a folder that can be made"),
         (["out/case.vtkhdf", "-o", "taken.html"], "--overwrite"),
-        (["out/case.vtkhdf", "--limits"], "unilateral"),
         ([], "results"),
     ],
 )
