@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.checks import FlexcamError, did_you_mean, finite_array, refuse
-from flexcam.linalg import FloatArray
+from flexcam.linalg import FloatArray, IntArray
 
 STATE = "state."
 """Begins the name of a channel that holds an internal state: with them a run can go on from a result."""
@@ -249,6 +249,10 @@ class SaveAt:
     def block(self) -> int:
         """Steps handed out together."""
         return self.field_every * (self.fields_per_block or max(_FIELDS, -(-_WORTH // self.field_every)))
+
+    def fields(self, steps: IntArray, last: int) -> NDArray[np.bool_]:
+        """Tell after which of some steps, shape (b,), all unknowns are kept; `last` is the last of the run."""
+        return (steps % self.field_every == 0) | (steps == last)
 
     def __post_init__(self) -> None:
         for name in ("field_every", "fields_per_block"):

@@ -67,7 +67,7 @@ def in_range(track: Track, before: FloatArray | None, system: System, angle: Flo
         return track, Status()
     every = everything(track)
     good = (np.abs(every[track.ends]) < LARGEST).all(axis=1)  # False for NaN as well
-    if good.all():  # what left the range did so between the ends
+    if good.all():  # large together, or out of range between the ends of steps alone
         return track, Status()
     count = int(np.argmin(good))
     at = int(track.ends[count])

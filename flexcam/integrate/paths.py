@@ -1,8 +1,9 @@
 """Which way through time a problem takes: the general one, or a faster one with the same result.
 
 ``general``: every system and method, one step after the other. ``modal``: a linear system in its natural motions, all
-side by side. ``compiled``: the same and local forces in machine code. The choice is automatic, depends on the problem
-alone (a run is the same on every machine), is told by the statistics of a run, and can be forced by `Problem.path`.
+side by side. ``compiled``: the same and local forces in machine code. The choice is automatic and depends on the
+problem alone where numba is installed, not on whether its code is kept already; it is told by the statistics of a run
+and can be forced by `Problem.path`.
 """
 
 from __future__ import annotations

@@ -9,7 +9,6 @@ from dataclasses import replace
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexcam.integrate.compiled.glancing import Glancing
 from flexcam.integrate.energy import PARTS, EnergyAccount
@@ -200,11 +199,8 @@ class _Run:
         track, self.status = self._engine.advance(steps)
         return self._block(steps[: len(track.ends)], track) if len(track.ends) else None
 
-    def _saved(self, steps: IntArray) -> NDArray[np.bool_]:
-        return (steps % self._save.field_every == 0) | (steps == self._problem.steps)
-
     def _glanced(self, steps: IntArray, glance: Glance) -> Block:
-        motion, saved = self._problem.drive.at(glance.time), self._saved(steps)
+        motion, saved = self._problem.drive.at(glance.time), self._save.fields(steps, self._problem.steps)
         return Block(
             time=glance.time, angle=motion.angle, probes=_offset(self._system.probes, glance.probes, motion),
             channels=np.zeros((len(steps), 0)), field_time=glance.time[saved], field_angle=motion.angle[saved],
@@ -216,7 +212,7 @@ class _Run:
         motion, time = self._problem.drive.at(track.time), track.time[ends]
         at_ends = CamMotion(motion.angle[ends], motion.speed[ends], motion.rate[ends])
         series = Series(track.d[ends], track.v[ends], track.a[ends])
-        saved = self._saved(steps)
+        saved = self._save.fields(steps, self._problem.steps)
         return Block(
             time=time, angle=at_ends.angle, probes=_probe_series(self._system.probes, series, at_ends),
             channels=self._channels(track, motion) if self._save.channels else np.zeros((len(steps), 0)),

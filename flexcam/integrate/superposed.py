@@ -29,13 +29,13 @@ class Motions:
     mass, damping, stiffness
         Shape (n,).
     step
-        s; one number, or one per run, shape (r, 1).
+        s.
     """
 
     mass: FloatArray
     damping: FloatArray
     stiffness: FloatArray
-    step: float | FloatArray
+    step: float
 
     @classmethod
     def of(cls, problem: Problem) -> Motions:
@@ -54,14 +54,14 @@ def advance(scheme: Scheme, motions: Motions, begin: State, loads: FloatArray) -
     motions
         The motions.
     begin
-        At the start, shape (..., n) each.
+        At the start, shape (n,) each.
     loads
-        On the motions, at the start and after every step, shape (m + 1, ..., n).
+        On the motions, at the start and after every step, shape (m + 1, n).
 
     Returns
     -------
     tuple
-        Three arrays of shape (m, ..., n).
+        Three arrays of shape (m, n).
     """
     h, new, old = motions.step, 1.0 - scheme.alpha_f, scheme.alpha_f
     slow, stiff = h * motions.damping, h**2 * motions.stiffness

@@ -46,7 +46,7 @@ class Glancing(Marching):
         """Return what is kept of some successive steps, up to the last in range, and a status as `Engine` says."""
         if self._stop():
             return Glance.none(len(self._rows), self._system.size), STOPPED
-        saved = (steps % self._save.field_every == 0) | (steps == self._problem.steps)
+        saved = self._save.fields(steps, self._problem.steps)
         before = self._last
         seen = self._watched(steps, np.flatnonzero(saved))
         if seen is not None:

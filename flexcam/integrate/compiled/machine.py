@@ -59,18 +59,6 @@ def available() -> bool:
     return find_spec("numba") is not None
 
 
-def kept() -> bool:
-    """Tell whether the machine code is there already.
-
-    Returns
-    -------
-    bool
-        Whether fetching it takes a fraction of a second.
-    """
-    where = folder()
-    return where is not None and any(where.rglob("*.nbc"))
-
-
 def machine_code() -> Callable[..., int]:
     """Return the compiled march.
 
