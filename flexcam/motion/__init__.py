@@ -9,7 +9,8 @@ from flexcam.motion.cosine import CosineSum
 from flexcam.motion.criteria import Criteria, Extreme, criteria
 from flexcam.motion.cycloidal import Cycloidal
 from flexcam.motion.event import Event, LiftEvent, Shifted
-from flexcam.motion.extremes import event_extremes, lowest
+from flexcam.motion.extent import event_extremes
+from flexcam.motion.extremes import lowest
 from flexcam.motion.fb2 import CompoundCycloid
 from flexcam.motion.harmonic import Harmonic
 from flexcam.motion.harmonic_acceleration import harmonic_acceleration

@@ -1,4 +1,4 @@
-"""Least and largest values over a revolution, of a lift, its derivatives or any curve made of them.
+"""The least value of a curve over a revolution.
 
 A grid finds the valleys between the joints, ever finer grids their floors, and the value just before a joint is carried
 on to it from two places beside it: to rounding for curves that are smooth between the joints.
@@ -8,17 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.motion.criteria import Extreme
-
-if TYPE_CHECKING:
-    from flexcam.motion.event import Event
 
 Curve = Callable[[FloatArray], FloatArray]
 
@@ -71,49 +66,6 @@ def lowest(curve: Curve, joints: Sequence[float] = ()) -> Extreme:
     all_values, places = np.concatenate([values, floors, carried]), np.concatenate([angles, at, before])
     least = float(all_values.min())
     return Extreme(least, float(places[all_values <= least + _SAME * abs(least)].min()))
-
-
-def event_extremes(event: Event, order: int = 0) -> tuple[Extreme, Extreme]:
-    """Return the least and the largest value of a lift or of a derivative of it.
-
-    Parameters
-    ----------
-    event
-        The event.
-    order
-        Of the derivative, 0 to 4.
-
-    Returns
-    -------
-    tuple
-        Least and largest, m/rad^order, each with its cam angle, rad.
-
-    Examples
-    --------
-    >>> from flexcam.motion import LAWS, LiftEvent
-    >>> low, high = event_extremes(LiftEvent(LAWS["cycloidal"], 1.0, 1.0, 1.0), 2)
-    >>> round(high.value / (2.0 * math.pi), 12), round(high.at, 6)
-    (1.0, 0.25)
-    """
-    return _known_extremes(event, order) if _hashable(event) else _extremes(event, order)
-
-
-def _hashable(event: Event) -> bool:
-    """Tell whether an event can be a key: one that holds arrays cannot."""
-    try:
-        hash(event)
-    except TypeError:
-        return False
-    return True
-
-
-def _extremes(event: Event, order: int) -> tuple[Extreme, Extreme]:
-    high = lowest(lambda angle: -event(angle, order), event.joints)
-    return lowest(lambda angle: event(angle, order), event.joints), Extreme(-high.value, high.at)
-
-
-_known_extremes = lru_cache(maxsize=64)(_extremes)
-"""The same cam is asked at every speed."""
 
 
 def _piece(start: float, end: float) -> FloatArray:

@@ -1,0 +1,52 @@
+"""Least and largest values of a lift and of its derivatives."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from flexcam.motion.criteria import Extreme
+from flexcam.motion.event import Event
+from flexcam.motion.extremes import lowest
+
+
+def event_extremes(event: Event, order: int = 0) -> tuple[Extreme, Extreme]:
+    """Return the least and the largest value of a lift or of a derivative of it.
+
+    Parameters
+    ----------
+    event
+        The event.
+    order
+        Of the derivative, 0 to 4.
+
+    Returns
+    -------
+    tuple
+        Least and largest, m/rad^order, each with its cam angle, rad.
+
+    Examples
+    --------
+    >>> from flexcam.motion import LAWS, LiftEvent
+    >>> low, high = event_extremes(LiftEvent(LAWS["cycloidal"], 1.0, 1.0, 1.0), 2)
+    >>> round(high.value / (2.0 * math.pi), 12), round(high.at, 6)
+    (1.0, 0.25)
+    """
+    return _known_extremes(event, order) if _hashable(event) else _extremes(event, order)
+
+
+def _hashable(event: Event) -> bool:
+    """Tell whether an event can be a key: one that holds arrays cannot."""
+    try:
+        hash(event)
+    except TypeError:
+        return False
+    return True
+
+
+def _extremes(event: Event, order: int) -> tuple[Extreme, Extreme]:
+    high = lowest(lambda angle: -event(angle, order), event.joints)
+    return lowest(lambda angle: event(angle, order), event.joints), Extreme(-high.value, high.at)
+
+
+_known_extremes = lru_cache(maxsize=64)(_extremes)
+"""The same cam is asked at every speed."""
