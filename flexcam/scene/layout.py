@@ -17,7 +17,7 @@ from flexcam.scene.springs import CoilPlace
 from flexcam.scene.trains import Driven, closing_spring, is_coil, moved_nodes, rocker_of, seat_at, unit
 from flexcam.scene.valves import STEM, ValvePlace
 from flexcam.train import Lash, Model, Rocker, Spring, Structure
-from flexcam.train.structure import spring_parts
+from flexcam.train.springs import spring_parts
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,10 @@
 """The valve train: members, masses, springs, rockers, cams and contacts as a model, and its equations.
 
 May import `cam`, `integrate`, `modal`, `fem`, `motion`, `system` and what is below them.
-A new kind of part is a dataclass in `model` and its rows in `structure`; a new contact is a file like `published`.
+A new kind of part is a dataclass in `model` and its matrices in `assembled`; a new contact is a file like `published`.
 """
 
+from flexcam.train.assembled import build_structure, member_masses
 from flexcam.train.buckling import buckling_load
 from flexcam.train.build import build_system
 from flexcam.train.cam_contact import hertz_line
@@ -35,8 +36,8 @@ from flexcam.train.published import follower_train
 from flexcam.train.resolution import CoarseCam, coarse_cams
 from flexcam.train.rigid import build_rigid
 from flexcam.train.strength import MemberStrength, StrengthSink
-from flexcam.train.structure import Structure, build_structure, member_masses, valve_ratio
-from flexcam.train.transfer import lift_transfer
+from flexcam.train.structure import Structure
+from flexcam.train.transfer import lift_transfer, valve_ratio
 
 __all__ = [
     "Adjuster",

@@ -14,6 +14,7 @@ from flexcam.fem.damping import modal_damping, rayleigh_damping
 from flexcam.linalg import DENSE_LIMIT, IntArray, Triplets, by_group, groups
 from flexcam.system import Channel, Observable, Probe, Selection, System
 from flexcam.train.adjuster import couple_adjuster
+from flexcam.train.assembled import build_structure
 from flexcam.train.bowing import bowings
 from flexcam.train.cam_contact import couple_cam
 from flexcam.train.coils import coils
@@ -24,7 +25,8 @@ from flexcam.train.loads import constant_loads
 from flexcam.train.model import Adjuster, CamContact, Contact, Lash, Model, PublishedLoad, Seat
 from flexcam.train.published import couple
 from flexcam.train.shaft import shafts
-from flexcam.train.structure import Structure, build_structure, find_node, inner_name
+from flexcam.train.springs import inner_name
+from flexcam.train.structure import Structure, find_node
 
 _MODAL_LIMIT = 2 * DENSE_LIMIT
 """Unknowns up to which all modes are computed."""

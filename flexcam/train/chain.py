@@ -17,11 +17,12 @@ from flexcam.checks import refuse
 from flexcam.fem import Mesh
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.system import Shapes, System, projected
+from flexcam.train.assembled import build_structure
 from flexcam.train.build import build_system
 from flexcam.train.condense import rigid_lumped, static_shapes
 from flexcam.train.model import CamContact, Model, PublishedLoad
 from flexcam.train.published import follower_train
-from flexcam.train.structure import Structure, build_structure
+from flexcam.train.structure import Structure
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,8 @@ from flexcam.system import (
 from flexcam.train.coupling import Coupling, opposed
 from flexcam.train.model import Pulsation, Spring, Wire
 from flexcam.train.penalty import Stateless, Stop
-from flexcam.train.structure import Structure, spring_parts
+from flexcam.train.springs import spring_parts
+from flexcam.train.structure import Structure
 
 
 def coils(structure: Structure) -> Coupling:

@@ -9,7 +9,8 @@ from flexcam.linalg import FloatArray
 from flexcam.system import Load
 from flexcam.train.model import PublishedLoad
 from flexcam.train.published import follower_train, steady
-from flexcam.train.structure import Structure, find_node, spring_row
+from flexcam.train.springs import spring_row
+from flexcam.train.structure import Structure, find_node
 
 
 def constant_loads(structure: Structure) -> list[Load]:

@@ -11,7 +11,8 @@ from flexcam.fem import COMPONENTS, beam
 from flexcam.fem.recovery import section_forces
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.modal import Modes
-from flexcam.train.structure import Structure, spring_parts
+from flexcam.train.springs import spring_parts
+from flexcam.train.structure import Structure
 
 _KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
 _NAMED = 0.05

@@ -38,9 +38,11 @@ from flexcam.system import (
     total,
 )
 from flexcam.train.coupling import Coupling
+from flexcam.train.following import completed, shifted
 from flexcam.train.model import Cam, CamContact, PublishedLoad
 from flexcam.train.penalty import Stateless
-from flexcam.train.structure import Structure, find_node, spring_row
+from flexcam.train.springs import spring_row
+from flexcam.train.structure import Structure, find_node
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +80,10 @@ def follower_train(structure: Structure, contact: PublishedLoad | CamContact, wh
         Its motion, mass and stiffness at the follower.
     """
     if structure.is_node(contact.follower):
-        motion = structure.shifted(find_node(structure.model, contact.follower, where), contact.direction)
+        motion = shifted(structure, find_node(structure.model, contact.follower, where), contact.direction)
     else:
         motion = structure.row(contact.follower, contact.direction, where)
-    motion = structure.completed(motion)
+    motion = completed(structure, motion)
     mass, stiffness = structure.mass, structure.stiffness
     return FollowerTrain(motion, float(motion @ mass.times(motion)), float(motion @ stiffness.times(motion)))
 

@@ -22,11 +22,14 @@ from flexcam.system import (
     derivative,
     load_sum,
 )  # fmt: skip
+from flexcam.train.assembled import build_structure
 from flexcam.train.build import probe_of
+from flexcam.train.following import completed, shifted, with_springs
 from flexcam.train.lever import refuse_far_turns
 from flexcam.train.model import CamContact, Lash, Lever, Model, PublishedLoad, path_name, tip_name
 from flexcam.train.published import FollowerTrain, follower_train, preload, stated_forces
-from flexcam.train.structure import Structure, build_structure, spring_parts
+from flexcam.train.springs import spring_parts
+from flexcam.train.structure import Structure
 
 Coordinate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """A path of the rigid train over the lift, m, with its first two derivatives."""
@@ -117,7 +120,7 @@ def _split(structure: Structure, train: FollowerTrain) -> tuple[FloatArray, tupl
     for play in model.plays:
         driven = float(structure.row(play.ends[0], play.direction) @ train.motion)
         if driven != 0.0:
-            behind = structure.completed(driven * structure.shifted(model.mesh.node(play.ends[1]), play.direction))
+            behind = completed(structure, driven * shifted(structure, model.mesh.node(play.ends[1]), play.direction))
             add(behind, _held_back(_proportional, play.gap / driven))
     for name, rocker in model.rockers.items():
         driven = float(structure.row(rocker.start, rocker.direction) @ train.motion)
@@ -132,7 +135,7 @@ def _split(structure: Structure, train: FollowerTrain) -> tuple[FloatArray, tupl
             share = rocker.ratio * driven
             add(share * _units(structure, [rocker.point]), _held_back(_proportional, gap / share))
     # Springs stretch evenly between their ends, whatever moves these.
-    every = [structure.with_springs(one) for one in [base, *motions]]
+    every = [with_springs(structure, one) for one in [base, *motions]]
     return np.array(every), (_proportional, *coordinates)
 
 

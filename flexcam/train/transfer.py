@@ -10,11 +10,12 @@ from flexcam.checks import refuse
 from flexcam.fem import along
 from flexcam.integrate import static_displacement
 from flexcam.linalg import ComplexArray, FloatArray
+from flexcam.train.assembled import build_structure
 from flexcam.train.build import build_system
 from flexcam.train.contacts import play_row
 from flexcam.train.model import Adjuster, Lash, Model, PublishedLoad
 from flexcam.train.published import series_stiffness
-from flexcam.train.structure import build_structure
+from flexcam.train.structure import find_node
 
 _MOST = 3000
 """Unknowns up to which the dense solution per harmonic is reasonable."""
@@ -77,3 +78,29 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         return found
 
     return answer
+
+
+def valve_ratio(model: Model, cam: str) -> float:
+    """Return how far the valve moves per lift of a cam, by the rocker on the train of its follower.
+
+    Parameters
+    ----------
+    model
+        The model.
+    cam
+        Name of the cam.
+
+    Returns
+    -------
+    float
+        1 where there is no rocker or no contact.
+    """
+    for contact in model.driven.values():
+        if contact.cam == cam:
+            finger = model.rocker_at(contact.follower)
+            if finger is not None:
+                return finger.ratio
+            train = model.connected(find_node(model, contact.follower, "follower"))
+            ratios = [r.ratio for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in train]
+            return ratios[0] if ratios else 1.0
+    return 1.0

@@ -17,8 +17,8 @@ from flexcam.integrate import Problem, newmark, rest, solve
 from flexcam.modal import modes
 from flexcam.motion import LAWS, LiftEvent
 from flexcam.system import ConstantSpeed
+from flexcam.train.assembled import build_structure
 from flexcam.train.build import build_system
-from flexcam.train.structure import build_structure
 
 SOURCE = "Residual vibration after a rise, closed form"
 FORMS = {

@@ -18,8 +18,8 @@ from flexcam.integrate import Problem, newmark, rest, solve
 from flexcam.modal import modes
 from flexcam.system import ConstantSpeed
 from flexcam.train import build_rigid, build_system
+from flexcam.train.assembled import build_structure
 from flexcam.train.published import follower_train, preload, series_stiffness
-from flexcam.train.structure import build_structure
 
 SOURCE = "Tayeb and Sliman, Flexibility analysis of a cam mechanism"
 TWO_SCRIPTS = "half a unit of the last digit of two independent scripts, and their rounding (0.39453 given as 0.394)"
