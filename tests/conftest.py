@@ -43,6 +43,7 @@ ROOT = Path(__file__).parents[1]
 
 def pytest_configure(config):
     config.stash[ROWS] = {page: [] for page in ORDER}
+    os.environ.setdefault("FLEXCAM_FILES", str(ROOT))  # cases in temporary folders name the meshes of the repository
     if "FLEXCAM_CACHE" not in os.environ:  # workers and commands find it set, and compile nothing twice
         os.environ["FLEXCAM_CACHE"] = tempfile.mkdtemp(prefix="flexcam-machine-code-")
         config.add_cleanup(lambda: shutil.rmtree(os.environ.pop("FLEXCAM_CACHE"), ignore_errors=True))
