@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke bench-peers performance verification extremes docs-pages clean
+.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke bench-peers performance verification extremes trust docs-pages clean
 .DEFAULT_GOAL := demo
 
 # The matrices are small: threads of the linear algebra would only hinder each other.
@@ -87,6 +87,10 @@ verification: $(VENV)/.dev
 extremes: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(JOBS) -m "slow or not slow" --ignore-glob="*_random_*" tests/extremes
 	$(BIN)/python docs/make_extremes.py
+
+# The page of bad input and injected faults, from the rows that the tests record; run the tests first.
+trust: $(VENV)/.dev
+	$(BIN)/python docs/make_trust.py
 
 # Pages made from the code.
 docs-pages: $(VENV)/.dev

@@ -15,7 +15,7 @@ from flexcam.case import Case
 from flexcam.case.tables.run import GivenStartRecord, ResultStartRecord
 from flexcam.checks import InputError, did_you_mean, refuse
 from flexcam.integrate import Problem, State, carried_equilibrium, periodic, rest
-from flexcam.io import read_result
+from flexcam.io import named_file, read_result
 from flexcam.linalg import FloatArray
 from flexcam.response import Response
 from flexcam.system import ConstantSpeed, Drive, FluctuatingSpeed, SpeedByAngle, System
@@ -149,7 +149,7 @@ def _given(case: Case, system: System, values: Mapping[str, float], kind: str) -
 def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[State, float]:
     """Return the last saved state of a result and its cam angle."""
     where = case.place(("run", "start"))
-    result = read_result(case.path.parent / name)
+    result = read_result(named_file(case.path.parent, name, where))
     response = result.response
     if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(response.field_time):
         raise refuse(where, name, "a result of the same mesh with at least one saved field")

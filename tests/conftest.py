@@ -3,7 +3,8 @@
 `record` asserts a computed number against its reference and keeps the row; all rows of a session, from every xdist
 worker, go to ``build/verification.json`` (or the path in FLEXCAM_VERIFICATION_JSON), from which the page of
 verification is made. A page can thus name no test that does not exist. The rows of `tests/extremes` go the same way to
-``build/extremes.json`` (FLEXCAM_EXTREMES_JSON).
+``build/extremes.json`` (FLEXCAM_EXTREMES_JSON); those that `tried` keeps, of bad input and injected faults, to
+``build/trust.json`` (FLEXCAM_TRUST_JSON).
 
 Machine code is kept for the session in a folder of its own, unless FLEXCAM_CACHE names one.
 """
@@ -30,7 +31,11 @@ from flexcam.train.model import Cam, MassAt, Model, PublishedLoad, Rocker, Sprin
 ROWS = pytest.StashKey[dict[str, list[dict[str, object]]]]()
 """Rows by the page they stand on."""
 
-ORDER = {"verification": ("source", "case", "quantity", "test"), "extremes": ("extreme", "test", "place")}
+ORDER = {
+    "verification": ("source", "case", "quantity", "test"),
+    "extremes": ("extreme", "test", "place"),
+    "trust": ("kind", "what", "test"),
+}
 """Pages, and what their rows are ordered by."""
 
 ROOT = Path(__file__).parents[1]
@@ -38,6 +43,7 @@ ROOT = Path(__file__).parents[1]
 
 def pytest_configure(config):
     config.stash[ROWS] = {page: [] for page in ORDER}
+    os.environ.setdefault("FLEXCAM_FILES", str(ROOT))  # cases in temporary folders name the meshes of the repository
     if "FLEXCAM_CACHE" not in os.environ:  # workers and commands find it set, and compile nothing twice
         os.environ["FLEXCAM_CACHE"] = tempfile.mkdtemp(prefix="flexcam-machine-code-")
         config.add_cleanup(lambda: shutil.rmtree(os.environ.pop("FLEXCAM_CACHE"), ignore_errors=True))
@@ -88,6 +94,21 @@ def record(request):
         assert passed, (
             f"{case}, {quantity}: {computed:.10g} {unit}, reference {reference:.10g}, allowed +-{allowed:.3g}"
         )
+
+    return keep
+
+
+@pytest.fixture
+def tried(request):
+    """Keep a row of the page of trust: what was done to flexcam, how often, and how it ended every time.
+
+    To be called after the assertions, so that only what held is kept. `kind` is one of the parts of
+    `docs/make_trust.py`, `count` how many inputs or faults, `outcome` the words of what happened.
+    """
+
+    def keep(kind, what, count, outcome):
+        row = {"kind": kind, "what": what, "count": int(count), "outcome": outcome, "test": request.node.nodeid}
+        request.config.stash[ROWS]["trust"].append(row)
 
     return keep
 

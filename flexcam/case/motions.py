@@ -25,7 +25,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from flexcam.case import quantity as q
 from flexcam.checks import InputError, did_you_mean, positive, refuse
-from flexcam.io import read_lift
+from flexcam.io import named_file, read_lift
 from flexcam.motion import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
 
 Table = Mapping[str, Any]
@@ -116,7 +116,7 @@ def _from_file_or_value(make: Callable[[object, Path], object]) -> CoreSchema:
 
 def _given_law(value: object, folder: Path) -> GivenLaw:
     if isinstance(value, str) and value.endswith(".toml"):
-        return law_file(folder / value)
+        return law_file(named_file(folder, value, "law"))
     if isinstance(value, (str, dict)):
         return given_law(cast("str | dict[str, Any]", value))
     raise refuse("law", repr(value), "the name of a law, a table { id = ..., ... } or a law file")
@@ -275,7 +275,7 @@ def toml_table(path: Path, name: str) -> dict[str, Any]:
 def _given_lift(value: object, folder: Path) -> GivenLift:
     table = {"file": value} if isinstance(value, str) else value
     record = _LiftFile(**_checked(_LiftFile, table, "a file name, or a table of", "lift_table"))
-    path = folder / record.file
+    path = named_file(folder, record.file, "lift_table")
     if path.suffix == ".toml":
         if beside := [key for key in ("angle", "unit", "tolerance") if getattr(record, key) is not None]:
             raise refuse(beside[0], str(getattr(record, beside[0])), "nothing beside a file of harmonics", "it is in m")

@@ -22,7 +22,7 @@ from flexcam.case.tables.run import NewmarkRecord
 from flexcam.case.tables.sweep import SweepOnly, SweepRecord
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
-from flexcam.io import Result, read_mesh
+from flexcam.io import Result, named_file, read_mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,7 +278,7 @@ class CaseFile:
         if not isinstance(name, str):
             return None, []
         try:
-            mesh = self.meshes.get(name) or read_mesh(self.path.parent / name)
+            mesh = self.meshes.get(name) or read_mesh(named_file(self.path.parent, name, "mesh"))
         except InputError as refusal:
             where = places.place(("mesh",))
             return None, [replace(f, where=f"{where}{f.where.removeprefix('mesh')}") for f in refusal.faults]

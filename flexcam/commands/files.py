@@ -13,13 +13,14 @@ from cyclopts import Parameter
 from flexcam.case import CaseRecord, build_model, read_case
 from flexcam.checks import refuse
 from flexcam.commands.app import Json, Overwrite, ResultPath, app
-from flexcam.console.results import info_table
+from flexcam.console.results import info_table, verified_words
 from flexcam.io import (
     Result,
     free_to_write,
     macro_of,
     made_folder,
     read_result,
+    verified,
     write_csv,
     write_macro,
     write_mesh,
@@ -97,9 +98,25 @@ def _at_instants(response: Response, count: int | None) -> Response:
     return response.at(np.linspace(float(response.time[0]), float(response.time[-1]), count))
 
 
-@app.command(help_prologue="flexcam info results/case.vtkhdf\n")
-def info(result: ResultPath, *, as_json: Json = False) -> None:
+@app.command(
+    help_prologue="""\
+flexcam info results/case.vtkhdf
+flexcam info results/case.vtkhdf --verify
+"""
+)
+def info(
+    result: ResultPath, *,
+    verify: Annotated[bool, Parameter("--verify", negative=(), help="Read it all, say whether it is sound.")] = False,
+    as_json: Json = False,
+) -> None:  # fmt: skip
     """Say what a result file holds: how its run ended, what computed it, what was saved."""
+    if verify:
+        found = verified(result)
+        if as_json:
+            print_json({"status": "ok", "file": str(result), **asdict(found)})
+        else:
+            out().print(verified_words(result, found))
+        return
     read = read_result(result)
     response = read.response
     if as_json:

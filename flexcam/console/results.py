@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from rich.table import Table
 
 from flexcam.case import Case
 from flexcam.console.cases import rpm
-from flexcam.io import Result
+from flexcam.io import Result, Verified
 from flexcam.response import Response
 from flexcam.terminal import facts, table
 from flexcam.train import Figure, MemberStrength
@@ -123,6 +124,29 @@ def unknowns(response: Response) -> str:
 
 _PATHS = {"modal": ", in their natural motions", "compiled": ", in machine code"}
 """Ways through time, in words."""
+
+
+def verified_words(path: Path, found: Verified) -> str:
+    """Return that a file is sound, and by what that is known.
+
+    Parameters
+    ----------
+    path
+        The file.
+    found
+        What was read of it.
+
+    Returns
+    -------
+    str
+        A sentence or two.
+    """
+    read = f"{path} is sound: {found.datasets} datasets, {found.bytes} bytes read, {found.checked} with a checksum each"
+    seal = (
+        "the seal covers names, units, texts and lengths" if found.sealed else "it has no seal: texts are not covered"
+    )
+    partial = "" if found.complete else ". The run that wrote it did not come to its end; what it counted is whole"
+    return f"{read}; {seal}{partial}"
 
 
 def info_table(result: Result) -> Table:

@@ -6,16 +6,20 @@ A new format is one file here with one read or write function.
 
 from flexcam.io.csv import write_csv, write_text
 from flexcam.io.geometry import Geometry
+from flexcam.io.guard import guarded
 from flexcam.io.lift_file import LiftColumns, read_lift, write_lift_table
 from flexcam.io.mesh_file import read_mesh, write_mesh
 from flexcam.io.modes_file import write_modes
 from flexcam.io.motion_file import write_law, write_lift
+from flexcam.io.named import named_file
 from flexcam.io.paraview_macro import macro_of, write_macro
 from flexcam.io.profile_file import ProfileTable, write_profile
 from flexcam.io.profile_points import read_profile
 from flexcam.io.pvd import write_pvd
 from flexcam.io.result import Result, read_result
+from flexcam.io.sealed import seal, seal_fault
 from flexcam.io.target import free_to_write, made_folder
+from flexcam.io.verify import Verified, verified
 from flexcam.io.vtkhdf import ResultFile
 
 __all__ = [
@@ -24,13 +28,19 @@ __all__ = [
     "ProfileTable",
     "Result",
     "ResultFile",
+    "Verified",
     "free_to_write",
+    "guarded",
     "macro_of",
     "made_folder",
+    "named_file",
     "read_lift",
     "read_mesh",
     "read_profile",
     "read_result",
+    "seal",
+    "seal_fault",
+    "verified",
     "write_csv",
     "write_law",
     "write_lift",

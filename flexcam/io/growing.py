@@ -24,6 +24,12 @@ def _chunk(rows: int, width: int) -> int:
     return rows
 
 
+def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the chunks of a dataset that is written at once: whole rows, as many as one chunk may hold."""
+    width = int(np.prod(shape[1:], dtype=int))
+    return (max(1, min(shape[0], _MOST // max(width, 1))), *shape[1:])
+
+
 def _space(shape: tuple[int, ...]) -> Any:  # noqa: ANN401 - h5py has no types
     return h5py.h5s.create_simple(shape)  # pyright: ignore[reportUnknownMemberType,reportUnknownVariableType]
 
@@ -112,7 +118,9 @@ def fixed(group: Any, name: str, values: FloatArray | IntArray, unit: str = "") 
     Dataset
         Of h5py.
     """
-    dataset = group.create_dataset(name, data=np.asarray(values))
+    array = np.asarray(values)
+    checked = {"chunks": _chunks(array.shape), **_CHECKED} if array.size else {}  # nothing has no chunk
+    dataset = group.create_dataset(name, data=array, **checked)
     dataset.attrs["units"] = unit
     return dataset
 

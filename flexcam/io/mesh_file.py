@@ -1,15 +1,11 @@
-"""Gmsh mesh files, read and written through meshio with its traps caught.
+"""Gmsh mesh files: line groups become members (each must be one chain), point groups become named points.
 
-Line groups become members (each must be one chain), point groups become named points. meshio's own `read` ends the
-process on a bad file; its Gmsh module raises instead and is called here directly.
+Faults are told by the numbers that nodes and elements have in the file.
 """
 
 from __future__ import annotations
 
-import io
-import re
-from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +13,19 @@ import numpy as np
 
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
+from flexcam.io.msh import LINE, POINT, Elements, Msh, read_msh
 from flexcam.io.target import free_to_write
 from flexcam.linalg import IntArray
 
-_DIMENSIONS = {"vertex": 0, "line": 1}
-"""Cells a mesh of members may have; anything else is a curve of higher order, a surface or a solid."""
+_TOLD = 20
+"""Faults of one kind that are reported: a mesh with thousands has one cause."""
+
+_ONE_PLACE = 1e-9
+"""Distance of nodes, as a part of the mesh's size, below which they are one that rounding has parted."""
 
 
 def read_mesh(path: Path) -> Mesh:
-    """Read a Gmsh file (2.2 or 4.1).
+    """Read a Gmsh file (2.2 or 4.1, text or binary).
 
     Parameters
     ----------
@@ -40,7 +40,8 @@ def read_mesh(path: Path) -> Mesh:
     Raises
     ------
     InputError
-        If there is no such file, it is no Gmsh file, or its groups make no members.
+        If there is no such file, it is no Gmsh file, or its groups make no members: with the numbers of nodes and
+        elements.
 
     Examples
     --------
@@ -51,70 +52,121 @@ def read_mesh(path: Path) -> Mesh:
     if not path.is_file():
         near = did_you_mean(path.name, [other.name for other in path.parent.glob("*.msh")])
         raise refuse("mesh", str(path), "an existing file", "the path is relative to the case file", near)
-    raw = _gmsh(path)
-    groups = _groups(raw, _physical_names(path))
-    faults = [fault for group in groups for fault in _group_faults(group)]
-    lines = {group.name: _chain(group.nodes) for group in groups if group.dimension == 1}
-    points = {group.name: np.unique(group.nodes) for group in groups if group.dimension == 0 and group.name}
-    if not lines and not faults:
+    raw = read_msh(path)
+    groups = _groups(raw)
+    faults = [*_node_faults(raw), *_reference_faults(raw)]
+    faults += [fault for group in groups for fault in _group_faults(group, raw)]
+    if not faults:
+        faults = [*_length_faults(raw)]
+    if not faults and not any(group.kind == LINE for group in groups):
         faults.append(Fault("mesh", "no lines", "at least one line group", "", "add a physical curve"))
     if faults:
         raise InputError(faults)
-    return Mesh(raw.points, {name: chain for name, chain in lines.items() if chain is not None}, points)
+    place = np.argsort(raw.numbers, kind="stable")
+
+    def index(numbers: IntArray) -> IntArray:
+        return place[np.searchsorted(raw.numbers, numbers, sorter=place)]
+
+    lines = {_name(group, raw): index(chain) for group in groups if (chain := _member(group)) is not None}
+    points = {_name(g, raw): np.unique(index(g.nodes)) for g in groups if g.kind == POINT and _name(g, raw)}
+    return Mesh(raw.points, lines, points)
 
 
-def _gmsh(path: Path) -> Any:  # noqa: ANN401 - meshio has no types
-    from meshio import ReadError, gmsh  # pyright: ignore[reportMissingTypeStubs] - only a mesh file needs it
-
-    try:
-        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # meshio talks
-            return gmsh.read(path)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
-    except (ReadError, OSError, ValueError, LookupError, AssertionError, TypeError) as fault:  # what bad files raise
-        why = str(fault) or type(fault).__name__
-        raise refuse("mesh", str(path), "a Gmsh file of format 2.2 or 4.1", why, "export it again from Gmsh") from None
+def _name(group: Elements, raw: Msh) -> str:
+    return raw.names.get((1 if group.kind == LINE else 0, group.group), "")
 
 
-@dataclass(frozen=True, eq=False)
-class _Group:
-    """Cells of one physical group: its name (empty if unnamed), dimension (2 for all else) and nodes per cell."""
-
-    name: str
-    dimension: int
-    nodes: IntArray
+def _member(group: Elements) -> IntArray | None:
+    return _chain(group.nodes) if group.kind == LINE else None
 
 
-def _physical_names(path: Path) -> dict[tuple[int, int], str]:
-    """Return dimension and tag to name; meshio keeps only one of a member and a point of the same name."""
-    section = path.read_bytes().partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0]
-    rows = re.findall(r'^\s*(\d+)\s+(\d+)\s+"(.*)"\s*$', section.decode("utf-8", "replace"), re.M)
-    return {(int(dimension), int(tag)): name for dimension, tag, name in rows}
+def _groups(raw: Msh) -> list[Elements]:
+    """Return elements of one type and group together; a group may be made of several curves."""
+    parts: dict[tuple[int, int], list[Elements]] = {}
+    for one in raw.elements:
+        if len(one.numbers):
+            parts.setdefault((one.kind, one.group), []).append(one)
+    return [
+        Elements(kind, group, *(np.concatenate([getattr(one, key) for one in its]) for key in ("numbers", "nodes")))
+        for (kind, group), its in parts.items()
+    ]
 
 
-def _groups(raw: Any, names: dict[tuple[int, int], str]) -> list[_Group]:  # noqa: ANN401
-    tags = raw.cell_data.get("gmsh:physical", [np.zeros(len(block.data), int) for block in raw.cells])
-    parts: dict[tuple[int, int, int], list[IntArray]] = {}
-    for block, block_tags in zip(raw.cells, tags, strict=True):
-        cells = np.asarray(block.data)
-        key = (_DIMENSIONS.get(block.type, 2), cells.shape[1])
-        for tag in np.unique(block_tags).tolist():
-            parts.setdefault((*key, int(tag)), []).append(cells[block_tags == tag])
-    return [_Group(names.get((d, tag), ""), d, np.concatenate(cells)) for (d, _, tag), cells in parts.items()]
+def _node_faults(raw: Msh) -> Iterator[Fault]:
+    for i in np.flatnonzero(~np.isfinite(raw.points).all(axis=1))[:_TOLD].tolist():
+        given = ", ".join(f"{x:g}" for x in raw.points[i].tolist())
+        yield Fault(f"mesh node {raw.numbers[i]}", given, "finite coordinates", "", "export it again from Gmsh")
+    numbers, counts = np.unique(raw.numbers, return_counts=True)
+    for number in numbers[counts > 1][:_TOLD].tolist():
+        yield Fault(
+            f"mesh node {number}", "several nodes", "one node of a number", "which one is meant is not known", ""
+        )
 
 
-def _group_faults(group: _Group) -> list[Fault]:
-    what = f"{len(group.nodes)} cells"
-    if group.dimension > 1:
-        shape = f"{what} of {group.nodes.shape[1]} nodes"
-        return [
-            Fault("mesh", shape, "lines of two nodes and points", "members are beams", "mesh only curves, in order 1")
-        ]
-    if group.dimension == 1 and not group.name:
-        why = "the group names the member"
-        return [Fault("mesh", f"{what} without a physical group", "named line groups", why, "add a physical curve")]
-    if group.dimension == 1 and _chain(group.nodes) is None:
-        why = "a member is a chain without branches, loops or gaps"
-        return [Fault(f"mesh group {group.name!r}", what, "one open chain", why, "give each chain its own group")]
-    return []
+def _reference_faults(raw: Msh) -> Iterator[Fault]:
+    for one in raw.elements:
+        bad = np.flatnonzero(~np.isin(one.nodes, raw.numbers).all(axis=1))
+        for i in bad[:_TOLD].tolist():
+            missing = [n for n in one.nodes[i].tolist() if n not in raw.numbers]
+            where, given = f"mesh element {one.numbers[i]}", f"node {missing[0]}"
+            yield Fault(where, given, "a node of the file", "there is no such node", "export it again from Gmsh")
+
+
+def _numbered(numbers: IntArray) -> str:
+    """Return the numbers of elements, shortened."""
+    told = ", ".join(map(str, numbers[:3].tolist()))
+    return f"{told}, ..." if len(numbers) > 3 else told
+
+
+def _group_faults(group: Elements, raw: Msh) -> Iterator[Fault]:
+    what = f"{len(group.numbers)} cells (elements {_numbered(group.numbers)})"
+    if group.kind not in (LINE, POINT):
+        shape = f"{len(group.numbers)} cells of {group.nodes.shape[1]} nodes (elements {_numbered(group.numbers)})"
+        why, remedy = "members are beams", "mesh only curves, in order 1"
+        yield Fault("mesh", shape, "lines of two nodes and points", why, remedy)
+    elif group.kind == LINE and not _name(group, raw):
+        why, remedy = "the group names the member", "add a physical curve"
+        yield Fault("mesh", f"{what} without a physical group", "named line groups", why, remedy)
+    elif group.kind == LINE and _member(group) is None:
+        why = f"a member is a chain without branches, loops or gaps{_broken_at(group.nodes)}"
+        where, remedy = f"mesh group {_name(group, raw)!r}", "give each chain its own group"
+        yield Fault(where, what, "one open chain", why, remedy)
+
+
+def _broken_at(pairs: IntArray) -> str:
+    """Return at which nodes lines are no chain, in words."""
+    nodes, counts = np.unique(pairs, return_counts=True)
+    if branches := nodes[counts > 2].tolist():
+        return f"; node {branches[0]} has {int(counts[nodes == branches[0]][0])} lines"
+    ends = nodes[counts == 1].tolist()
+    return f"; it ends at nodes {', '.join(map(str, ends[:6]))}" if len(ends) > 2 else "; it has a loop"
+
+
+def _length_faults(raw: Msh) -> Iterator[Fault]:
+    """Yield lines without a length, and nodes that are two where one is meant."""
+    size = float(np.ptp(raw.points, axis=0).max(initial=0.0)) or 1.0
+    grid = np.round(raw.points / (_ONE_PLACE * size))
+    _, place, counts = np.unique(grid, axis=0, return_inverse=True, return_counts=True)
+    at = dict(zip(raw.numbers.tolist(), place.ravel().tolist(), strict=True))
+    flat = [
+        (number, a, b)
+        for one in raw.elements
+        if one.kind == LINE
+        for number, (a, b) in zip(one.numbers.tolist(), one.nodes.tolist(), strict=True)
+        if at[a] == at[b]
+    ]
+    for number, a, b in flat[:_TOLD]:
+        given, why = f"nodes {a} and {b} at the same place", "an element has a length"
+        yield Fault(f"mesh element {number}", given, "two nodes apart", why, "merge the nodes or move one")
+    inside = {at[a] for _, a, _ in flat}
+    twice = [i for i in np.flatnonzero(counts > 1).tolist() if i not in inside]
+    for i in twice[:_TOLD]:
+        here = raw.numbers[place.ravel() == i].tolist()
+        given = ", ".join(f"{x:g}" for x in raw.points[raw.numbers == here[0]][0].tolist())
+        where = f"mesh nodes {' and '.join(map(str, here[:3]))}"
+        yield Fault(
+            where, f"all at {given}", "one node at one place", "members meet only at a shared node", "merge them"
+        )
 
 
 def _chain(pairs: IntArray) -> IntArray | None:

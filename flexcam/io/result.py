@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.checks import InputError, refuse
 from flexcam.fem import COMPONENTS, Mesh
+from flexcam.io.extents import doubly_used, taken
 from flexcam.io.geometry import RECOVERED
+from flexcam.io.guard import datasets, guarded
+from flexcam.io.sealed import seal_fault
 from flexcam.io.vtkhdf import FORMAT, SERIES, VECTORS
 from flexcam.linalg import FloatArray
 from flexcam.response import Cause, Outline, Response, Series, Stats, Status
@@ -97,30 +99,46 @@ def read_result(path: str | Path) -> Result:
     ``read_result("results/model-3-shm.vtkhdf").response["valve"].velocity`` is the velocity of the valve.
     """
     source = Path(path)
-    try:
-        with h5py.File(source, "r", locking=False) as file:
-            return _result(file, source)
-    except InputError:
-        raise
-    except (OSError, KeyError, ValueError) as fault:
-        why = "there is no such file" if not source.exists() else str(fault)
-        remedy = f"a case is solved first: flexcam run {source}" if source.suffix == ".toml" else ""
-        raise refuse("result", str(source), "a result file of flexcam (.vtkhdf)", why, remedy) from None
+    remedy = f"a case is solved first: flexcam run {source}" if source.suffix == ".toml" else ""
+    with guarded(source, "result", "a result file of flexcam (.vtkhdf)", remedy) as file:
+        check_whole(file, source)
+        return _result(file)
 
 
-def _result(file: Any, source: Path) -> Result:  # noqa: ANN401 - h5py has no types
-    about = {name: item.asstr()[()] for name, item in file["about"].items()}
-    if int(about["format"]) > FORMAT:
-        given = f"{source} of format {about['format']}"
+def check_whole(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
+    """Refuse a result of a newer format, or one whose names, texts or index are not as they were written.
+
+    Parameters
+    ----------
+    file
+        Of h5py.
+    source
+        Its path.
+
+    Raises
+    ------
+    InputError
+        If so. A file of format 1 has no seal to tell it by.
+    """
+    form = int(file["about/format"].asstr()[()])
+    if form > FORMAT:
+        given = f"{source} of format {form}"
         raise refuse("result", given, f"up to format {FORMAT}", "it is newer", "update flexcam")
+    found = [seal_fault(file, complete="status" in file) if form > 1 else None, doubly_used(datasets(file))]
+    if faults := [fault for fault in found if fault]:
+        raise InputError(faults)
+
+
+def _result(file: Any) -> Result:  # noqa: ANN401
+    about = {name: item.asstr()[()] for name, item in file["about"].items()}
     vtk = file["VTKHDF"]
     data, mesh = vtk["PointData"], _mesh(file)
     count, points = min(int(vtk["Steps"].attrs["NSteps"]), len(vtk["Steps/Values"])), int(vtk["NumberOfPoints"][0])
-    recovered = {name: data[name][: count * points] for name in RECOVERED}
+    recovered = {name: taken(data[name], count * points) for name in RECOVERED}
     return Result(
         mesh=mesh,
         response=_response(file, count, len(mesh.nodes)),
-        still={name: data[name][()] for name in STILL},
+        still={name: taken(data[name]) for name in STILL},
         recovered={name: values.reshape(count, points, *values.shape[1:]) for name, values in recovered.items()},
         about=about,
     )
@@ -128,10 +146,10 @@ def _result(file: Any, source: Path) -> Result:  # noqa: ANN401 - h5py has no ty
 
 def _mesh(file: Any) -> Mesh:  # noqa: ANN401
     vtk, group = file["VTKHDF"], file["mesh"]
-    node, ends = vtk["PointData/node"][()], vtk["Lines/Offsets"][()].tolist()
+    node, ends = taken(vtk["PointData/node"]), taken(vtk["Lines/Offsets"]).tolist()
     names = [str(name) for name in vtk["CellData/member"].attrs["names"]]
     lines = {name: node[a:b] for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
-    return Mesh(group["nodes"][()], lines, {name: index[()] for name, index in group["points"].items()})
+    return Mesh(taken(group["nodes"]), lines, {name: taken(index) for name, index in group["points"].items()})
 
 
 def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
@@ -145,12 +163,12 @@ def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
             probes,
             tuple((name, str(data.attrs["units"])) for name, data in channels),
         ),
-        time=history["time"][:steps],
-        angle=history["cam_angle"][:steps],
+        time=taken(history["time"], steps),
+        angle=taken(history["cam_angle"], steps),
         probes=Series(*(_side_by_side(history, probes, series, steps) for series in SERIES)),
-        channels={name: data[:steps] for name, data in channels},
-        field_time=vtk["Steps/Values"][:count],
-        field_angle=file["fields/cam_angle"][:count],
+        channels={name: taken(data, steps) for name, data in channels},
+        field_time=taken(vtk["Steps/Values"], count),
+        field_angle=taken(file["fields/cam_angle"], count),
         fields=Series(*(_fields(vtk["PointData"], series, count, nodes) for series in SERIES)),
         status=_status(file),
         stats=_stats(file),
@@ -158,17 +176,17 @@ def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
 
 
 def _side_by_side(history: Any, probes: tuple[tuple[str, tuple[str, ...]], ...], series: str, steps: int) -> FloatArray:  # noqa: ANN401
-    columns = [history["probes"][name][series][:steps] for name, _ in probes]
+    columns = [taken(history["probes"][name][series], steps) for name, _ in probes]
     return np.concatenate(columns, axis=1) if columns else np.zeros((steps, 0))
 
 
 def _fields(data: Any, series: str, count: int, nodes: int) -> FloatArray:  # noqa: ANN401
     """Return one series at the nodes, shape (count, 6 nodes); points of a joint agree, any of them counts."""
-    node = data["node"][()]
+    node = taken(data["node"])
     spread = np.zeros((count, nodes, 6))
     for name, (of, first, _) in VECTORS.items():
         if of == series:
-            values = data[name][: count * len(node)].reshape(count, len(node), 3)
+            values = taken(data[name], count * len(node)).reshape(count, len(node), 3)
             spread[:, node, first : first + 3] = values
     return spread.reshape(count, 6 * nodes)
 

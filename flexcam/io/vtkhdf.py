@@ -17,13 +17,14 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 from flexcam.checks import refuse
 from flexcam.io.geometry import RECOVERED, Geometry
 from flexcam.io.growing import Growing, fixed, ordered, texts
+from flexcam.io.sealed import seal
 from flexcam.io.target import free_to_write
 from flexcam.io.vtk_group import VtkGroup, still_data
 from flexcam.linalg import FloatArray
 from flexcam.response import Block, Outline, SaveAt, Stats, Status
 
-FORMAT = 1
-"""Version of flexcam's own groups; a reader refuses a higher one."""
+FORMAT = 2
+"""Version of flexcam's own groups; a reader refuses a higher one. Since 2 a file has a seal."""
 
 VECTORS = {
     "displacement": ("displacement", 0, "m"),
@@ -83,6 +84,7 @@ class ResultFile:
         self._create_history(save.block)
         _write_mesh(self._file, geometry)
         texts(self._file.create_group("about"), {"format": str(FORMAT), **about})
+        seal(self._file, complete=False)
         self._file.flush()
 
     def _create_history(self, rows: int) -> None:
@@ -139,6 +141,7 @@ class ResultFile:
         texts(group, {"cause": str(status.cause), "text": status.text, "remedy": status.remedy})
         for name in stats.__dataclass_fields__:
             group.attrs[name] = getattr(stats, name)
+        seal(self._file, complete=True)
         self._file.close()
         if status.ok:
             self.partial.replace(self.path)

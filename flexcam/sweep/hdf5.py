@@ -13,10 +13,12 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.checks import InputError, refuse
+from flexcam.io import guarded, seal, seal_fault
 from flexcam.response import Cause, Status
 from flexcam.sweep.table import Column, Table
 
-FORMAT = "1"
+FORMAT = "2"
+"""Since 2 a table has a seal."""
 
 
 def write_hdf5(table: Table, path: Path) -> None:
@@ -49,6 +51,7 @@ def write_hdf5(table: Table, path: Path) -> None:
         status = file.create_group("status", track_order=True)
         for name in ("cause", "text", "remedy"):
             _texts(status, name, [str(getattr(one, name)) for one in table.statuses])
+        seal(file, complete=True)
 
 
 def _numbers(group: Any, name: str, values: Any, unit: str) -> None:  # noqa: ANN401 - h5py has no types
@@ -86,20 +89,17 @@ def read_table(path: str | Path) -> Table:
     ``read_table("results/model-1-shm.sweep.h5")["deviation.peak"]``
     """
     source = Path(path)
-    try:
-        with h5py.File(source, "r", locking=False) as file:
-            return _table(file)
-    except (OSError, KeyError, ValueError) as fault:
-        if isinstance(fault, InputError):
-            raise
-        why = str(fault) if source.exists() else "there is no such file"
-        raise refuse("table", str(source), "the HDF5 table of a sweep (.sweep.h5)", why) from None
+    with guarded(source, "table", "the HDF5 table of a sweep (.sweep.h5)") as file:
+        return _table(file, source)
 
 
-def _table(file: Any) -> Table:  # noqa: ANN401
+def _table(file: Any, source: Path) -> Table:  # noqa: ANN401
     about = {name: _read_texts(item)[0] for name, item in file["about"].items()}
-    if about.pop("format") != FORMAT:
-        raise refuse("table", "a table of another format", f"format {FORMAT}", "it is newer", "update flexcam")
+    form = about.pop("format")
+    if form not in ("1", FORMAT):
+        raise refuse("table", f"{source} of format {form}", f"up to format {FORMAT}", "it is newer", "update flexcam")
+    if form != "1" and (fault := seal_fault(file, complete=True)):
+        raise InputError([fault])
     status = zip(*(_read_texts(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
     scalars = {name: np.where(file["valid"][name][()], item[()], np.nan) for name, item in file["scalars"].items()}
     return Table(

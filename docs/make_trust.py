@@ -1,0 +1,89 @@
+"""Make ``docs/trust.md`` from ``docs/trust.json``, first brought up to date from the last test run.
+
+``python docs/make_trust.py``: rows of tests that ran replace the earlier ones; those of tests that did not run (the
+slow ones, on most days) are kept, and those of tests that no longer exist are dropped.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+RECORDED = ROOT / "build/trust.json"
+KEPT = ROOT / "docs/trust.json"
+PAGE = ROOT / "docs/trust.md"
+
+HEAD = """# What was done to flexcam, and how it ended
+
+Made by `make trust` from `docs/trust.json`, which tests record with the fixture `tried`; a row is kept only after the
+assertions of the test it names. A count is the number of inputs or faults of the last run of that test.
+"""
+
+KINDS = {
+    "mutated": ("Mutated input", "Cases, meshes and results changed at random, from seeds that are kept. Each is accepted or refused in flexcam's own words, within ten seconds and a limit of memory."),
+    "planted": ("Bad input, by hand", "One fault each; the message names the place, what was given, what is allowed and what to do."),
+    "damaged": ("Damaged results", "Flipped, cut and foreign files. Either everything that is read is right, or the file is refused."),
+    "hostile": ("Hostile files", "Files made to run, fetch or swallow something."),
+    "killed": ("Killed and interrupted runs", "What is left on the disk is read back and compared with the run that was left alone."),
+    "machine": ("Disks, folders, memory, time", "What the machine may refuse, and what flexcam then says and leaves."),
+    "together": ("Several at once", "Processes that write beside each other."),
+}  # fmt: skip
+"""Parts of the page, in order: heading and words."""
+
+
+def function(row: dict) -> str:
+    """Return file and function of a row's test, without parameters."""
+    return row["test"].partition("[")[0]
+
+
+def existing() -> set[str]:
+    """Return all test functions, as ``file::name``."""
+    found = set()
+    for path in (ROOT / "tests").rglob("test_*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        names = (node.name for node in tree.body if isinstance(node, ast.FunctionDef))
+        found |= {f"{path.relative_to(ROOT)}::{name}" for name in names if name.startswith("test_")}
+    return found
+
+
+def merged(kept: list[dict], recorded: list[dict]) -> list[dict]:
+    """Return the rows that ran, and of those kept the ones whose test did not run but exists, in the page's order."""
+    ran, known = {function(row) for row in recorded}, existing()
+    rows = [row for row in kept if function(row) not in ran and function(row) in known] + recorded
+    kinds = list(KINDS)
+    return sorted(rows, key=lambda row: (kinds.index(row["kind"]), function(row), row["what"]))
+
+
+def cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("<", "&lt;")
+
+
+def table(rows: list[dict], kind: str) -> list[str]:
+    head, words = KINDS[kind]
+    lines = [f"## {head}", "", words, "", "| what | tried | outcome | test |", "|---|---|---|---|"]
+    for row in rows:
+        count = f"{row['count']:,}".replace(",", " ")
+        test = function(row).removeprefix("tests/")
+        lines.append(f"| {cell(row['what'])} | {count} | {cell(row['outcome'])} | `{test}` |")
+    return [*lines, ""]
+
+
+def page(rows: list[dict]) -> str:
+    """Return the text of the page."""
+    parts = [HEAD]
+    for kind in KINDS:
+        if its := [row for row in rows if row["kind"] == kind]:
+            parts += table(its, kind)
+    return "\n".join(parts)
+
+
+def read(path: Path) -> list[dict]:
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else []
+
+
+if __name__ == "__main__":
+    rows = merged(read(KEPT), read(RECORDED))
+    KEPT.write_text(json.dumps(rows, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    PAGE.write_text(page(rows), encoding="utf-8")

@@ -1,0 +1,164 @@
+"""Open HDF5 files of unknown origin: only what stands in the file itself is followed, and only plain numbers and texts.
+
+HDF5 can lead out of a file (external and soft links, external storage, virtual datasets), run code (filters that are
+loaded as plug-ins), and declare sizes that no file has. None of it is needed here, so none of it is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py  # pyright: ignore[reportMissingTypeStubs]
+import numpy as np
+
+from flexcam.checks import Fault, InputError, refuse
+
+_module: Any = h5py
+
+SCALES = frozenset({"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"})
+"""Attributes by which HDF5 joins an axis to its scale; written for other readers, never followed."""
+
+_FILTERS = {_module.h5z.FILTER_DEFLATE, _module.h5z.FILTER_SHUFFLE, _module.h5z.FILTER_FLETCHER32}
+
+_ALWAYS, _TIMES = 1 << 28, 200
+"""Bytes that a file may always declare, and how many times its own size beyond them: a still motion compresses well."""
+
+DAMAGE = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError, MemoryError)
+"""What h5py and numpy raise on damaged content."""
+
+
+@contextmanager
+def guarded(path: Path, where: str, allowed: str, remedy: str = "") -> Generator[Any]:
+    """Open a file for reading, refuse what leads out of it, and give whatever is raised within as a refusal.
+
+    Parameters
+    ----------
+    path
+        The file.
+    where, allowed, remedy
+        For the refusal: what the file is to the caller, what may stand there, what to do.
+
+    Yields
+    ------
+    File
+        Of h5py.
+
+    Raises
+    ------
+    InputError
+        If it cannot be opened, holds what is not taken, or reading from it fails.
+    """
+    try:
+        with h5py.File(path, "r", locking=False) as opened:
+            file: Any = opened
+            if faults := list(_faults(file, path.stat().st_size)):
+                raise InputError(faults)
+            yield file
+    except InputError as refusal:
+        raise InputError(
+            _in_file(fault, path) if fault.where.startswith("/") else fault for fault in refusal.faults
+        ) from None
+    except DAMAGE as fault:
+        why = "there is no such file" if not path.exists() else f"it is damaged or none of flexcam's: {_said(fault)}"
+        raise refuse(where, str(path), allowed, why, remedy) from None
+
+
+def _in_file(fault: Fault, path: Path) -> Fault:
+    return Fault(f"{path}, {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)
+
+
+def _said(fault: BaseException) -> str:
+    return str(fault) or type(fault).__name__
+
+
+def children(group: Any) -> Iterator[tuple[str, Any]]:  # noqa: ANN401 - h5py has no types
+    """Yield name and object of every hard link of a group, in order of names.
+
+    Parameters
+    ----------
+    group
+        Of h5py.
+
+    Yields
+    ------
+    tuple
+        Name, and group or dataset.
+    """
+    for name in sorted(group):
+        if group.id.links.get_info(name.encode()).type == _module.h5l.TYPE_HARD:
+            yield name, group[name]
+
+
+def datasets(file: Any) -> list[Any]:  # noqa: ANN401
+    """Return all datasets of a file, each once however many names it has.
+
+    Parameters
+    ----------
+    file
+        Of h5py.
+
+    Returns
+    -------
+    list
+        Of datasets.
+    """
+    found: dict[int, Any] = {}
+    groups = [file]
+    while groups:
+        for _, one in children(groups.pop()):
+            if isinstance(one, _module.Dataset):
+                found.setdefault(int(_module.h5o.get_info(one.id).addr), one)
+            else:
+                groups.append(one)
+    return list(found.values())
+
+
+def _faults(file: Any, size: int) -> Iterator[Fault]:  # noqa: ANN401
+    """Yield what is not taken; a file with any of it is not read further."""
+    seen: set[int] = set()
+    declared, limit = 0, max(_ALWAYS, _TIMES * size)
+    groups = [file]
+    while groups:
+        group = groups.pop()
+        yield from _leading_out(group)
+        for _, one in children(group):
+            address = int(_module.h5o.get_info(one.id).addr)
+            if isinstance(one, _module.Dataset):
+                yield from () if address in seen else _of_dataset(one)
+                declared += 0 if address in seen else int(np.prod(one.shape or (0,), dtype=float)) * one.dtype.itemsize
+            elif isinstance(one, _module.Group) and address not in seen:
+                groups.append(one)
+            elif isinstance(one, _module.Group):
+                yield Fault(one.name, "a group that contains itself or stands twice", "a tree of groups", "", "")
+            seen.add(address)
+    if declared > limit:
+        given, why = f"{declared:.3g} bytes declared in a file of {size}", "so much of nothing fills the memory"
+        yield Fault("/", given, f"up to {limit:.3g} bytes", why, "do not trust where it comes from")
+
+
+def _leading_out(group: Any) -> Iterator[Fault]:  # noqa: ANN401
+    kinds = {_module.h5l.TYPE_SOFT: "a soft link", _module.h5l.TYPE_EXTERNAL: "an external link"}
+    for name in group:
+        kind = group.id.links.get_info(name.encode()).type
+        if kind != _module.h5l.TYPE_HARD:
+            given = kinds.get(kind, "a link of an unknown kind")
+            yield Fault(
+                f"{group.name.rstrip('/')}/{name}", given, "what the file itself holds", "no link is followed", ""
+            )
+
+
+def _of_dataset(one: Any) -> Iterator[Fault]:  # noqa: ANN401
+    made = one.id.get_create_plist()
+    if made.get_layout() == _module.h5d.VIRTUAL or made.get_external_count():
+        yield Fault(one.name, "numbers of another file", "numbers in the file itself", "no other file is opened", "")
+    filters = {made.get_filter(i)[0] for i in range(made.get_nfilters())}
+    if filters - _FILTERS:
+        given = f"filter {min(filters - _FILTERS)}"
+        yield Fault(one.name, given, "shuffle, gzip and fletcher32", "other filters are code that is loaded", "")
+    text = _module.check_string_dtype(one.dtype) is not None
+    if one.dtype.kind not in "fiubS" and not text:
+        given = "references" if _module.check_ref_dtype(one.dtype) else f"values of type {one.dtype}"
+        yield Fault(one.name, given, "numbers and texts", "nothing else is read", "")

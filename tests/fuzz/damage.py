@@ -1,0 +1,244 @@
+"""Sound binary seeds, what is done to the structure of HDF5 files, and whether something read is something else."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import h5py
+import meshio
+import numpy as np
+
+from flexcam import read_case
+from flexcam.integrate import solve
+from flexcam.io import Result
+from flexcam.runner import prepare, result_file
+from flexcam.sweep import Table
+
+ROOT = Path(__file__).parents[2]
+
+
+def make_seeds(folder: Path) -> None:
+    """Make the seeds where they do not exist yet."""
+    if (folder / "done").exists():
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    _meshes(folder)
+    _result(folder)
+    _table(folder)
+    angle = np.linspace(0.0, 2.0 * np.pi, 37)[:-1]
+    rows = "\n".join(f"{20 * np.cos(a):.6f}, {20 * np.sin(a):.6f}" for a in angle)
+    (folder / "profile.csv").write_text(f"x [mm], y [mm]\n{rows}\n", encoding="utf-8")
+    (folder / "done").touch()
+
+
+def _meshes(folder: Path) -> None:
+    source = ROOT / "meshes/tayeb-1.msh"
+    shutil.copy(source, folder / "ascii22.msh")
+    for name in ("ascii41.msh", "binary41.msh"):
+        shutil.copy(Path(__file__).parent / "seeds" / name, folder / name)
+    meshio.gmsh.read(source).write(folder / "binary22.msh", file_format="gmsh22", binary=True)
+
+
+def _result(folder: Path) -> None:
+    overrides = ["run.revolutions=0.1", "run.steps_per_revolution=400"]
+    ready = prepare(read_case(ROOT / "tests/data/inline.toml", overrides))
+    sink = result_file(ready, folder / "made", overwrite=True)
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
+    shutil.move(sink.path, folder / "small.vtkhdf")
+
+
+def _table(folder: Path) -> None:
+    from flexcam.cli import main
+
+    case = ROOT / "tests/data/inline.toml"
+    words = [
+        "sweep",
+        str(case),
+        "--set",
+        "run.speed=1000:3000:1000rpm",
+        "-o",
+        str(folder / "made"),
+        "--overwrite",
+        "--json",
+    ]
+    try:
+        main(words)
+    except SystemExit as ended:
+        assert ended.code in (0, None), ended.code
+    (made,) = (folder / "made").glob("*.h5")
+    shutil.move(made, folder / "small.sweep.h5")
+
+
+# ---- the structure of HDF5 files
+
+
+def _paths(file: Any) -> list[str]:
+    found: list[str] = []
+    file.visit(found.append)
+    return found
+
+
+def _link_out(file: Any, path: str, random: Random) -> None:
+    del file[path]
+    file[path] = h5py.ExternalLink(random.choice(("/etc/passwd", "other.h5", "small.vtkhdf")), "/" + path)
+
+
+def _link_soft(file: Any, path: str, random: Random) -> None:
+    del file[path]
+    file[path] = h5py.SoftLink(random.choice(("/nowhere", "/" + path, "/about", "..")))
+
+
+def _loop(file: Any, path: str, random: Random) -> None:
+    del random
+    group = file[path] if isinstance(file[path], h5py.Group) else file[path].parent
+    group["again"] = file["/"]
+
+
+def _reference(file: Any, path: str, random: Random) -> None:
+    del random
+    del file[path]
+    file.create_dataset(path, data=np.array([file.ref] * 3, dtype=h5py.ref_dtype), dtype=h5py.ref_dtype)
+
+
+def _virtual(file: Any, path: str, random: Random) -> None:
+    del file[path]
+    layout = h5py.VirtualLayout((random.choice((3, 10**9)),), "f8")
+    layout[:3] = h5py.VirtualSource(random.choice(("/etc/passwd", "other.h5", ".")), "x", (3,))
+    file.create_virtual_dataset(path, layout)
+
+
+def _outside(file: Any, path: str, random: Random) -> None:
+    del random
+    del file[path]
+    file.create_dataset(path, (100,), "u1", external=[("/etc/passwd", 0, 100)])
+
+
+def _huge(file: Any, path: str, random: Random) -> None:
+    del file[path]
+    shape = random.choice(((10**12,), (10**6, 10**6), (2**40, 3)))
+    file.create_dataset(
+        path, shape, "f8", chunks=tuple(min(n, 64) for n in shape), **random.choice(({}, {"compression": "gzip"}))
+    )
+
+
+def _bomb(file: Any, path: str, random: Random) -> None:
+    """Zeros, compressed a thousandfold."""
+    del random
+    del file[path]
+    file.create_dataset(path, data=np.zeros(4_000_000), compression="gzip", compression_opts=9, chunks=(1_000_000,))
+
+
+def _gone(file: Any, path: str, random: Random) -> None:
+    del random
+    del file[path]
+
+
+def _other_kind(file: Any, path: str, random: Random) -> None:
+    del file[path]
+    data = random.choice(
+        (
+            np.zeros(3, "i1"),
+            np.zeros((2, 2, 2)),
+            "text",
+            np.zeros(0),
+            3.0,
+            np.array([b"ab", b"c"]),
+            np.array([1 + 2j]),
+            np.nan,
+        )
+    )
+    file.create_dataset(path, data=data)
+
+
+def _group_there(file: Any, path: str, random: Random) -> None:
+    del random
+    del file[path]
+    file.create_group(path)
+
+
+def _renamed(file: Any, path: str, random: Random) -> None:
+    file.move(path, random.choice((path + "2", "x", "about/" + path.rpartition("/")[2], "ä" * 50)))
+
+
+def _number(file: Any, path: str, random: Random) -> None:
+    """Change one number, by the front door: checksums are made anew, so that only what must be read is refused."""
+    one = file[path]
+    attrs = list(one.attrs)
+    if attrs and random.random() < 0.5:
+        name = random.choice(attrs)
+        value = random.choice(
+            (-1, 10**15, "x", np.nan, np.zeros(3), "1e9", np.array(["a", "b"], dtype=h5py.string_dtype()))
+        )
+        one.attrs[name] = value
+    else:
+        one.attrs["more"] = 1
+
+
+STRUCTURE: tuple[Callable[[Any, str, Random], None], ...] = (
+    _link_out, _link_soft, _loop, _reference, _virtual, _outside, _huge, _bomb, _gone, _other_kind, _group_there, _renamed, _number,
+)  # fmt: skip
+
+
+def restructured(seed: Path, path: Path, random: Random) -> None:
+    """Write a copy of an HDF5 file with something in its structure changed."""
+    shutil.copy(seed, path)
+    os.chmod(path, 0o600)
+    with h5py.File(path, "r+", locking=False) as file:
+        where = random.choice(_paths(file))
+        try:
+            random.choice(STRUCTURE)(file, where, random)
+        except (OSError, KeyError, ValueError, TypeError, RuntimeError):
+            file.pop(where, None)  # what HDF5 itself forbids
+
+
+# ---- whether what was read is what was written
+
+
+def _arrays_differ(one: Any, other: Any, name: str) -> str:
+    same = np.shape(one) == np.shape(other) and np.array_equal(one, other, equal_nan=np.asarray(one).dtype.kind == "f")
+    return "" if same else name
+
+
+def result_differs(read: Result, sound: Any) -> str:
+    """Return the name of something that a damaged result says otherwise than the sound one, or nothing."""
+    one, other = read.response, sound.response
+    pairs = {
+        "time": (one.time, other.time), "angle": (one.angle, other.angle), "field_time": (one.field_time, other.field_time),
+        "field_angle": (one.field_angle, other.field_angle), "nodes": (read.mesh.nodes, sound.mesh.nodes),
+        **{f"probes.{k}": (getattr(one.probes, k), getattr(other.probes, k)) for k in ("displacement", "velocity", "acceleration")},
+        **{f"fields.{k}": (getattr(one.fields, k), getattr(other.fields, k)) for k in ("displacement", "velocity", "acceleration")},
+        **{f"recovered.{k}": (read.recovered.get(k), v) for k, v in sound.recovered.items()},
+        **{f"still.{k}": (read.still.get(k), v) for k, v in sound.still.items()},
+    }  # fmt: skip
+    for name, (a, b) in pairs.items():
+        if _arrays_differ(a, b, name):
+            return name
+    for name, (a, b) in {
+        "outline": (one.outline, other.outline), "status": (one.status, other.status), "about": (dict(read.about), dict(sound.about)),
+        "stats": (dataclasses.asdict(one.stats), dataclasses.asdict(other.stats)), "channels": (list(one.channels), list(other.channels)),
+        "lines": ({k: v.tolist() for k, v in read.mesh.lines.items()}, {k: v.tolist() for k, v in sound.mesh.lines.items()}),
+        "points": ({k: v.tolist() for k, v in read.mesh.points.items()}, {k: v.tolist() for k, v in sound.mesh.points.items()}),
+    }.items():  # fmt: skip
+        if a != b:
+            return name
+    return next((k for k, v in other.channels.items() if _arrays_differ(one.channels[k], v, k)), "")
+
+
+def table_differs(read: Table, sound: Any) -> str:
+    """Return the name of something that a damaged table says otherwise than the sound one, or nothing."""
+    for name in ("units", "statuses", "shape", "about"):
+        if getattr(read, name) != getattr(sound, name):
+            return name
+    if [(c.name, c.unit) for c in read.inputs] != [(c.name, c.unit) for c in sound.inputs]:
+        return "inputs"
+    if list(read.scalars) != list(sound.scalars):
+        return "scalars"
+    pairs = [(c.name, c.values, d.values) for c, d in zip(read.inputs, sound.inputs, strict=True)]
+    pairs += [(k, read.scalars[k], v) for k, v in sound.scalars.items()]
+    return next((name for name, a, b in pairs if list(map(str, a)) != list(map(str, b))), "")
