@@ -16,7 +16,8 @@ from flexcam.io.profile_points import read_profile
 from flexcam.io.pvd import write_pvd
 from flexcam.io.result import Result, read_result
 from flexcam.io.target import free_to_write, made_folder
-from flexcam.io.vtkhdf import ResultFile
+from flexcam.io.unfinished import Unfinished
+from flexcam.io.vtkhdf import ResultFile, partial_of
 
 __all__ = [
     "Geometry",
@@ -24,9 +25,11 @@ __all__ = [
     "ProfileTable",
     "Result",
     "ResultFile",
+    "Unfinished",
     "free_to_write",
     "macro_of",
     "made_folder",
+    "partial_of",
     "read_lift",
     "read_mesh",
     "read_profile",

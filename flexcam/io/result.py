@@ -151,8 +151,8 @@ def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
         channels={name: data[:steps] for name, data in channels},
         field_time=vtk["Steps/Values"][:count],
         field_angle=file["fields/cam_angle"][:count],
-        fields=Series(*(_fields(vtk["PointData"], series, count, nodes) for series in SERIES)),
-        status=_status(file),
+        fields=Series(*(nodal_fields(vtk["PointData"], series, slice(0, count), nodes) for series in SERIES)),
+        status=status_of(file),
         stats=_stats(file),
     )
 
@@ -162,20 +162,49 @@ def _side_by_side(history: Any, probes: tuple[tuple[str, tuple[str, ...]], ...],
     return np.concatenate(columns, axis=1) if columns else np.zeros((steps, 0))
 
 
-def _fields(data: Any, series: str, count: int, nodes: int) -> FloatArray:  # noqa: ANN401
-    """Return one series at the nodes, shape (count, 6 nodes); points of a joint agree, any of them counts."""
-    node = data["node"][()]
+def nodal_fields(data: Any, series: str, which: slice, nodes: int) -> FloatArray:  # noqa: ANN401
+    """Return one series of saved fields at the nodes; points of a joint agree, any of them counts.
+
+    Parameters
+    ----------
+    data
+        The point data, a group of h5py.
+    series
+        ``displacement``, ``velocity`` or ``acceleration``.
+    which
+        Of the saved fields, both ends given.
+    nodes
+        How many there are.
+
+    Returns
+    -------
+    ndarray
+        Shape (fields, 6 nodes).
+    """
+    node, count = data["node"][()], which.stop - which.start
     spread = np.zeros((count, nodes, 6))
     for name, (of, first, _) in VECTORS.items():
         if of == series:
-            values = data[name][: count * len(node)].reshape(count, len(node), 3)
+            values = data[name][which.start * len(node) : which.stop * len(node)].reshape(count, len(node), 3)
             spread[:, node, first : first + 3] = values
     return spread.reshape(count, 6 * nodes)
 
 
-def _status(file: Any) -> Status:  # noqa: ANN401
+def status_of(file: Any) -> Status:  # noqa: ANN401
+    """Return how the run of an open result file ended.
+
+    Parameters
+    ----------
+    file
+        Of h5py.
+
+    Returns
+    -------
+    Status
+        A run that was cut off has said nothing.
+    """
     if "status" not in file:
-        return Status(Cause.INTERRUPTED, "the run was cut off before it could say why", "run it again")
+        return Status(Cause.INTERRUPTED, "the run was cut off before it could say why", "flexcam run --resume goes on")
     texts = {name: item.asstr()[()] for name, item in file["status"].items()}
     return Status(Cause(texts["cause"]), texts["text"], texts["remedy"])
 
