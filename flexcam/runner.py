@@ -11,24 +11,26 @@ import platform
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from flexcam.case import Case, build_model
-from flexcam.checks import InputError, refuse
+from flexcam.checkpoint import Earlier
+from flexcam.checks import Fault, InputError, refuse
 from flexcam.fem import COMPONENTS
 from flexcam.integrate import (
     Method,
     Problem,
     State,
+    fingerprint,
     outline,
     refused,
     solve,
 )
-from flexcam.io import Geometry, ResultFile, made_folder
+from flexcam.io import Geometry, ResultFile, Unfinished, made_folder, partial_of
 from flexcam.linalg import FloatArray
 from flexcam.modal import mac
 from flexcam.response import Response, SaveAt, Sink
@@ -218,7 +220,9 @@ def scalar_probe(ready: Prepared) -> str:
     return f"{name}.{along if along in components else components[0]}"
 
 
-def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Response:
+def run(
+    case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = (), resume: Earlier | None = None
+) -> Response:  # fmt: skip
     """Solve a case in time.
 
     Parameters
@@ -229,6 +233,8 @@ def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Respo
         Solve the same mechanism with rigid members.
     sinks
         Further takers of the results, such as a result file.
+    resume
+        What a run of this case finished before it broke off, from `unfinished`; it goes on from there.
 
     Returns
     -------
@@ -247,7 +253,7 @@ def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Respo
     ``flexcam.run(flexcam.read_case("cases/tayeb/model-3-shm.toml"))["valve"].displacement`` is the lift of the valve.
     """
     ready = prepare(case, rigid=rigid)
-    return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks)
+    return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, resume=resume)
 
 
 def modes(
@@ -339,7 +345,9 @@ def geometry_of(model: Model) -> Geometry:
     return Geometry(model.mesh, structure.dofs, structure.beams, sections, element_loads(structure))
 
 
-def result_file(ready: Prepared, folder: str | Path, *, overwrite: bool = False) -> ResultFile:
+def result_file(
+    ready: Prepared, folder: str | Path, *, overwrite: bool = False, resume: Unfinished | None = None
+) -> ResultFile:  # fmt: skip
     """Open the result file of a run, to be given to `solve` as a sink.
 
     Parameters
@@ -350,6 +358,8 @@ def result_file(ready: Prepared, folder: str | Path, *, overwrite: bool = False)
         Where it goes, made if it does not exist; the file is named after the case.
     overwrite
         Whether an existing result may be replaced once the new one is complete.
+    resume
+        What an earlier run finished, from `unfinished`, to be given to `solve` as well.
 
     Returns
     -------
@@ -359,11 +369,82 @@ def result_file(ready: Prepared, folder: str | Path, *, overwrite: bool = False)
     Raises
     ------
     InputError
-        If the result exists and may not be replaced, or the folder cannot be made.
+        If the result exists and may not be replaced, another process is writing it, or the folder cannot be made.
     """
-    path, about = made_folder(Path(folder)) / f"{ready.case.name}.vtkhdf", _about(ready.case)
-    names = outline(ready.problem.system)
-    return ResultFile(path, geometry_of(ready.model), names, save=ready.save, about=about, overwrite=overwrite)
+    path = made_folder(Path(folder)) / f"{ready.case.name}.vtkhdf"
+    about = _about(ready.case) if resume is None else resume.about
+    return ResultFile(
+        path, geometry_of(ready.model), outline(ready.problem.system), save=ready.save, about=about,
+        overwrite=overwrite, resume=resume is not None,
+    )  # fmt: skip
+
+
+def unfinished(ready: Prepared, folder: str | Path) -> Unfinished:
+    """Open what a run of a case finished before it was stopped, cut off or killed.
+
+    Parameters
+    ----------
+    ready
+        From `prepare`; the case must be the one the run was made of.
+    folder
+        Of the results.
+
+    Returns
+    -------
+    Unfinished
+        For `result_file` and `solve`: the run goes on from its last checkpoint, with the same bits as if it had never
+        broken off.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to go on from, it is damaged, or the case, flexcam or what it computes with is another.
+
+    Examples
+    --------
+    >>> def resumed(ready, folder):
+    ...     earlier = unfinished(ready, folder)
+    ...     file = result_file(ready, folder, resume=earlier)
+    ...     return solve(ready.problem, ready.scheme, save=ready.save, sinks=[file], resume=earlier)
+    """
+    path = Path(folder) / f"{ready.case.name}.vtkhdf"
+    if not partial_of(path).exists():
+        why = f"{path} is complete" if path.exists() else "there is no such file"
+        raise refuse("--resume", str(partial_of(path)), "the partial result of a run", why, "leave out --resume")
+    earlier = Unfinished(partial_of(path), geometry_of(ready.model), outline(ready.problem.system), ready.save)
+    _refuse_others(ready, earlier)
+    earlier.verify()
+    return earlier
+
+
+_DECISIVE = {
+    "case": "the text of the case", "overrides": "--set", "resolved": "values of the case",
+    "flexcam": "flexcam", "python": "python", "numpy": "numpy", "scipy": "scipy", "numba": "numba",
+}  # fmt: skip
+"""Texts of a result that must agree for the numbers to be the same, and what they are."""
+
+
+def _refuse_others(ready: Prepared, earlier: Unfinished) -> None:
+    """Refuse to go on with another case, other packages or another problem."""
+    now, then = _about(ready.case), earlier.about
+    differing = {what: key for key, what in _DECISIVE.items() if now[key] != then.get(key, "")}
+    if not differing and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
+        differing = {"a mesh or a table beside the case": ""}
+    why, remedy = "a run goes on only as it began", "restore it, or run the case again with --overwrite"
+    faults = [
+        Fault(f"--resume: {what}", _told(now.get(key, "")), _told(then.get(key, "")), why, remedy)
+        for what, key in differing.items()
+    ]
+    if faults:
+        raise InputError(faults)
+
+
+def _told(text: str) -> str:
+    """Return a text that is short enough to be told."""
+    return text if 0 < len(text) <= _SHORT else "another one"
+
+
+_SHORT = 60
 
 
 def _about(case: Case) -> dict[str, str]:
@@ -377,6 +458,14 @@ def _about(case: Case) -> dict[str, str]:
         "flexcam": version("flexcam"),
         "python": platform.python_version(),
         **{package: version(package) for package in ("numpy", "scipy", "h5py", "meshio")},
+        "numba": _version_if("numba"),
         "platform": platform.platform(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
+
+
+def _version_if(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "none"

@@ -40,7 +40,7 @@ from flexcam.console.results import operation_table, periodicity, run_table, str
 from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, read_result, write_modes
 from flexcam.response import Cause, Response, RunFailedError, Status
-from flexcam.runner import geometry_of, mode_likeness, prepare, result_file, scalar_probe
+from flexcam.runner import geometry_of, mode_likeness, prepare, result_file, scalar_probe, unfinished
 from flexcam.runner import modes as case_modes
 from flexcam.runner import run as solve_case
 from flexcam.terminal import out, print_json, progress
@@ -50,6 +50,10 @@ from flexcam.units import RPM
 Prestress = Annotated[
     Literal["rest", "equilibrium"] | None,
     Parameter("--prestress", help="Count in the axial forces as installed (rest), or under all loads (equilibrium)."),
+]
+
+Resume = Annotated[
+    bool, Parameter("--resume", negative=(), help="Go on with the run that left a partial result in the folder.")
 ]
 
 
@@ -93,22 +97,26 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
     help_prologue="""\
 flexcam run case.toml
 flexcam run case.toml -o results --set run.revolutions=4 --overwrite
+flexcam run case.toml -o results --resume
 """
 )
 def run(
     case: CaseFile, *, folder: Folder = Path("results"), overrides: Overrides = None, overwrite: Overwrite = False,
-    as_json: Json = False,
+    resume: Resume = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Solve a case in time and write its result file."""
     read, choice = fidelity.chosen(load(case, overrides))
     probe = scalar_probe(prepare(read)) if read.record.fidelity.estimate else ""
     ready = prepare(read)
-    sink = result_file(ready, folder, overwrite=overwrite)
+    earlier = unfinished(ready, folder) if resume else None
+    sink = result_file(ready, folder, overwrite=overwrite, resume=earlier)
     strength = StrengthSink(build_structure(ready.model))
     running.solving = True
     with progress(ready.problem.steps) as bar:
         sinks = [sink, strength, *bar]
-        response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, stop=running.stopped)
+        response = solve(
+            ready.problem, ready.scheme, save=ready.save, sinks=sinks, stop=running.stopped, resume=earlier
+        )
     result = sink.path if response.status.ok else sink.partial
     figures = operation(ready.model, response, ready.revolution)
     errors, doubt = _estimated(read, probe) if probe and response.status.ok else ([], [])

@@ -7,6 +7,7 @@ A new scheme of the family is a constructor in `scheme`; another kind of integra
 from flexcam.integrate.central import CentralDifference, central_difference, highest_frequency
 from flexcam.integrate.composite import Bathe, bathe
 from flexcam.integrate.exact import Exact, exact
+from flexcam.integrate.fingerprint import fingerprint
 from flexcam.integrate.floquet import Floquet, floquet
 from flexcam.integrate.method import Method
 from flexcam.integrate.outside import Outside, dop853, radau
@@ -40,6 +41,7 @@ __all__ = [
     "dop853",
     "equilibrium",
     "exact",
+    "fingerprint",
     "floquet",
     "generalized_alpha",
     "hht",

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexcam.checkpoint import Arrays, below, flattened
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.moment import Track
 from flexcam.linalg import FloatArray, operator
@@ -55,9 +56,13 @@ class _Held:
     impulse: FloatArray
 
     def after(self, last: _Held) -> _Held:
-        """Return the instants behind the last one of an earlier block."""
+        """Return the instants behind the last one of an earlier block, `last` of that."""
         names = self.__dataclass_fields__
-        return _Held(*(np.concatenate([getattr(last, n)[-1:], getattr(self, n)]) for n in names))
+        return _Held(*(np.concatenate([getattr(last, n), getattr(self, n)]) for n in names))
+
+    def last(self) -> _Held:
+        """Return the last instant alone."""
+        return _Held(*(getattr(self, n)[-1:] for n in self.__dataclass_fields__))
 
 
 class EnergyAccount:
@@ -88,9 +93,18 @@ class EnergyAccount:
             self._sums[3] = energy[0]
         gone = self._gone(new if self._last is None else new.after(self._last))
         sums = self._sums[:3] + np.cumsum(np.vstack([np.zeros((int(first), 3)), gone]), axis=0)
-        self._sums[:3], self._last = sums[-1], new
+        self._sums[:3], self._last = sums[-1], new.last()
         residual = sums[:, 0] - (energy - self._sums[3]) - sums[:, 1] - sums[:, 2]
         return np.column_stack([sums[:, 0], new.kinetic, new.strain, new.contact, sums[:, 1], sums[:, 2], residual])
+
+    def state(self) -> Arrays:
+        """Return what the balance of the next block depends on."""
+        return {**flattened("held", self._last), "sums": self._sums.copy()}
+
+    def restore(self, state: Arrays) -> None:
+        """Go on from what `state` returned."""
+        held = below("held", state)
+        self._last, self._sums = (_Held(**held) if held else None), state["sums"].copy()
 
     def _gone(self, both: _Held) -> FloatArray:
         """Return work, dissipation and numerical loss between successive instants, shape (m - 1, 3)."""

@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from flexcam.checkpoint import Arrays
 from flexcam.integrate.first import Starter
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.moment import Instant, Track
@@ -35,6 +36,14 @@ class Engine(Protocol):
 
     def counted(self, stats: Stats) -> Stats:
         """Return figures of the run with those that the engine counts."""
+        ...
+
+    def state(self) -> Arrays:
+        """Return everything the next step depends on and the problem does not tell, and the counts."""
+        ...
+
+    def restore(self, state: Arrays) -> None:
+        """Go on from what `state` returned, in this process or in another one."""
         ...
 
 

@@ -85,7 +85,8 @@ class Starter:
             The same motion.
         """
         same = self.answered(moment.d, moment.v, moment.inner.state, to)
-        return replace(same, a=moment.a, impulse=moment.impulse, iterations=moment.iterations)
+        kept = {name: getattr(moment, name) for name in ("a", "impulse", "iterations", "stride")}
+        return replace(same, **kept)
 
     def restarted(self, moment: Moment) -> Moment:
         """Return an instant with the acceleration that balances it."""

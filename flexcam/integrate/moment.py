@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from flexcam.checkpoint import Arrays, below
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.settle import Inner
 from flexcam.linalg import FloatArray, IntArray
@@ -36,6 +37,8 @@ class Moment:
         Of impacts at this instant, N s, shape (c,); None without.
     iterations
         Newton iterations that led here.
+    stride
+        Length of the inner steps of a method that divides its steps by itself, s; None for its own choice.
     """
 
     time: float
@@ -50,6 +53,18 @@ class Moment:
     pressed: NDArray[np.bool_] | None = None
     impulse: FloatArray | None = None
     iterations: int = 0
+    stride: float | None = None
+
+    @classmethod
+    def restored(cls, name: str, arrays: Arrays) -> Moment | None:
+        """Return the instant of a checkpoint, bit by bit; None where it holds none."""
+        parts = below(name, arrays)
+        if not parts:
+            return None
+        inner, stride = Inner(parts.pop("inner.state"), parts.pop("inner.rate")), parts.pop("stride", None)
+        time, iterations = float(parts.pop("time")), int(parts.pop("iterations"))
+        own = None if stride is None else float(stride)
+        return cls(time, inner=inner, iterations=iterations, stride=own, **parts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -80,32 +80,31 @@ class Outside(Method):
 
 
 class _Stepper:
-    """A call of scipy's integrator per step, from the length of its last one."""
+    """A call of scipy's integrator per step, which begins with the length of its last one."""
 
     def __init__(self, system: System, forces: LocalForces, method: Outside, at: At) -> None:
         self._forces, self._method, self._at = forces, method, at
         self._light, self._starter, self._n = Massless(system), Starter(system, forces), system.size
-        self._first: float | None = None
 
     def advance(self, now: Moment, to: Instant) -> Moment:
         """Return the next instant, as `Stepper` says."""
         from scipy.integrate import solve_ivp
 
         length = to.time - now.time
-        first = None if self._first is None else min(self._first, length)
+        first = None if now.stride is None else min(now.stride, length)
         found = solve_ivp(
             self._rate, (now.time, to.time), np.concatenate([now.d, now.v, now.inner.state]),
             method=self._method.name, rtol=self._method.tolerance, atol=self._sizes(now, length), first_step=first,
         )  # fmt: skip
         if not found.success:
             raise NoConvergenceError(list(dict.fromkeys(self._forces.names)) or ["the motion"])
-        if len(found.t) > 2:  # the last of a call is cut by its end
-            self._first = float(np.diff(found.t)[:-1].max())
+        # The last of a call is cut by its end.
+        stride = float(np.diff(found.t)[:-1].max()) if len(found.t) > 2 else now.stride
         moment = self._moment(found.y[:, -1], to)
         if self._light.any:
             v = self._light.place(moment.v, (moment.applied - now.applied) / length)
             moment = replace(moment, v=v, a=self._light.place(moment.a, np.zeros(self._n)))
-        return replace(moment, iterations=int(found.nfev))
+        return replace(moment, iterations=int(found.nfev), stride=stride)
 
     def _moment(self, y: FloatArray, to: Instant) -> Moment:
         n = self._n

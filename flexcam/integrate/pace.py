@@ -96,6 +96,8 @@ class Pace:
 
     Attributes
     ----------
+    halvings
+        How often the given step is halved now.
     rejected
         Steps taken again with half their length.
     """
@@ -105,7 +107,7 @@ class Pace:
         self._tolerance = adaptive.tolerance
         smallest = adaptive.smallest or step / 2.0**_MOST_HALVINGS
         self._most = min(max(math.floor(math.log2(step / smallest)), 0), _MOST_HALVINGS)
-        self._halvings = 0
+        self.halvings = 0
         self.rejected = 0
 
     def walk(self, now: Moment, to: Instant) -> list[Moment]:
@@ -121,17 +123,17 @@ class Pace:
         begin, whole, done = now.time, 2**self._most, 0
         walked: list[Moment] = []
         while done < whole:
-            length = whole >> self._halvings
+            length = whole >> self.halvings
             last = done + length == whole
             there = to if last else self._at(begin + (done + length) / whole * self._step)
             part, share = self._tried(now, there)
             if not part:
-                self._halvings += 1
+                self.halvings += 1
                 continue
             walked += part
             now, done = part[-1], done + length
-            if share < _DOUBLED and self._halvings and done % (2 * length) == 0:
-                self._halvings -= 1
+            if share < _DOUBLED and self.halvings and done % (2 * length) == 0:
+                self.halvings -= 1
         return walked
 
     def _tried(self, now: Moment, there: Instant) -> tuple[list[Moment], float]:
@@ -142,7 +144,7 @@ class Pace:
         share = error / self._tolerance
         if share <= 1.0:
             return part, share
-        if self._halvings == self._most:
+        if self.halvings == self._most:
             raise StepFloorError(unknown, share, self._step / 2.0**self._most)
         self._walker.events = events
         self.rejected += 1

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import reduce
 
 import numpy as np
 
+from flexcam.checkpoint import Arrays, Checkpoint, CheckpointSink, Earlier
 from flexcam.integrate.compiled.glancing import Glancing
 from flexcam.integrate.energy import PARTS, EnergyAccount
 from flexcam.integrate.engine import STOPPED, Engine
+from flexcam.integrate.fingerprint import fingerprint
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.method import Method
 from flexcam.integrate.moment import Glance, Track
@@ -70,6 +71,7 @@ def solve(
     save: SaveAt | None = None,
     sinks: Sequence[Sink] = (),
     stop: Callable[[], bool] | None = None,
+    resume: Earlier | None = None,
 ) -> Response:
     """Integrate a problem in time.
 
@@ -85,6 +87,10 @@ def solve(
         Further takers of the results, beside the returned response.
     stop
         Asked before every step; the run ends, keeping what it has, when it says so.
+
+    resume
+        The finished part of a run of this problem that broke off: it goes on from there, and all takers get the earlier
+        results first. None to begin at the start.
 
     Returns
     -------
@@ -113,6 +119,8 @@ def solve(
     keep = save or SaveAt()
     memory = Memory(outline(problem.system, channels=keep.channels))
     takers = (memory, *sinks)
+    keepers = [sink for sink in sinks if isinstance(sink, CheckpointSink)]
+    problem_told = fingerprint(problem, scheme, keep) if keepers else ""
     started = time.perf_counter()
     returns = problem.start.periodicity if problem.start else None
     way = way_of(problem, scheme, keep)
@@ -122,32 +130,52 @@ def solve(
     try:
         forces = LocalForces(inside.system)
         engine = engine_of(way, scheme, forces, keep, stop or _never, _pilot)
-        for block in (run := _Run(inside, engine, forces, keep)).blocks():
-            whole = reduce(shown, way.bases, block)
-            for sink in takers:
-                sink.write(whole)
-            steps = stats.steps + len(block.time)
-            stats = engine.counted(replace(stats, steps=steps))
+        run = _Run(inside, engine, forces, keep)
+        if resume is not None:
+            for block in resume.blocks():
+                _hand_out(block, takers)
+            run.restore(resume.checkpoint.arrays)
+            stats = engine.counted(replace(stats, steps=resume.checkpoint.steps))
+        for block in run.blocks(stats.steps):
+            _hand_out(reduce(shown, way.bases, block), takers)
+            stats = engine.counted(replace(stats, steps=stats.steps + len(block.time)))
+            if keepers and run.status.ok:
+                reached = Checkpoint(stats.steps, problem_told, run.state())
+                for sink in keepers:
+                    sink.keep(reached)
         status = run.status
     except KeyboardInterrupt:
         status = STOPPED
     except SingularMatrixError as fault:
         status = _singular(fault, inside.system)
     except OSError as fault:  # of a sink: the numbers computed so far are still in memory
-        status = Status(
-            Cause.NOT_SAVED, f"the result could not be written: {fault}", "free space or name another folder"
-        )
+        status = _not_saved(fault)
     stats = replace(stats, steps=max(stats.steps - 1, 0), seconds=time.perf_counter() - started)
-    _close(takers, status, stats)
+    status = _close(sinks, status, stats)
+    memory.close(status, stats)
     if status.cause is Cause.SINGULAR:
         raise RunFailedError(status)
     return memory.response()
 
 
-def _close(takers: Sequence[Sink], status: Status, stats: Stats) -> None:
+def _hand_out(block: Block, takers: Sequence[Sink]) -> None:
     for sink in takers:
-        with suppress(*[OSError] if status.cause is Cause.NOT_SAVED else []):
+        sink.write(block)
+
+
+def _close(sinks: Sequence[Sink], status: Status, stats: Stats) -> Status:
+    """Tell all sinks how the run ended, and return how it ended after all: the last of a result may not be saved."""
+    for sink in sinks:
+        try:
             sink.close(status, stats)
+        except OSError as fault:
+            status = _not_saved(fault)
+    return status
+
+
+def _not_saved(fault: OSError) -> Status:
+    text = f"the result could not be written: {fault}"
+    return Status(Cause.NOT_SAVED, text, "free space or name another folder; --resume goes on from what was saved")
 
 
 def _singular(fault: SingularMatrixError, system: System) -> Status:
@@ -165,14 +193,23 @@ class _Run:
         self._account = EnergyAccount(problem.system, forces)
         self.status = Status()
 
-    def blocks(self) -> Iterator[Block]:
-        """Yield the results block by block, the start in the first.
+    def state(self) -> Arrays:
+        """Return everything the next block depends on and the problem does not tell."""
+        return {**self._engine.state(), **self._account.state()}
+
+    def restore(self, state: Arrays) -> None:
+        """Go on from what `state` returned."""
+        self._engine.restore(state)
+        self._account.restore(state)
+
+    def blocks(self, done: int = 0) -> Iterator[Block]:
+        """Yield the results block by block, the start in the first, behind so many instants that are done.
 
         A block is cut before the first instant that is not finite or did not settle, and is then the last one;
         `status` says why.
         """
         size, end = self._save.block, self._problem.steps + 1
-        for first in range(0, end, size):
+        for first in range(done, end, size):
             parts = list(self._parts(first, min(first + size, end)))
             if parts:
                 yield Block.joined(parts)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexcam.checkpoint import Arrays, flattened
 from flexcam.integrate.engine import STOPPED, everything, in_range, instant, unsettled
 from flexcam.integrate.events import Walker
 from flexcam.integrate.first import Starter
@@ -101,6 +102,19 @@ class Stepwise:
         """Return figures of the run with those counted here."""
         stats = replace(stats, iterations=self._iterations, events=self._walker.events)
         return replace(stats, substeps=self._substeps, rejected=self._pace.rejected) if self._pace else stats
+
+    def state(self) -> Arrays:
+        """Return the last instant, how steps are divided, and the counts, as `Engine` says."""
+        paced = (self._pace.halvings, self._pace.rejected) if self._pace else (0, 0)
+        counts = np.array([self._iterations, self._substeps, self._walker.events, *paced])
+        return {**flattened("last", self._last), "counts": counts}
+
+    def restore(self, state: Arrays) -> None:
+        """Go on, as `Engine` says."""
+        self._last = Moment.restored("last", state)
+        self._iterations, self._substeps, self._walker.events, *paced = state["counts"].tolist()
+        if self._pace:
+            self._pace.halvings, self._pace.rejected = paced
 
     def _begin(self) -> State:
         return self._problem.start or State.rest(self._system.size)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexcam.checkpoint import Arrays, below, flattened
 from flexcam.integrate.engine import STOPPED, everything, first_track, in_range
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.moment import Track
@@ -159,3 +160,16 @@ class Superposed:
     def counted(self, stats: Stats) -> Stats:
         """Return the figures as they are: there is nothing to iterate on."""
         return stats
+
+    def state(self) -> Arrays:
+        """Return the last instant, its load, and the amounts as they are stepped on, as `Engine` says."""
+        if self._last is None:
+            return {}
+        track, load = self._last
+        return {**flattened("last", track), "load": load, "amounts": np.array(self._state)}
+
+    def restore(self, state: Arrays) -> None:
+        """Go on, as `Engine` says."""
+        self._last = (Track(**below("last", state)), state["load"])
+        q, v, a = state["amounts"]
+        self._state = (q, v, a)

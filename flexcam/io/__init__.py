@@ -19,8 +19,9 @@ from flexcam.io.pvd import write_pvd
 from flexcam.io.result import Result, read_result
 from flexcam.io.sealed import seal, seal_fault
 from flexcam.io.target import free_to_write, made_folder
+from flexcam.io.unfinished import Unfinished
 from flexcam.io.verify import Verified, verified
-from flexcam.io.vtkhdf import ResultFile
+from flexcam.io.vtkhdf import ResultFile, partial_of
 
 __all__ = [
     "Geometry",
@@ -28,12 +29,14 @@ __all__ = [
     "ProfileTable",
     "Result",
     "ResultFile",
+    "Unfinished",
     "Verified",
     "free_to_write",
     "guarded",
     "macro_of",
     "made_folder",
     "named_file",
+    "partial_of",
     "read_lift",
     "read_mesh",
     "read_profile",

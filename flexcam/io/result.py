@@ -16,7 +16,7 @@ from flexcam.io.geometry import RECOVERED
 from flexcam.io.guard import datasets, guarded
 from flexcam.io.sealed import seal_fault
 from flexcam.io.vtkhdf import FORMAT, SERIES, VECTORS
-from flexcam.linalg import FloatArray
+from flexcam.linalg import FloatArray, IntArray
 from flexcam.response import Cause, Outline, Response, Series, Stats, Status
 
 STILL = ("radius", "node", "axis_x", "axis_y", "axis_z")
@@ -170,7 +170,7 @@ def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
         field_time=taken(vtk["Steps/Values"], count),
         field_angle=taken(file["fields/cam_angle"], count),
         fields=Series(*(_fields(vtk["PointData"], series, count, nodes) for series in SERIES)),
-        status=_status(file),
+        status=status_of(file),
         stats=_stats(file),
     )
 
@@ -181,19 +181,68 @@ def _side_by_side(history: Any, probes: tuple[tuple[str, tuple[str, ...]], ...],
 
 
 def _fields(data: Any, series: str, count: int, nodes: int) -> FloatArray:  # noqa: ANN401
-    """Return one series at the nodes, shape (count, 6 nodes); points of a joint agree, any of them counts."""
+    """Return one series at the nodes, shape (count, 6 nodes)."""
     node = taken(data["node"])
+    vectors = {name: taken(data[name], count * len(node)) for name in vectors_of(series)}
+    return nodal_fields(vectors, node, nodes)
+
+
+def vectors_of(series: str) -> tuple[str, ...]:
+    """Return the names of the nodal vectors that hold a series: ``displacement`` stands in two, with its rotations.
+
+    Parameters
+    ----------
+    series
+        ``displacement``, ``velocity`` or ``acceleration``.
+
+    Returns
+    -------
+    tuple
+        Names in the file.
+    """
+    return tuple(name for name, (of, _, _) in VECTORS.items() if of == series)
+
+
+def nodal_fields(vectors: Mapping[str, FloatArray], node: IntArray, nodes: int) -> FloatArray:
+    """Return saved vectors at the nodes; points of a joint agree, any of them counts.
+
+    Parameters
+    ----------
+    vectors
+        Name of a vector to its values at the points, instant after instant, shape (instants points, 3).
+    node
+        Of every point.
+    nodes
+        How many there are.
+
+    Returns
+    -------
+    ndarray
+        Shape (instants, 6 nodes).
+    """
+    count = len(next(iter(vectors.values()))) // max(len(node), 1)
     spread = np.zeros((count, nodes, 6))
-    for name, (of, first, _) in VECTORS.items():
-        if of == series:
-            values = taken(data[name], count * len(node)).reshape(count, len(node), 3)
-            spread[:, node, first : first + 3] = values
+    for name, values in vectors.items():
+        first = VECTORS[name][1]
+        spread[:, node, first : first + 3] = values.reshape(count, len(node), 3)
     return spread.reshape(count, 6 * nodes)
 
 
-def _status(file: Any) -> Status:  # noqa: ANN401
+def status_of(file: Any) -> Status:  # noqa: ANN401
+    """Return how the run of an open result file ended.
+
+    Parameters
+    ----------
+    file
+        Of h5py.
+
+    Returns
+    -------
+    Status
+        A run that was cut off has said nothing.
+    """
     if "status" not in file:
-        return Status(Cause.INTERRUPTED, "the run was cut off before it could say why", "run it again")
+        return Status(Cause.INTERRUPTED, "the run was cut off before it could say why", "flexcam run --resume goes on")
     texts = {name: item.asstr()[()] for name, item in file["status"].items()}
     return Status(Cause(texts["cause"]), texts["text"], texts["remedy"])
 

@@ -2,21 +2,25 @@
 
 The group ``/VTKHDF`` is VTK's (one polyline per member, see `vtk_group`); VTK ignores the groups beside it, which hold
 histories, case, status and provenance. Blocks are appended in the order data, counts (``NSteps`` and the rows of the
-histories), ``Values``, each flushed: VTK's reader trusts ``Values`` to have its data, and flexcam's reads no row that
-is not counted.
+histories), ``Values``: a run may end between them, VTK's reader trusts ``Values`` to have its data, and flexcam's reads
+no row that is not counted. What others see are whole copies (`draft`).
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import h5py  # pyright: ignore[reportMissingTypeStubs]
 
+from flexcam.checkpoint import Checkpoint
 from flexcam.checks import refuse
+from flexcam.io.draft import Draft
 from flexcam.io.geometry import RECOVERED, Geometry
 from flexcam.io.growing import Growing, fixed, ordered, texts
+from flexcam.io.kept_state import drop_checkpoint, write_checkpoint
 from flexcam.io.sealed import seal
 from flexcam.io.target import free_to_write
 from flexcam.io.vtk_group import VtkGroup, still_data
@@ -56,27 +60,40 @@ class ResultFile:
         Texts kept with the result: name to text, such as the case file.
     overwrite
         Whether an existing result may be replaced, once the new one is complete.
+    resume
+        Whether the run goes on from the partial result, which then stays until more than it holds is written.
 
     Raises
     ------
     InputError
-        If the result, or the partial one of a run that broke off, exists and may not be replaced, or the file cannot
-        be made.
+        If the result, or the partial one of a run that broke off, exists and may not be replaced, another process is
+        writing it, or the file cannot be made.
     """
 
     def __init__(
         self, path: Path, geometry: Geometry, outline: Outline, *,
-        save: SaveAt, about: Mapping[str, str], overwrite: bool = False,
+        save: SaveAt, about: Mapping[str, str], overwrite: bool = False, resume: bool = False,
     ) -> None:  # fmt: skip
         free_to_write("result", path, overwrite=overwrite)
         self.path = path
-        self.partial = path.with_name(f"{path.stem}.partial.vtkhdf")
-        free_to_write("partial result", self.partial, overwrite=overwrite)
+        self.partial = partial_of(path)
         self._geometry, self._outline = geometry, outline
+        self._checkpoint: Checkpoint | None = None
+        self._draft = Draft(path.with_suffix(".writing"), self.partial)
+        try:
+            free_to_write("partial result", self.partial, overwrite=overwrite or resume)
+            self._create(geometry, save, about)
+        except BaseException:
+            self._draft.discard()
+            raise
+        if not resume:
+            self._draft.show()
+
+    def _create(self, geometry: Geometry, save: SaveAt, about: Mapping[str, str]) -> None:
         try:  # chunks are written once and whole: a cache would keep them all, to be looked through at every flush
-            self._file: Any = h5py.File(self.partial, "w", locking=False, rdcc_nbytes=0)
+            self._file: Any = h5py.File(self._draft.path, "w", locking=False, rdcc_nbytes=0)
         except OSError as fault:
-            raise refuse("result", str(self.partial), "a file that can be written", str(fault)) from None
+            raise refuse("result", str(self.path), "a file that can be written", str(fault)) from None
         moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED}
         fields = save.block // save.field_every
         self._vtk = VtkGroup(self._file, geometry, moving, still_data(geometry), fields)
@@ -112,12 +129,18 @@ class ResultFile:
         self._append_history(block)
         self._vtk.append(self._point_data(block), len(block.field_time))
         self._field_angle.extend(block.field_angle)
-        self._file.flush()
         self._vtk.count(len(block.field_time))
         self._file["history"].attrs.modify("steps", len(self._time))
-        self._file.flush()
         self._vtk.stamp(block.field_time)
-        self._file.flush()
+
+    def keep(self, checkpoint: Checkpoint) -> None:
+        """Take the state behind the last block, and show what is written when it is time to."""
+        self._checkpoint = checkpoint
+        if self._draft.due:
+            began = time.perf_counter()
+            write_checkpoint(self._file, checkpoint)
+            self._file.flush()
+            self._draft.show(began)
 
     def _point_data(self, block: Block) -> dict[str, FloatArray]:
         geometry = self._geometry
@@ -136,15 +159,49 @@ class ResultFile:
             history.extend(values)
 
     def close(self, status: Status, stats: Stats) -> None:
-        """Write how the run ended; a complete result takes its final name, any other keeps the partial one."""
+        """Write how the run ended; a complete result takes its final name, any other becomes the partial one.
+
+        Raises
+        ------
+        OSError
+            If it cannot be written: what was shown of it before stays.
+        """
+        try:
+            self._end(status, stats)
+        except (OSError, RuntimeError) as fault:  # h5py raises both
+            self._draft.discard()
+            raise OSError(str(fault)) from None
+        self._draft.become(self.path if status.ok else self.partial)
+        if status.ok:
+            self.partial.unlink(missing_ok=True)
+
+    def _end(self, status: Status, stats: Stats) -> None:
         group = self._file.create_group("status")
         texts(group, {"cause": str(status.cause), "text": status.text, "remedy": status.remedy})
         for name in stats.__dataclass_fields__:
             group.attrs[name] = getattr(stats, name)
+        if status.ok:
+            drop_checkpoint(self._file)
+        elif self._checkpoint is not None:
+            write_checkpoint(self._file, self._checkpoint)
         seal(self._file, complete=True)
         self._file.close()
-        if status.ok:
-            self.partial.replace(self.path)
+
+
+def partial_of(path: Path) -> Path:
+    """Return where the partial result of a run is shown.
+
+    Parameters
+    ----------
+    path
+        Of the result.
+
+    Returns
+    -------
+    Path
+        Beside it.
+    """
+    return path.with_name(f"{path.stem}.partial.vtkhdf")
 
 
 def _write_mesh(file: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types

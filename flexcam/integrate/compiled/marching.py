@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexcam.checkpoint import Arrays, flattened
 from flexcam.integrate.compiled.calling import DONE, CompiledStepper, March, Moving
 from flexcam.integrate.compiled.window import Window
 from flexcam.integrate.engine import STOPPED, everything, in_range, unsettled
@@ -112,6 +113,15 @@ class Marching:
     def counted(self, stats: Stats) -> Stats:
         """Return figures of the run with those counted here."""
         return replace(stats, iterations=self._iterations, events=self._walker.events)
+
+    def state(self) -> Arrays:
+        """Return the last instant and the counts, as `Engine` says."""
+        return {**flattened("last", self._last), "counts": np.array([self._iterations, self._walker.events])}
+
+    def restore(self, state: Arrays) -> None:
+        """Go on, as `Engine` says."""
+        self._last = Moment.restored("last", state)
+        self._iterations, self._walker.events = state["counts"].tolist()
 
     def _sides(self, moment: Moment) -> IntArray:
         """Return the switching scalars, and which of them count as pressed."""

@@ -1,0 +1,52 @@
+"""Whether two problems are the same, told by a digest: a run goes on only with the one it began with."""
+
+from __future__ import annotations
+
+from hashlib import sha256
+
+import numpy as np
+
+from flexcam.integrate.local import LocalForces
+from flexcam.integrate.method import Method
+from flexcam.integrate.problem import Problem
+from flexcam.response import SaveAt
+
+_INSTANTS = 64
+"""Of the run, at which loads and what the local forces sense are looked at."""
+
+
+def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
+    """Return a digest of a problem: matrices, loads, prescribed motion, steps, method, and what is kept.
+
+    The start is left out: it may come from iterations that another number of threads rounds otherwise, and a run that
+    goes on does not begin there.
+
+    Parameters
+    ----------
+    problem, method, save
+        As `solve` takes them.
+
+    Returns
+    -------
+    str
+        Hexadecimal.
+
+    Examples
+    --------
+    ``fingerprint(ready.problem, ready.scheme, ready.save)``
+    """
+    system = problem.system
+    forces = LocalForces(system)
+    steps = np.linspace(0, problem.steps, _INSTANTS).round().astype(np.intp)
+    motion = problem.drive.at(problem.times(steps))
+    schedule = forces.schedule(motion)
+    parts = [motion.angle, motion.speed, system.load_vectors(), system.load_histories(motion), forces.act.vectors]
+    parts += [forces.sense.vectors, schedule.sense, schedule.act, schedule.offset, forces.start_state]
+    for matrix in (system.mass, system.damping, system.stiffness):
+        parts += [matrix.rows, matrix.cols, matrix.values]
+    parts += [probe.rows for probe in system.probes]
+    told = (method, save, problem.step, problem.steps, problem.adaptive, problem.prune, problem.path, system.names)
+    digest = sha256(repr((*told, forces.names)).encode())
+    for part in parts:
+        digest.update(repr(part.shape).encode() + np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,132 @@
+"""A file in the making: written under one name, shown under another as whole copies, so that no reader sees half of it.
+
+A process that is killed while HDF5 writes its index leaves a file that cannot be read. Nobody reads ``NAME.writing``
+therefore: at times it is copied, and the copy takes the place of ``NAME.partial.vtkhdf`` in one step, which happens or
+does not. The copies take a fiftieth of the time of a run at most, however large the file becomes.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from flexcam.checks import refuse
+
+_SHARE = 0.02
+"""Part of the time of a run that copies may take."""
+
+_SPARE = 2
+"""Times the size of the file that must be free for a copy: what is still to be written needs room too."""
+
+
+class Draft:
+    """A file that one process at a time writes.
+
+    Parameters
+    ----------
+    path
+        Where it is written.
+    shown
+        Where copies of it are shown.
+
+    Raises
+    ------
+    InputError
+        If another process is writing it, or the file cannot be made.
+    """
+
+    def __init__(self, path: Path, shown: Path) -> None:
+        self.path, self._shown, self._copy = path, shown, path.with_suffix(".copying")
+        try:
+            self._held = _locked(path)
+        except BlockingIOError:
+            allowed, why = "a result that nobody else is writing", "another run is writing it now"
+            raise refuse("result", str(shown), allowed, why, "wait for its end, or name another folder") from None
+        except OSError as fault:
+            raise refuse("result", str(path), "a file that can be written", str(fault), "name another folder") from None
+        self._last, self._cost = time.perf_counter(), 0.0
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time for a copy."""
+        return self._cost <= _SHARE * (time.perf_counter() - self._last)
+
+    def show(self, prepared: float | None = None) -> None:
+        """Show a copy of what is written by now; without room for it the last one stays.
+
+        Parameters
+        ----------
+        prepared
+            Since when the copy has been prepared, s of `time.perf_counter`: that counts as its cost too.
+        """
+        began = time.perf_counter() if prepared is None else prepared
+        try:
+            if shutil.disk_usage(self.path.parent).free > _SPARE * self.path.stat().st_size:
+                shutil.copyfile(self.path, self._copy)
+                os.replace(self._copy, self._shown)
+        except OSError:  # the run itself may still find the room that its copy does not
+            with suppress(OSError):
+                self._copy.unlink(missing_ok=True)
+        self._last = time.perf_counter()
+        self._cost = self._last - began
+
+    def become(self, path: Path) -> None:
+        """Take a name for good; nothing else may follow.
+
+        Raises
+        ------
+        OSError
+            If the folder is gone, or the like.
+        """
+        try:
+            os.replace(self.path, path)
+        finally:
+            self._release()
+
+    def discard(self) -> None:
+        """Remove what is written; what was shown stays."""
+        with suppress(OSError):
+            self.path.unlink(missing_ok=True)
+        self._release()
+
+    def _release(self) -> None:
+        with suppress(OSError):
+            self._copy.unlink(missing_ok=True)
+        os.close(self._held)
+
+
+def _locked(path: Path) -> int:
+    """Return a descriptor that holds the lock of a file, which ends with the process however that ends.
+
+    Raises
+    ------
+    BlockingIOError
+        If another process holds it.
+    """
+    while True:
+        held = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            _lock(held)
+            with suppress(FileNotFoundError):
+                if os.path.samestat(os.fstat(held), path.stat()):
+                    return held
+        except OSError:
+            os.close(held)
+            raise
+        os.close(held)  # its process gave it a name meanwhile; ours is another file
+
+
+def _lock(held: int) -> None:
+    try:
+        import fcntl
+    except ImportError:  # no such locks on Windows, where a file that is open cannot be written over anyway
+        return
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError:  # some network drives have no locks
+        return

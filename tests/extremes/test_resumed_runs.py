@@ -1,0 +1,145 @@
+"""A run that broke off and goes on from its partial result writes the file of the uninterrupted one, bit by bit.
+
+On every way through time, with every method and on every model of a case: what a checkpoint lacks would show here.
+"""
+
+from __future__ import annotations
+
+import functools
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from flexcam import prepare, read_case
+from flexcam.integrate import SaveAt, solve
+from flexcam.response import Cause
+from flexcam.runner import result_file, unfinished
+
+ROOT = Path(__file__).parents[2]
+LINEAR = ROOT / "tests/data/inline.toml"
+BUCKET = ROOT / "cases/direct-acting/bucket.toml"
+ADJUSTER = ROOT / "cases/pushrod-engine/intake.toml"
+CONTACTS = ROOT / "tests/data/every-contact.toml"
+SHAFT = ROOT / "cases/tayeb/model-1-shm.toml"
+
+SAVE = SaveAt(field_every=10, fields_per_block=2)
+STEPS = 150
+"""Eight blocks of twenty instants, the last one of eleven."""
+
+WAYS = {
+    "general, linear": (LINEAR, "run.path=general"),
+    "general, contacts and seat": (BUCKET, "run.path=general"),
+    "general, hydraulic adjuster": (ADJUSTER, "run.path=general"),
+    "general, lash, Hertz, dissipation": (CONTACTS, "run.path=general"),
+    "modal": (LINEAR, "run.path=modal"),
+    "modal, generalized-alpha": (LINEAR, "run.path=modal", "run.integrator.method=generalized-alpha"),
+    "compiled, linear": (LINEAR, "run.path=compiled"),
+    "compiled, contacts and seat": (BUCKET, "run.path=compiled"),
+    "compiled, hydraulic adjuster": (ADJUSTER, "run.path=compiled"),
+    "HHT, contacts": (BUCKET, "run.path=general", "run.integrator.method=hht"),
+    "Bathe, contacts": (BUCKET, "run.integrator.method=bathe"),
+    "central difference": (LINEAR, "run.integrator.method=central-difference", "run.steps_per_revolution=36000"),
+    "exact": (LINEAR, "run.integrator.method=exact"),
+    "scipy's Radau": (LINEAR, "run.integrator.method=radau", "run.steps_per_revolution=36000"),
+    "scipy's DOP853": (LINEAR, "run.integrator.method=dop853", "run.steps_per_revolution=36000"),
+    "adaptive steps": (BUCKET, "run.adaptive={ tolerance = 1e-6 }"),
+    "adaptive steps, linear": (LINEAR, "run.adaptive={ tolerance = 1e-7 }"),
+    "four modes": (BUCKET, "fidelity.modes=4"),
+    "Craig-Bampton": (BUCKET, "fidelity.modes=4", "fidelity.reduction=craig-bampton"),
+    "every unknown, none left out": (LINEAR, "fidelity.prune=false"),
+    "rigid": (ADJUSTER, "fidelity.model=rigid"),
+    "one mass": (ADJUSTER, "fidelity.model=sdof"),
+    "chain": (ADJUSTER, "fidelity.model=chain"),
+    "periodic start": (SHAFT, "run.start=periodic"),
+    "speed that swings": (LINEAR, "run.fluctuation={ orders = [2], amplitudes = [0.05], phases = ['0 deg'] }"),
+}  # fmt: skip
+
+
+class Cut:
+    """A sink whose write is interrupted after so many blocks."""
+
+    def __init__(self, after):
+        self.left = after
+
+    def write(self, block):
+        self.left -= 1
+        if self.left < 0:
+            raise KeyboardInterrupt
+
+    def close(self, status, stats):
+        pass
+
+
+def prepared(way, *, steps=STEPS, save=SAVE):
+    path, *overrides = WAYS[way]
+    ready = prepare(read_case(path, overrides))
+    return replace(ready, problem=replace(ready.problem, steps=steps), save=save)
+
+
+def solved(ready, folder, *, cut=None, earlier=None):
+    file = result_file(ready, folder, resume=earlier)
+    sinks = [file] if cut is None else [Cut(cut), file]
+    return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, resume=earlier), file
+
+
+def content(path):
+    """Return every dataset and attribute of a file as bytes, but for what tells of the clock."""
+    found = {}
+
+    def visit(name, item):
+        for key, value in item.attrs.items():
+            if key not in ("DIMENSION_LIST", "REFERENCE_LIST", "seconds"):
+                found[f"{name}@{key}"] = np.asarray(value).tolist()
+        if isinstance(item, h5py.Dataset) and name != "about/created":
+            found[name] = item[()] if item.dtype.kind == "O" else (item.shape, item[()].tobytes())
+
+    with h5py.File(path) as file:
+        visit("", file)
+        file.visititems(visit)
+    return found
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Return the uninterrupted run of a way: its response, and the content of its file."""
+
+    @functools.cache
+    def make(way):
+        response, file = solved(prepared(way), tmp_path_factory.mktemp("whole"))
+        assert response.status.ok, response.status
+        return response, content(file.path)
+
+    return make
+
+
+def differing(found, wanted):
+    return sorted(name for name in found.keys() | wanted.keys() if found.get(name) != wanted.get(name))
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_bit_by_bit(way, whole, tmp_path):
+    """Cut twice, at places drawn by the name of the way; in between everything is prepared anew."""
+    response, wanted = whole(way)
+    first, second = sorted(np.random.default_rng(zlib.crc32(way.encode())).choice(np.arange(1, 8), 2, replace=False))
+    broken, _ = solved(prepared(way), tmp_path, cut=first)
+    assert broken.status.cause is Cause.INTERRUPTED
+    ready = prepared(way)
+    earlier = unfinished(ready, tmp_path)
+    assert earlier.checkpoint.steps == 20 * first
+    solved(ready, tmp_path, cut=second, earlier=earlier)
+    ready = prepared(way)
+    earlier = unfinished(ready, tmp_path)
+    assert earlier.checkpoint.steps == 20 * second
+    again, file = solved(ready, tmp_path, earlier=earlier)
+    assert again.status.ok
+    assert not differing(content(file.path), wanted)
+    assert [one.name for one in tmp_path.iterdir()] == [file.path.name]
+    assert replace(again.stats, seconds=0.0) == replace(response.stats, seconds=0.0)
+    for name in ("time", "angle", "field_time", "field_angle"):
+        assert np.array_equal(getattr(again, name), getattr(response, name)), name
+    for name in ("displacement", "velocity", "acceleration"):
+        assert np.array_equal(getattr(again.probes, name), getattr(response.probes, name)), name

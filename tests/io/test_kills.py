@@ -1,0 +1,186 @@
+"""Runs ended by ``kill -9`` at any time: what is shown of them is whole, and they go on as if nothing had been.
+
+Copies are shown after every block here, a hundred times as often as in use, so that many kills fall into one.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from flexcam import InputError, read_result
+from flexcam.io.vtkhdf import partial_of
+from flexcam.response import Cause
+
+CASE = Path(__file__).parents[1] / "data/inline.toml"
+
+RUNS = """
+import json, os, random, signal, sys, time
+from dataclasses import replace
+from pathlib import Path
+from flexcam import read_case
+from flexcam.integrate import SaveAt, solve
+from flexcam.io import draft
+from flexcam.runner import prepare, result_file, unfinished
+
+case, folder, kills, seed = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
+draft._SHARE = float("inf")
+ready = prepare(read_case(case, ["run.path=general"]))
+ready = replace(ready, save=SaveAt(field_every=5, fields_per_block=8))
+
+def run(into, told=None, resume=False):
+    earlier = unfinished(ready, into) if resume else None
+    file = result_file(ready, into, resume=earlier)
+    if told is not None:
+        keep = file.keep
+        def kept(checkpoint):
+            keep(checkpoint)
+            os.write(told, checkpoint.steps.to_bytes(8, "little"))
+        file.keep = kept
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[file], resume=earlier)
+
+begun = time.perf_counter()
+run(folder / "whole")
+length, draws, rows = time.perf_counter() - begun, random.Random(seed), []
+for i in range(kills):
+    into, (told, tell), after = folder / str(i), os.pipe(), draws.uniform(0.0, length)
+    child = os.fork()
+    if not child:
+        run(into, tell)
+        os._exit(0)
+    time.sleep(after)
+    os.kill(child, signal.SIGKILL)
+    ended = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    os.close(tell)
+    said = b"".join(iter(lambda: os.read(told, 1 << 16), b""))
+    os.close(told)
+    rows.append((i, after, ended, int.from_bytes(said[-8:], "little")))
+(folder / "rows.json").write_text(json.dumps(rows))
+"""
+
+RESUMED = (
+    RUNS[: RUNS.index("begun =")]
+    + """
+for i in map(int, sys.argv[5:]):
+    run(folder / str(i), resume=True)
+"""
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Killed:
+    """A run that was killed: what it left, and the instants that it had reported as saved."""
+
+    path: Path
+    reported: int
+
+
+@dataclass(frozen=True, eq=False)
+class Kills:
+    """Runs that were killed, and the one that was left alone."""
+
+    folder: Path
+    runs: list[Killed]
+    whole: Any
+
+
+def script(text, *words):
+    done = subprocess.run([sys.executable, "-c", text, *map(str, words)], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture(scope="module", params=[20, pytest.param(300, marks=pytest.mark.slow)])
+def kills(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("kills")
+    script(RUNS, CASE, folder, request.param, request.param)
+    rows = json.loads((folder / "rows.json").read_text())
+    whole = folder / "whole/inline.vtkhdf"
+    killed = [Killed(partial_of(folder / str(i) / whole.name), said) for i, _, ended, said in rows if ended == -9]
+    assert len(killed) >= 0.6 * request.param, "most runs were still going on"
+    assert sum(one.reported > 0 for one in killed) >= 0.4 * request.param, "many had saved something"
+    return Kills(folder, killed, read_result(whole).response)
+
+
+def first_difference(path, whole):
+    """Return what of a partial result is not the beginning of the whole one; nothing if all is right."""
+    read = read_result(path).response
+    n, f = len(read.time), len(read.field_time)
+    assert read.status.cause is Cause.INTERRUPTED
+    pairs = {
+        "time": (read.time, whole.time[:n]), "angle": (read.angle, whole.angle[:n]),
+        "field time": (read.field_time, whole.field_time[:f]),
+        **{f"channel {name}": (values, whole.channels[name][:n]) for name, values in read.channels.items()},
+    }  # fmt: skip
+    for one in ("displacement", "velocity", "acceleration"):
+        pairs[f"probes {one}"] = getattr(read.probes, one), getattr(whole.probes, one)[:n]
+        pairs[f"fields {one}"] = getattr(read.fields, one), getattr(whole.fields, one)[:f]
+    assert 5 * (f - 1) < n <= 5 * f, "fields as far as histories"
+    return n, next((name for name, (got, wanted) in pairs.items() if not np.array_equal(got, wanted)), "")
+
+
+def test_every_reported_step_is_there_and_right(kills):
+    wrong = {}
+    for one in kills.runs:
+        if not one.path.exists():
+            wrong |= {one.path.parent.name: "reported, but not there"} if one.reported else {}
+            continue
+        try:
+            count, fault = first_difference(one.path, kills.whole)
+            if fault or count < one.reported:
+                wrong[one.path.parent.name] = fault or f"{count} of {one.reported} reported instants"
+        except (AssertionError, InputError) as fault:
+            wrong[one.path.parent.name] = str(fault)
+    assert not wrong
+
+
+def test_h5py_reads_every_chunk(kills):
+    """Every chunk has its checksum: what is torn raises."""
+    seen = 0
+    for one in kills.runs:
+        if one.path.exists():
+            with h5py.File(one.path) as file:
+                file.visititems(lambda _, item: item[()] if isinstance(item, h5py.Dataset) else None)
+            seen += 1
+    assert seen >= len(kills.runs) // 2
+
+
+READ = """
+import sys
+from vtkmodules.vtkIOHDF import vtkHDFReader
+for path in sys.argv[1:]:
+    reader = vtkHDFReader()
+    reader.SetFileName(path)
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() > 0
+    for step in range(reader.GetNumberOfSteps()):
+        reader.SetStep(step)
+        reader.Update()
+        assert reader.GetOutput().GetNumberOfPoints() == 6
+"""
+
+
+def test_vtk_reads_every_step(kills):
+    """In a process of its own: what does not fit together makes the reader abort."""
+    pytest.importorskip("vtkmodules.vtkIOHDF")
+    script(READ, *(one.path for one in kills.runs if one.reported))
+
+
+def test_killed_runs_go_on_to_the_same_end(kills, tmp_path):
+    """And leave nothing of what the killed process was writing."""
+    some = [one.path.parent for one in kills.runs if one.reported][:60:4]
+    script(RESUMED, CASE, kills.folder, 0, 0, *(folder.name for folder in some))
+    assert some
+    for folder in some:
+        assert [path.name for path in folder.iterdir()] == ["inline.vtkhdf"]
+        read = read_result(folder / "inline.vtkhdf").response
+        assert read.status.ok
+        assert np.array_equal(read.channels["energy.residual"], kills.whole.channels["energy.residual"])
+        assert np.array_equal(read.fields.acceleration, kills.whole.fields.acceleration)
