@@ -30,6 +30,7 @@ from flexcam.integrate import (
 )
 from flexcam.io import Geometry, ResultFile, made_folder
 from flexcam.linalg import FloatArray
+from flexcam.memory import Recent
 from flexcam.modal import mac
 from flexcam.response import Response, SaveAt, Sink
 from flexcam.starting import drive_of, revolution_of, started
@@ -218,7 +219,30 @@ def scalar_probe(ready: Prepared) -> str:
     return f"{name}.{along if along in components else components[0]}"
 
 
-def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Response:
+def recent(ready: Prepared) -> Recent:
+    """Return what keeps no more of a run in memory than its summary needs.
+
+    Parameters
+    ----------
+    ready
+        From `prepare`.
+
+    Returns
+    -------
+    Recent
+        For `flexcam.solve`: the histories of the last revolution and the last field.
+
+    Examples
+    --------
+    ``flexcam.solve(ready.problem, ready.scheme, sinks=[file], memory=recent(ready))`` takes as much memory for a
+    thousand revolutions as for two.
+    """
+    return Recent(outline(ready.problem.system, channels=ready.save.channels), ready.revolution)
+
+
+def run(
+    case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = (), keep: Literal["all", "revolution"] = "all"
+) -> Response:  # fmt: skip
     """Solve a case in time.
 
     Parameters
@@ -229,6 +253,9 @@ def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Respo
         Solve the same mechanism with rigid members.
     sinks
         Further takers of the results, such as a result file.
+    keep
+        What the response holds: all of the run, or its last revolution and last field, with which memory does not
+        grow with the length of the run.
 
     Returns
     -------
@@ -246,8 +273,14 @@ def run(case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = ()) -> Respo
     --------
     ``flexcam.run(flexcam.read_case("cases/tayeb/model-3-shm.toml"))["valve"].displacement`` is the lift of the valve.
     """
+    if keep not in _KEPT:
+        raise refuse("keep", repr(keep), " or ".join(map(repr, _KEPT)))
     ready = prepare(case, rigid=rigid)
-    return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks)
+    memory = recent(ready) if keep == "revolution" else None
+    return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, memory=memory)
+
+
+_KEPT = ("all", "revolution")
 
 
 def modes(

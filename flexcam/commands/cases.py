@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -20,6 +21,7 @@ from flexcam.commands.app import (
     app,
     load,
     load_beams,
+    quantity,
     running,
 )
 from flexcam.console.cases import (
@@ -39,8 +41,9 @@ from flexcam.console.fidelity import choice_json, choice_words, error_table
 from flexcam.console.results import operation_table, periodicity, run_table, strength_table, unknowns
 from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, read_result, write_modes
+from flexcam.memory import Extremes
 from flexcam.response import Cause, Response, RunFailedError, Status
-from flexcam.runner import geometry_of, mode_likeness, prepare, result_file, scalar_probe
+from flexcam.runner import geometry_of, mode_likeness, prepare, recent, result_file, scalar_probe
 from flexcam.runner import modes as case_modes
 from flexcam.runner import run as solve_case
 from flexcam.terminal import out, print_json, progress
@@ -50,6 +53,11 @@ from flexcam.units import RPM
 Prestress = Annotated[
     Literal["rest", "equilibrium"] | None,
     Parameter("--prestress", help="Count in the axial forces as installed (rest), or under all loads (equilibrium)."),
+]
+
+TimeLimit = Annotated[
+    str | None,
+    Parameter("--time-limit", help="End the run after so long, such as 30s, 5min or 2h; what is done stays."),
 ]
 
 
@@ -93,26 +101,31 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
     help_prologue="""\
 flexcam run case.toml
 flexcam run case.toml -o results --set run.revolutions=4 --overwrite
+flexcam run case.toml --time-limit 5min
 """
 )
 def run(
     case: CaseFile, *, folder: Folder = Path("results"), overrides: Overrides = None, overwrite: Overwrite = False,
-    as_json: Json = False,
+    time_limit: TimeLimit = None, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Solve a case in time and write its result file."""
+    until = None if time_limit is None else time.monotonic() + quantity("--time-limit", time_limit, "time", "s")
     read, choice = fidelity.chosen(load(case, overrides))
     probe = scalar_probe(prepare(read)) if read.record.fidelity.estimate else ""
     ready = prepare(read)
     sink = result_file(ready, folder, overwrite=overwrite)
-    strength = StrengthSink(build_structure(ready.model))
+    strength, kept = StrengthSink(build_structure(ready.model)), recent(ready)
+    extremes = Extremes(kept.outline)
     running.solving = True
     with progress(ready.problem.steps) as bar:
-        sinks = [sink, strength, *bar]
-        response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, stop=running.stopped)
+        response = solve(
+            ready.problem, ready.scheme, save=ready.save, sinks=[sink, strength, extremes, *bar],
+            stop=running.stopped, until=until, memory=kept,
+        )  # fmt: skip
     result = sink.path if response.status.ok else sink.partial
     figures = operation(ready.model, response, ready.revolution)
     errors, doubt = _estimated(read, probe) if probe and response.status.ok else ([], [])
-    warned = run_doubts(ready, response, figures) + doubt
+    warned = run_doubts(ready, extremes, figures) + doubt
     stressed = strength.members() if read.record.fidelity.model == "beams" else {}
     if as_json:
         print_json({
@@ -128,7 +141,7 @@ def run(
             "strength": {name: asdict(member) for name, member in stressed.items()},
         })  # fmt: skip
     else:
-        out().print(run_table(ready.case, response))
+        out().print(run_table(ready.case, extremes))
         if stressed:
             out().print()
             out().print(strength_table(stressed))

@@ -20,11 +20,11 @@ from flexcam.integrate.paths import engine_of, way_of
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.within import shown
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
+from flexcam.memory import Keeper, Memory
 from flexcam.response import (
     STATE,
     Block,
     Cause,
-    Memory,
     Outline,
     Response,
     RunFailedError,
@@ -70,6 +70,8 @@ def solve(
     save: SaveAt | None = None,
     sinks: Sequence[Sink] = (),
     stop: Callable[[], bool] | None = None,
+    until: float | None = None,
+    memory: Keeper | None = None,
 ) -> Response:
     """Integrate a problem in time.
 
@@ -85,6 +87,10 @@ def solve(
         Further takers of the results, beside the returned response.
     stop
         Asked before every step; the run ends, keeping what it has, when it says so.
+    until
+        When the run ends at the latest, keeping what it has, s of `time.monotonic`; None for no limit.
+    memory
+        What the returned response is made of; None for everything, which a long run may have no room for.
 
     Returns
     -------
@@ -111,8 +117,9 @@ def solve(
     True
     """
     keep = save or SaveAt()
-    memory = Memory(outline(problem.system, channels=keep.channels))
+    memory = memory or Memory(outline(problem.system, channels=keep.channels))
     takers = (memory, *sinks)
+    clock = _Clock(stop or _never, until)
     started = time.perf_counter()
     returns = problem.start.periodicity if problem.start else None
     way = way_of(problem, scheme, keep)
@@ -121,14 +128,14 @@ def solve(
     status = Status()
     try:
         forces = LocalForces(inside.system)
-        engine = engine_of(way, scheme, forces, keep, stop or _never, _pilot)
+        engine = engine_of(way, scheme, forces, keep, clock.stopped, _pilot)
         for block in (run := _Run(inside, engine, forces, keep)).blocks():
             whole = reduce(shown, way.bases, block)
             for sink in takers:
                 sink.write(whole)
             steps = stats.steps + len(block.time)
             stats = engine.counted(replace(stats, steps=steps))
-        status = run.status
+        status = TIME_UP if clock.late and run.status is STOPPED else run.status
     except KeyboardInterrupt:
         status = STOPPED
     except SingularMatrixError as fault:
@@ -276,6 +283,24 @@ def carried_by_cam(system: System, motion: CamMotion) -> Series:
 
 def _never() -> bool:
     return False
+
+
+TIME_UP = Status(
+    Cause.TIME_LIMIT, "the time given to the run was over before its end", "what was finished is kept; allow more time"
+)
+"""How a run ends that was given too little time."""
+
+
+class _Clock:
+    """Tells an engine when to stop: when asked to, or when the time is over."""
+
+    def __init__(self, stop: Callable[[], bool], until: float | None) -> None:
+        self._stop, self._until = stop, until
+        self.late = False
+
+    def stopped(self) -> bool:
+        self.late = self._until is not None and time.monotonic() >= self._until
+        return self.late or self._stop()
 
 
 def _pilot(problem: Problem, method: Method) -> Series:

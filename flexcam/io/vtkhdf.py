@@ -77,7 +77,7 @@ class ResultFile:
         except OSError as fault:
             raise refuse("result", str(self.partial), "a file that can be written", str(fault)) from None
         moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED}
-        fields = save.block // save.field_every
+        fields = max(save.block // save.field_every, 1)
         self._vtk = VtkGroup(self._file, geometry, moving, still_data(geometry), fields)
         self._field_angle = Growing(self._file.create_group("fields"), "cam_angle", fields, "rad")
         self._create_history(save.block)
