@@ -17,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 
+from flexcam.budget import Budget, affordable, budget
 from flexcam.case import Case, build_model
 from flexcam.checks import InputError, refuse
 from flexcam.fem import COMPONENTS
@@ -240,8 +241,28 @@ def recent(ready: Prepared) -> Recent:
     return Recent(outline(ready.problem.system, channels=ready.save.channels), ready.revolution)
 
 
+def budget_of(ready: Prepared, keep: Literal["all", "revolution"] = "all") -> Budget:
+    """Return what a run takes of memory and disk.
+
+    Parameters
+    ----------
+    ready
+        From `prepare`.
+    keep
+        As in `run`.
+
+    Returns
+    -------
+    Budget
+        Estimated, in bytes.
+    """
+    kept = None if keep == "all" else round(ready.revolution / ready.problem.step)
+    return budget(ready.problem, ready.model.mesh, ready.save, kept=kept)
+
+
 def run(
-    case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = (), keep: Literal["all", "revolution"] = "all"
+    case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = (), keep: Literal["all", "revolution"] = "all",
+    allow_large: bool = False,
 ) -> Response:  # fmt: skip
     """Solve a case in time.
 
@@ -256,6 +277,8 @@ def run(
     keep
         What the response holds: all of the run, or its last revolution and last field, with which memory does not
         grow with the length of the run.
+    allow_large
+        Whether a run may take more memory than there seems to be.
 
     Returns
     -------
@@ -265,7 +288,7 @@ def run(
     Raises
     ------
     InputError
-        If parts do not fit together.
+        If parts do not fit together, or memory is too short.
     RunFailedError
         If the run cannot even start.
 
@@ -276,6 +299,8 @@ def run(
     if keep not in _KEPT:
         raise refuse("keep", repr(keep), " or ".join(map(repr, _KEPT)))
     ready = prepare(case, rigid=rigid)
+    if not allow_large:
+        affordable(budget_of(ready, keep))
     memory = recent(ready) if keep == "revolution" else None
     return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, memory=memory)
 

@@ -10,9 +10,11 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from flexcam import fidelity
+from flexcam.budget import affordable
 from flexcam.case import Case, build_model, read_case
 from flexcam.checks import did_you_mean, refuse
 from flexcam.commands.app import (
+    AllowLarge,
     CaseFile,
     Folder,
     Json,
@@ -43,7 +45,7 @@ from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, read_result, write_modes
 from flexcam.memory import Extremes
 from flexcam.response import Cause, Response, RunFailedError, Status
-from flexcam.runner import geometry_of, mode_likeness, prepare, recent, result_file, scalar_probe
+from flexcam.runner import budget_of, geometry_of, mode_likeness, prepare, recent, result_file, scalar_probe
 from flexcam.runner import modes as case_modes
 from flexcam.runner import run as solve_case
 from flexcam.terminal import out, print_json, progress
@@ -71,7 +73,7 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
     """Check a case, say what its model contains, and print it with every default filled in."""
     read = load(case, overrides)
     ready = replace(prepare(_standing(read)), case=read)  # a periodic start takes many revolutions to find
-    found = case_modes(read)
+    found, takes = case_modes(read), budget_of(ready, "revolution")
     if as_json:
         mesh, system = ready.model.mesh, ready.problem.system
         print_json({
@@ -85,13 +87,14 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
             "supports": {point: list(held) for point, held in ready.model.supports.items()},
             "member_masses": member_masses(ready.model),
             "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
+            "memory_bytes": takes.memory, "result_bytes": takes.file,
             "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
             "warnings": doubts(found) + coarse_steps(ready),
             "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
             "case": ready.case.record.model_dump(mode="json", by_alias=True),
         })  # fmt: skip
     else:
-        out().print(model_table(ready, found))
+        out().print(model_table(ready, found, takes))
         for sentence in doubts(found) + coarse_steps(ready):
             out().print("\n" + sentence)
         out().print("\n# the case as it is run, SI\n" + resolved(ready.case))
@@ -106,13 +109,15 @@ flexcam run case.toml --time-limit 5min
 )
 def run(
     case: CaseFile, *, folder: Folder = Path("results"), overrides: Overrides = None, overwrite: Overwrite = False,
-    time_limit: TimeLimit = None, as_json: Json = False,
+    time_limit: TimeLimit = None, allow_large: AllowLarge = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Solve a case in time and write its result file."""
     until = None if time_limit is None else time.monotonic() + quantity("--time-limit", time_limit, "time", "s")
     read, choice = fidelity.chosen(load(case, overrides))
     probe = scalar_probe(prepare(read)) if read.record.fidelity.estimate else ""
     ready = prepare(read)
+    if not allow_large:
+        affordable(budget_of(ready, "revolution"), folder)
     sink = result_file(ready, folder, overwrite=overwrite)
     strength, kept = StrengthSink(build_structure(ready.model)), recent(ready)
     extremes = Extremes(kept.outline)

@@ -188,7 +188,7 @@ class _Run:
 
     def _parts(self, first: int, end: int) -> Iterator[Block]:
         """Yield the parts of a block, of which only what is saved stays: a large system has few steps in memory."""
-        size = max(_AT_ONCE // max(self._system.size, 1), _LEAST_AT_ONCE)
+        size = max(AT_ONCE // max(self._system.size, 1), LEAST_AT_ONCE)
         for begin in range(first, end, size):
             steps = np.arange(begin, min(begin + size, end))
             with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
@@ -313,7 +313,7 @@ def _pilot(problem: Problem, method: Method) -> Series:
     return solve(first, method, save=SaveAt(field_every=max(first.steps // _LOOKS, 1))).fields
 
 
-_AT_ONCE, _LEAST_AT_ONCE = 50_000, 8
+AT_ONCE, LEAST_AT_ONCE = 50_000, 8
 """Unknowns times steps whose motion is in memory together, so that its dozen arrays stay near the processor; steps."""
 
 _LOOKS = 200
