@@ -112,7 +112,7 @@ def run(
     time_limit: TimeLimit = None, allow_large: AllowLarge = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Solve a case in time and write its result file."""
-    until = None if time_limit is None else time.monotonic() + quantity("--time-limit", time_limit, "time", "s")
+    until = None if time_limit is None else time.monotonic() + _seconds(time_limit)
     read, choice = fidelity.chosen(load(case, overrides))
     probe = scalar_probe(prepare(read)) if read.record.fidelity.estimate else ""
     ready = prepare(read)
@@ -265,6 +265,14 @@ def compare(
         out().print()
         out().print(claim_table(claims))
     return found.status
+
+
+def _seconds(text: str) -> float:
+    """Return the time a run is given, s."""
+    given = quantity("--time-limit", text, "time", "s")
+    if not given > 0.0:
+        raise refuse("--time-limit", text, "a time above zero, such as 30s, 5min or 2h")
+    return given
 
 
 def _standing(case: Case) -> Case:
