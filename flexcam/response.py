@@ -23,7 +23,10 @@ _WORTH = 640
 """Steps below which a block costs more than what is in it."""
 
 _FIELDS = 32
-"""Saved fields that are written together at least."""
+"""Saved fields that are written together, where they are not many steps apart."""
+
+_MOST = 8192
+"""Steps in a block at most: what a run has in memory does not depend on how seldom fields are saved."""
 
 _SAME_INSTANT = 1e-9
 """Part of a period by which rounding may have moved the instant at its beginning."""
@@ -38,6 +41,7 @@ class Cause(StrEnum):
     NO_CONVERGENCE = "no-convergence"
     SINGULAR = "singular"
     NOT_SAVED = "not-saved"
+    TIME_LIMIT = "time-limit"
     ROUNDING = "rounding"
     STEP_TOO_SMALL = "step-too-small"
     TOLERANCE = "tolerance-not-met"
@@ -231,7 +235,7 @@ class SaveAt:
     field_every
         All unknowns at every so many steps, the first and the last step included.
     fields_per_block
-        Saved fields handed out together; None for as many as make a block worth its trouble.
+        Saved fields handed out together; None for as many as make a block worth its trouble, and keep it small.
     channels
         Whether channels and energies are computed; without them a run cannot go on where laws have internal states.
 
@@ -248,7 +252,10 @@ class SaveAt:
     @property
     def block(self) -> int:
         """Steps handed out together."""
-        return self.field_every * (self.fields_per_block or max(_FIELDS, -(-_WORTH // self.field_every)))
+        if self.fields_per_block:
+            return self.field_every * self.fields_per_block
+        fields = max(_FIELDS, -(-_WORTH // self.field_every))
+        return self.field_every * min(fields, _MOST // self.field_every) or _MOST
 
     def fields(self, steps: IntArray, last: int) -> NDArray[np.bool_]:
         """Tell after which of some steps, shape (b,), all unknowns are kept; `last` is the last of the run."""
@@ -437,56 +444,6 @@ class Response:
             for values in (self.probes.displacement, self.probes.velocity, self.probes.acceleration)
         ]
         return History(name, components, *picked)
-
-
-class Memory:
-    """The sink that keeps everything and makes the `Response`.
-
-    Parameters
-    ----------
-    outline
-        Names of what will come.
-    """
-
-    def __init__(self, outline: Outline) -> None:
-        self._outline = outline
-        self._blocks: list[Block] = []
-        self._end = (Status(), Stats())
-
-    def write(self, block: Block) -> None:
-        """Keep a block."""
-        self._blocks.append(block)
-
-    def close(self, status: Status, stats: Stats) -> None:
-        """Keep the end."""
-        self._end = (status, stats)
-
-    def response(self) -> Response:
-        """Return everything that was kept; arrays of no instants if nothing came."""
-        blocks = self._blocks or [_empty(self._outline)]
-        channels = np.concatenate([b.channels for b in blocks])
-        return Response(
-            outline=self._outline,
-            time=np.concatenate([b.time for b in blocks]),
-            angle=np.concatenate([b.angle for b in blocks]),
-            probes=Series.joined([b.probes for b in blocks]),
-            channels={name: channels[:, i] for i, (name, _) in enumerate(self._outline.channels)},
-            field_time=np.concatenate([b.field_time for b in blocks]),
-            field_angle=np.concatenate([b.field_angle for b in blocks]),
-            fields=Series.joined([b.fields for b in blocks]),
-            status=self._end[0],
-            stats=self._end[1],
-        )
-
-
-def _empty(outline: Outline) -> Block:
-    nothing = np.zeros(0)
-    probes = np.zeros((0, sum(len(components) for _, components in outline.probes)))
-    fields = np.zeros((0, len(outline.unknowns)))
-    channels = np.zeros((0, len(outline.channels)))
-    return Block(
-        nothing, nothing, Series(probes, probes, probes), channels, nothing, nothing, Series(fields, fields, fields)
-    )
 
 
 def heed(status: Status) -> None:

@@ -17,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 
+from flexcam.budget import Budget, affordable, budget
 from flexcam.case import Case, build_model
 from flexcam.checkpoint import Earlier
 from flexcam.checks import Fault, InputError, refuse
@@ -32,6 +33,7 @@ from flexcam.integrate import (
 )
 from flexcam.io import Geometry, ResultFile, Unfinished, made_folder, partial_of
 from flexcam.linalg import FloatArray
+from flexcam.memory import Recent
 from flexcam.modal import mac
 from flexcam.response import Response, SaveAt, Sink
 from flexcam.starting import drive_of, revolution_of, started
@@ -220,8 +222,49 @@ def scalar_probe(ready: Prepared) -> str:
     return f"{name}.{along if along in components else components[0]}"
 
 
+def recent(ready: Prepared) -> Recent:
+    """Return what keeps no more of a run in memory than its summary needs.
+
+    Parameters
+    ----------
+    ready
+        From `prepare`.
+
+    Returns
+    -------
+    Recent
+        For `flexcam.solve`: the histories of the last revolution and the last field.
+
+    Examples
+    --------
+    ``flexcam.solve(ready.problem, ready.scheme, sinks=[file], memory=recent(ready))`` takes as much memory for a
+    thousand revolutions as for two.
+    """
+    return Recent(outline(ready.problem.system, channels=ready.save.channels), ready.revolution)
+
+
+def budget_of(ready: Prepared, keep: Literal["all", "revolution"] = "all") -> Budget:
+    """Return what a run takes of memory and disk.
+
+    Parameters
+    ----------
+    ready
+        From `prepare`.
+    keep
+        As in `run`.
+
+    Returns
+    -------
+    Budget
+        Estimated, in bytes.
+    """
+    kept = None if keep == "all" else round(ready.revolution / ready.problem.step)
+    return budget(ready.problem, ready.model.mesh, ready.save, kept=kept)
+
+
 def run(
-    case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = (), resume: Earlier | None = None
+    case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = (), keep: Literal["all", "revolution"] = "all",
+    allow_large: bool = False, resume: Earlier | None = None,
 ) -> Response:  # fmt: skip
     """Solve a case in time.
 
@@ -233,6 +276,11 @@ def run(
         Solve the same mechanism with rigid members.
     sinks
         Further takers of the results, such as a result file.
+    keep
+        What the response holds: all of the run, or its last revolution and last field, with which memory does not
+        grow with the length of the run.
+    allow_large
+        Whether a run may take more memory than there seems to be.
     resume
         What a run of this case finished before it broke off, from `unfinished`; it goes on from there.
 
@@ -244,7 +292,7 @@ def run(
     Raises
     ------
     InputError
-        If parts do not fit together.
+        If parts do not fit together, or memory is too short.
     RunFailedError
         If the run cannot even start.
 
@@ -252,8 +300,16 @@ def run(
     --------
     ``flexcam.run(flexcam.read_case("cases/tayeb/model-3-shm.toml"))["valve"].displacement`` is the lift of the valve.
     """
+    if keep not in _KEPT:
+        raise refuse("keep", repr(keep), " or ".join(map(repr, _KEPT)))
     ready = prepare(case, rigid=rigid)
-    return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, resume=resume)
+    if not allow_large:
+        affordable(budget_of(ready, keep))
+    memory = recent(ready) if keep == "revolution" else None
+    return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, memory=memory, resume=resume)
+
+
+_KEPT = ("all", "revolution")
 
 
 def modes(

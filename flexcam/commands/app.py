@@ -42,6 +42,9 @@ Json = Annotated[bool, Parameter("--json", negative=(), help="Print one JSON obj
 Picture = Annotated[Path | None, Parameter("--plot", help="Also draw it (.svg, .png or .pdf).")]
 Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]
 Overwrite = Annotated[bool, Parameter("--overwrite", negative=(), help="Replace existing results.")]
+AllowLarge = Annotated[
+    bool, Parameter("--allow-large", negative=(), help="Run even if memory or disk seem too small for it.")
+]
 
 
 def _versions() -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -9,9 +10,11 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from flexcam import fidelity
+from flexcam.budget import affordable
 from flexcam.case import Case, build_model, read_case
 from flexcam.checks import did_you_mean, refuse
 from flexcam.commands.app import (
+    AllowLarge,
     CaseFile,
     Folder,
     Json,
@@ -20,6 +23,7 @@ from flexcam.commands.app import (
     app,
     load,
     load_beams,
+    quantity,
     running,
 )
 from flexcam.console.cases import (
@@ -39,8 +43,18 @@ from flexcam.console.fidelity import choice_json, choice_words, error_table
 from flexcam.console.results import operation_table, periodicity, run_table, strength_table, unknowns
 from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, read_result, write_modes
+from flexcam.memory import Extremes
 from flexcam.response import Cause, Response, RunFailedError, Status
-from flexcam.runner import geometry_of, mode_likeness, prepare, result_file, scalar_probe, unfinished
+from flexcam.runner import (
+    budget_of,
+    geometry_of,
+    mode_likeness,
+    prepare,
+    recent,
+    result_file,
+    scalar_probe,
+    unfinished,
+)
 from flexcam.runner import modes as case_modes
 from flexcam.runner import run as solve_case
 from flexcam.terminal import out, print_json, progress
@@ -55,6 +69,10 @@ Prestress = Annotated[
 Resume = Annotated[
     bool, Parameter("--resume", negative=(), help="Go on with the run that left a partial result in the folder.")
 ]
+TimeLimit = Annotated[
+    str | None,
+    Parameter("--time-limit", help="End the run after so long, such as 30s, 5min or 2h; what is done stays."),
+]
 
 
 @app.command(
@@ -67,7 +85,7 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
     """Check a case, say what its model contains, and print it with every default filled in."""
     read = load(case, overrides)
     ready = replace(prepare(_standing(read)), case=read)  # a periodic start takes many revolutions to find
-    found = case_modes(read)
+    found, takes = case_modes(read), budget_of(ready, "revolution")
     if as_json:
         mesh, system = ready.model.mesh, ready.problem.system
         print_json({
@@ -81,13 +99,14 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
             "supports": {point: list(held) for point, held in ready.model.supports.items()},
             "member_masses": member_masses(ready.model),
             "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
+            "memory_bytes": takes.memory, "result_bytes": takes.file,
             "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
             "warnings": doubts(found) + coarse_steps(ready),
             "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
             "case": ready.case.record.model_dump(mode="json", by_alias=True),
         })  # fmt: skip
     else:
-        out().print(model_table(ready, found))
+        out().print(model_table(ready, found, takes))
         for sentence in doubts(found) + coarse_steps(ready):
             out().print("\n" + sentence)
         out().print("\n# the case as it is run, SI\n" + resolved(ready.case))
@@ -98,29 +117,34 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
 flexcam run case.toml
 flexcam run case.toml -o results --set run.revolutions=4 --overwrite
 flexcam run case.toml -o results --resume
+flexcam run case.toml --time-limit 5min
 """
 )
 def run(
     case: CaseFile, *, folder: Folder = Path("results"), overrides: Overrides = None, overwrite: Overwrite = False,
-    resume: Resume = False, as_json: Json = False,
+    time_limit: TimeLimit = None, resume: Resume = False, allow_large: AllowLarge = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Solve a case in time and write its result file."""
+    until = None if time_limit is None else time.monotonic() + _seconds(time_limit)
     read, choice = fidelity.chosen(load(case, overrides))
     probe = scalar_probe(prepare(read)) if read.record.fidelity.estimate else ""
     ready = prepare(read)
+    if not allow_large:
+        affordable(budget_of(ready, "revolution"), folder)
     earlier = unfinished(ready, folder) if resume else None
     sink = result_file(ready, folder, overwrite=overwrite, resume=earlier)
-    strength = StrengthSink(build_structure(ready.model))
+    strength, kept = StrengthSink(build_structure(ready.model)), recent(ready)
+    extremes = Extremes(kept.outline)
     running.solving = True
     with progress(ready.problem.steps) as bar:
-        sinks = [sink, strength, *bar]
         response = solve(
-            ready.problem, ready.scheme, save=ready.save, sinks=sinks, stop=running.stopped, resume=earlier
-        )
+            ready.problem, ready.scheme, save=ready.save, sinks=[sink, strength, extremes, *bar],
+            stop=running.stopped, until=until, memory=kept, resume=earlier,
+        )  # fmt: skip
     result = sink.path if response.status.ok else sink.partial
     figures = operation(ready.model, response, ready.revolution)
     errors, doubt = _estimated(read, probe) if probe and response.status.ok else ([], [])
-    warned = run_doubts(ready, response, figures) + doubt
+    warned = run_doubts(ready, extremes, figures) + doubt
     stressed = strength.members() if read.record.fidelity.model == "beams" else {}
     if as_json:
         print_json({
@@ -136,7 +160,7 @@ def run(
             "strength": {name: asdict(member) for name, member in stressed.items()},
         })  # fmt: skip
     else:
-        out().print(run_table(ready.case, response))
+        out().print(run_table(ready.case, extremes))
         if stressed:
             out().print()
             out().print(strength_table(stressed))
@@ -255,6 +279,14 @@ def compare(
         out().print()
         out().print(claim_table(claims))
     return found.status
+
+
+def _seconds(text: str) -> float:
+    """Return the time a run is given, s."""
+    given = quantity("--time-limit", text, "time", "s")
+    if not given > 0.0:
+        raise refuse("--time-limit", text, "a time above zero, such as 30s, 5min or 2h")
+    return given
 
 
 def _standing(case: Case) -> Case:

@@ -15,8 +15,8 @@ from flexcam import study
 from flexcam.case import Case, CaseFile
 from flexcam.checks import refuse
 from flexcam.commands.answers import Answer, write_answer
-from flexcam.commands.app import CaseFile as CasePath
 from flexcam.commands.app import (
+    AllowLarge,
     Json,
     Overrides,
     Overwrite,
@@ -26,12 +26,14 @@ from flexcam.commands.app import (
     quantity,
     turns,
 )
+from flexcam.commands.app import CaseFile as CasePath
 from flexcam.console.optimum import goal_history, told_front, told_optimum
 from flexcam.console.sensitivity import told_derivatives, told_scatter, told_shares
 from flexcam.io import free_to_write, write_text
 from flexcam.limits import Search
 from flexcam.linalg import FloatArray
 from flexcam.response import Cause, RunFailedError, Status
+from flexcam.sweep import afford_case
 from flexcam.terminal import out
 
 if TYPE_CHECKING:
@@ -75,7 +77,7 @@ def sensitivity(
     seed: Seed = 0, workers: WorkerCount = 1,
     lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
     csv: Csv = None, plot: Picture = None,
-    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Tell how scalars follow the numbers of a case: derivatives, shares of their variance, or the scatter of parts."""
     free_picture(plot, overwrite)
@@ -88,7 +90,7 @@ def sensitivity(
         raise refuse("sensitivity", given, "--to KEY, or --tolerance KEY=±SPEC")
     _ignored("--count", count, "--tolerance", wanted=tolerances is not None)
     _ignored("--relative-step", relative_step, "derivatives", wanted=tolerances is None and sobol is None)
-    asked = _Asked(case, overrides, names, lowest, highest, within)
+    asked = _Asked(case, overrides, names, lowest, highest, within, workers=workers, allow_large=allow_large)
     if tolerances is not None:
         answer = _scatter(asked, tolerances, 100 if count is None else count, seed, workers)
     elif sobol is not None:
@@ -109,7 +111,7 @@ class _Asked:
 
     def __init__(
         self, path: Path, overrides: Sequence[str] | None, names: Sequence[str],
-        lowest: str | None, highest: str | None, within: str,
+        lowest: str | None, highest: str | None, within: str, *, workers: int, allow_large: bool,
     ) -> None:  # fmt: skip
         self.file, self.fixed = CaseFile.opened(path), tuple(overrides or ())
         self.case = self.file.read(self.fixed)
@@ -118,6 +120,8 @@ class _Asked:
         for option, given in (("--lowest", lowest), ("--highest", highest)):
             _ignored(option, given, "limits.NAME", wanted=of_limits)
         self.search = search_of(self.case, lowest, highest, within)
+        if not allow_large and any(study.frequency_number(name) is None for name in names):
+            afford_case(self.case, together=workers)
 
     def checked(self) -> dict[str, study.Quantity]:
         """Return what is asked of the case as it stands; names that it does not have are refused."""
@@ -215,7 +219,7 @@ def optimize(
     lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
     target: Annotated[Path | None, Parameter(["-o", "--output"], help="Case file (.toml) of the best variant.")] = None,
     csv: Csv = None, plot: Picture = None,
-    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Find the best variant of a case within bounds; of two goals, those of which none is better in both."""
     free_picture(plot, overwrite)
@@ -229,7 +233,7 @@ def optimize(
         raise refuse("goals", f"{len(goals)} of --least and --most", "one, or two for a front")
     bounds = study.constraints_of(subject or ())
     names = [*(goal.name for goal in goals), *(bound.name for bound in bounds)]
-    asked = _Asked(case, overrides, names, lowest, highest, within)
+    asked = _Asked(case, overrides, names, lowest, highest, within, workers=workers, allow_large=allow_large)
     variables = study.variables_of(asked.case, vary, "--vary")
     with suppress(RunFailedError):  # a case that fails as it stands may have better variants
         asked.checked()

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from flexcam import sweep as sweeps
 from flexcam.checks import refuse
-from flexcam.commands.app import CaseFile, Folder, Json, Overwrite, app
+from flexcam.commands.app import AllowLarge, CaseFile, Folder, Json, Overwrite, app
 from flexcam.console.sweep import sweep_json, sweep_status, sweep_table, sweep_words
 from flexcam.response import Status
 from flexcam.terminal import counting, out, print_json
@@ -52,7 +52,7 @@ def sweep(
     histories: Annotated[bool, Parameter(negative=(), help="Also keep every variant's result file.")] = False,
     parquet: Annotated[bool, Parameter(negative=(), help="Also write a Parquet table.")] = False,
     limit: Annotated[int, Parameter(help="Most variants.")] = sweeps.LIMIT,
-    overwrite: Overwrite = False, as_json: Json = False,
+    allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status | None:  # fmt: skip
     """Run many variants of a case and write one table: a row per variant, with its scalars and how it ended.
 
@@ -62,6 +62,9 @@ def sweep(
     asked = sweeps.study(case, settings or (), sampled=sample, seed=seed, scalars=kept, limit=limit)
     target = sweeps.Target(folder, resume, overwrite, histories, parquet)
     runners = _workers(scheduler, workers)
+    if not allow_large:
+        together = 1 if scheduler or workers == 0 else workers or _cores()
+        sweeps.afford(asked, folder if histories else None, together=together)
     with counting(len(asked.plan), "variants") as shown:
         table, files = sweeps.sweep_files(asked, target, runners, advance=shown)
     ended = sweep_status(table)

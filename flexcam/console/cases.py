@@ -10,6 +10,7 @@ import numpy as np
 import tomli_w
 from rich.table import Table
 
+from flexcam.budget import Budget, size
 from flexcam.case import Case
 from flexcam.case.report import filled
 from flexcam.fidelity import Claim, Comparison
@@ -68,7 +69,7 @@ def couplings(case: Case) -> list[str]:
     return [COUPLINGS[model] for model in models if model in COUPLINGS]
 
 
-def model_table(ready: Prepared, modes: ModelModes) -> Table:
+def model_table(ready: Prepared, modes: ModelModes, takes: Budget | None = None) -> Table:
     """Return what a model contains.
 
     Parameters
@@ -77,6 +78,8 @@ def model_table(ready: Prepared, modes: ModelModes) -> Table:
         A prepared case.
     modes
         Its lowest modes.
+    takes
+        What its run will take, where it is still to come.
 
     Returns
     -------
@@ -105,6 +108,7 @@ def model_table(ready: Prepared, modes: ModelModes) -> Table:
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
         ("free motions", _free_motions(modes)),
         ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
+        *([("a run takes", f"{size(takes.memory)} of memory, a result of {size(takes.file)}")] if takes else []),
     ]
     return facts(ready.case.record.title or ready.case.name, rows)
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from flexcam.linalg import share_lost
-from flexcam.response import Response
+from flexcam.memory import Extremes
 from flexcam.runner import Prepared
 from flexcam.train import Figure, ModelModes, coarse_cams
 
@@ -55,14 +53,14 @@ def coarse_steps(ready: Prepared) -> list[str]:
     ]
 
 
-def run_doubts(ready: Prepared, response: Response, figures: list[Figure]) -> list[str]:
+def run_doubts(ready: Prepared, extremes: Extremes, figures: list[Figure]) -> list[str]:
     """Return what is doubtful about a run, in words.
 
     Parameters
     ----------
     ready
         A prepared case.
-    response
+    extremes
         Of its run.
     figures
         What the train did in it.
@@ -72,8 +70,8 @@ def run_doubts(ready: Prepared, response: Response, figures: list[Figure]) -> li
     list
         Sentences; none where nothing is doubtful.
     """
-    found = [*coarse_steps(ready), *_unseen(ready), *_buckled(figures), *_unaccounted(response)]
-    return [*found, *_rounded(ready, response)]
+    found = [*coarse_steps(ready), *_unseen(ready), *_buckled(figures), *_unaccounted(extremes)]
+    return [*found, *_rounded(ready, extremes)]
 
 
 def _unseen(ready: Prepared) -> list[str]:
@@ -88,11 +86,10 @@ def _unseen(ready: Prepared) -> list[str]:
     ]
 
 
-def _rounded(ready: Prepared, response: Response) -> list[str]:
-    moved = response.fields.displacement
-    if not moved.size or not ready.problem.system.size:
+def _rounded(ready: Prepared, extremes: Extremes) -> list[str]:
+    if not extremes.most_bent.any() or not ready.problem.system.size:
         return []
-    share = share_lost(ready.problem.system.stiffness, moved[int(np.argmax(np.abs(moved).max(axis=1)))])
+    share = share_lost(ready.problem.system.stiffness, extremes.most_bent)
     if share <= _WORTH_TELLING:
         return []
     return [f"Warning: rounding in the stiffness may have taken up to {100.0 * share:.1g} % of the deflection"]
@@ -107,13 +104,11 @@ def _buckled(figures: list[Figure]) -> list[str]:
     ]
 
 
-def _unaccounted(response: Response) -> list[str]:
+def _unaccounted(extremes: Extremes) -> list[str]:
     """Return by how much the energy balance of a run does not close."""
-    parts = {name: response.channels[f"energy.{name}"] for name in ("work", "kinetic", "strain", "residual")}
-    if not len(response.time):
-        return []
-    turned_over = max(float(np.ptp(parts[name])) for name in ("work", "kinetic", "strain"))
-    share = float(np.abs(parts["residual"]).max()) / turned_over if turned_over > 0.0 else 0.0
+    bounds = {name: extremes.channel(f"energy.{name}") for name in ("work", "kinetic", "strain", "residual")}
+    turned_over = max(bounds[name][1] - bounds[name][0] for name in ("work", "kinetic", "strain"))
+    share = max(map(abs, bounds["residual"])) / turned_over if turned_over > 0.0 else 0.0
     if share <= _UNACCOUNTED:
         return []
     why = "the steps are too long for what happens within them, or a contact is too stiff for them"

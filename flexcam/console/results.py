@@ -12,21 +12,22 @@ from rich.table import Table
 from flexcam.case import Case
 from flexcam.console.cases import rpm
 from flexcam.io import Result, Verified
+from flexcam.memory import Extremes
 from flexcam.response import Response
 from flexcam.terminal import facts, table
 from flexcam.train import Figure, MemberStrength
 from flexcam.units import shown
 
 
-def run_table(case: Case, response: Response) -> Table:
+def run_table(case: Case, extremes: Extremes) -> Table:
     """Return the extremes of every probe.
 
     Parameters
     ----------
     case
         The case.
-    response
-        Its response.
+    extremes
+        Of its run.
 
     Returns
     -------
@@ -34,13 +35,12 @@ def run_table(case: Case, response: Response) -> Table:
         For rich.
     """
     rows: list[tuple[str, ...]] = []
-    for name, components in response.outline.probes:
-        for component in components:
+    for name, components in extremes.outline.probes:
+        for component, *bounds in zip(components, *extremes.probe(name), strict=True):
             full = name if len(components) == 1 else f"{name}.{component}"
-            moved = response[full].displacement
             unit = "mrad" if component in ("rx", "ry", "rz") else "mm"
-            if len(moved) and round(1e3 * float(np.abs(moved).max()), 4) > 0.0:
-                rows.append((full, *(f"{round(1e3 * x, 4) + 0.0:.4f} {unit}" for x in (moved.min(), moved.max()))))
+            if round(1e3 * float(np.abs(bounds).max()), 4) > 0.0:
+                rows.append((full, *(f"{round(1e3 * x, 4) + 0.0:.4f} {unit}" for x in bounds)))
     title = f"{case.record.title or case.name}, {rpm(case):g} rpm"
     return table(title, ("probe", "least", "largest"), rows or [("no probe moves", "", "")])
 

@@ -89,7 +89,7 @@ def way_of(problem: Problem, method: Method, save: SaveAt) -> Way:
     if refusal := method.refusal(plain.system, plain.step):
         raise refusal
     outer = () if basis is None else (basis,)
-    path = _wanted(plain)
+    path = wanted_path(plain)
     if path == "general":
         return Way("general", plain, outer)
     try:
@@ -103,8 +103,19 @@ def way_of(problem: Problem, method: Method, save: SaveAt) -> Way:
     return Way(path, uncoupled(plain, natural), (natural, *outer), natural)
 
 
-def _wanted(problem: Problem) -> Path:
-    """Return the way that is asked for, or the one that its length makes worthwhile."""
+def wanted_path(problem: Problem) -> Path:
+    """Return the way that is asked for, or the one that its length makes worthwhile.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+
+    Returns
+    -------
+    Path
+        It may turn out not to fit.
+    """
     if problem.path != "auto":
         return problem.path
     local = bool(problem.system.local_forces)

@@ -21,11 +21,11 @@ from flexcam.integrate.paths import engine_of, way_of
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.within import shown
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
+from flexcam.memory import Keeper, Memory
 from flexcam.response import (
     STATE,
     Block,
     Cause,
-    Memory,
     Outline,
     Response,
     RunFailedError,
@@ -71,6 +71,8 @@ def solve(
     save: SaveAt | None = None,
     sinks: Sequence[Sink] = (),
     stop: Callable[[], bool] | None = None,
+    until: float | None = None,
+    memory: Keeper | None = None,
     resume: Earlier | None = None,
 ) -> Response:
     """Integrate a problem in time.
@@ -87,7 +89,10 @@ def solve(
         Further takers of the results, beside the returned response.
     stop
         Asked before every step; the run ends, keeping what it has, when it says so.
-
+    until
+        When the run ends at the latest, keeping what it has, s of `time.monotonic`; None for no limit.
+    memory
+        What the returned response is made of; None for everything, which a long run may have no room for.
     resume
         The finished part of a run of this problem that broke off: it goes on from there, and all takers get the earlier
         results first. None to begin at the start.
@@ -117,8 +122,9 @@ def solve(
     True
     """
     keep = save or SaveAt()
-    memory = Memory(outline(problem.system, channels=keep.channels))
+    memory = memory or Memory(outline(problem.system, channels=keep.channels))
     takers = (memory, *sinks)
+    clock = _Clock(stop or _never, until)
     keepers = [sink for sink in sinks if isinstance(sink, CheckpointSink)]
     problem_told = fingerprint(problem, scheme, keep) if keepers else ""
     started = time.perf_counter()
@@ -129,7 +135,7 @@ def solve(
     status = Status()
     try:
         forces = LocalForces(inside.system)
-        engine = engine_of(way, scheme, forces, keep, stop or _never, _pilot)
+        engine = engine_of(way, scheme, forces, keep, clock.stopped, _pilot)
         run = _Run(inside, engine, forces, keep)
         if resume is not None:
             for block in resume.blocks():
@@ -143,7 +149,7 @@ def solve(
                 reached = Checkpoint(stats.steps, problem_told, run.state())
                 for sink in keepers:
                     sink.keep(reached)
-        status = run.status
+        status = TIME_UP if clock.late and run.status is STOPPED else run.status
     except KeyboardInterrupt:
         status = STOPPED
     except SingularMatrixError as fault:
@@ -218,7 +224,7 @@ class _Run:
 
     def _parts(self, first: int, end: int) -> Iterator[Block]:
         """Yield the parts of a block, of which only what is saved stays: a large system has few steps in memory."""
-        size = max(_AT_ONCE // max(self._system.size, 1), _LEAST_AT_ONCE)
+        size = max(AT_ONCE // max(self._system.size, 1), LEAST_AT_ONCE)
         for begin in range(first, end, size):
             steps = np.arange(begin, min(begin + size, end))
             with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
@@ -315,6 +321,24 @@ def _never() -> bool:
     return False
 
 
+TIME_UP = Status(
+    Cause.TIME_LIMIT, "the time given to the run was over before its end", "what was finished is kept; allow more time"
+)
+"""How a run ends that was given too little time."""
+
+
+class _Clock:
+    """Tells an engine when to stop: when asked to, or when the time is over."""
+
+    def __init__(self, stop: Callable[[], bool], until: float | None) -> None:
+        self._stop, self._until = stop, until
+        self.late = False
+
+    def stopped(self) -> bool:
+        self.late = self._until is not None and time.monotonic() >= self._until
+        return self.late or self._stop()
+
+
 def _pilot(problem: Problem, method: Method) -> Series:
     """Return the motion of the first revolution by the steps as given: errors are measured against its size."""
     begin = problem.start.time if problem.start else 0.0
@@ -325,7 +349,7 @@ def _pilot(problem: Problem, method: Method) -> Series:
     return solve(first, method, save=SaveAt(field_every=max(first.steps // _LOOKS, 1))).fields
 
 
-_AT_ONCE, _LEAST_AT_ONCE = 50_000, 8
+AT_ONCE, LEAST_AT_ONCE = 50_000, 8
 """Unknowns times steps whose motion is in memory together, so that its dozen arrays stay near the processor; steps."""
 
 _LOOKS = 200

@@ -5,7 +5,7 @@ A new format is one file here with one read or write function.
 """
 
 from flexcam.io.csv import write_csv, write_text
-from flexcam.io.geometry import Geometry
+from flexcam.io.geometry import RECOVERED, Geometry
 from flexcam.io.guard import guarded
 from flexcam.io.lift_file import LiftColumns, read_lift, write_lift_table
 from flexcam.io.mesh_file import read_mesh, write_mesh
@@ -17,13 +17,16 @@ from flexcam.io.profile_file import ProfileTable, write_profile
 from flexcam.io.profile_points import read_profile
 from flexcam.io.pvd import write_pvd
 from flexcam.io.result import Result, read_result
+from flexcam.io.result_size import points_drawn, result_bytes
 from flexcam.io.sealed import seal, seal_fault
 from flexcam.io.target import free_to_write, made_folder
 from flexcam.io.unfinished import Unfinished
 from flexcam.io.verify import Verified, verified
-from flexcam.io.vtkhdf import ResultFile, partial_of
+from flexcam.io.vtkhdf import VECTORS, ResultFile, partial_of
 
 __all__ = [
+    "RECOVERED",
+    "VECTORS",
     "Geometry",
     "LiftColumns",
     "ProfileTable",
@@ -37,10 +40,12 @@ __all__ = [
     "made_folder",
     "named_file",
     "partial_of",
+    "points_drawn",
     "read_lift",
     "read_mesh",
     "read_profile",
     "read_result",
+    "result_bytes",
     "seal",
     "seal_fault",
     "verified",

@@ -17,8 +17,21 @@ _MOST = 4096
 """Numbers in a chunk, as far as blocks can be halved."""
 
 
-def _chunk(rows: int, width: int) -> int:
-    """Return the rows of a chunk: those of a block, halved while they are many, as the last chunk is stored whole."""
+def chunk_rows(rows: int, width: int) -> int:
+    """Return the rows of a chunk: those of a block, halved while they are many, as the last chunk is stored whole.
+
+    Parameters
+    ----------
+    rows
+        Of a block.
+    width
+        Columns.
+
+    Returns
+    -------
+    int
+        Rows.
+    """
     while rows % 2 == 0 and rows * width > _MOST:
         rows //= 2
     return rows
@@ -76,7 +89,11 @@ class Growing:
 
     def __init__(self, group: Any, name: str, rows: int, unit: str, *, width: int = 0, kind: str = "f8") -> None:  # noqa: ANN401
         self._columns = (width,) if width else ()
-        shape, limit, chunk = (0, *self._columns), (None, *self._columns), (_chunk(rows, width or 1), *self._columns)
+        shape, limit, chunk = (
+            (0, *self._columns),
+            (None, *self._columns),
+            (chunk_rows(rows, width or 1), *self._columns),
+        )
         self.dataset: Any = group.create_dataset(name, shape, kind, maxshape=limit, chunks=chunk, **_CHECKED)
         self.dataset.attrs["units"] = unit
         self._length = 0

@@ -10,6 +10,7 @@ from rich.table import Table
 from flexcam.console.cases import comparison_table, mode_table, model_table
 from flexcam.console.results import info_table, operation_table, run_table, strength_table
 from flexcam.fidelity import Comparison
+from flexcam.memory import Extremes
 from flexcam.reopened import strength_of
 from flexcam.report.content import Sheet
 from flexcam.report.subject import Subject
@@ -67,7 +68,7 @@ def sheets(about: Subject, compared: Comparison | None, figures: list[Figure]) -
     if known is not None:
         stressed = strength_of(known.ready, known.response)
         found += [sheet(strength_table(stressed))] if stressed else []
-        found.append(replace(sheet(run_table(known.case, response)), title="Range of the probes"))
+        found.append(replace(sheet(run_table(known.case, Extremes.of(response))), title="Range of the probes"))
     found += [energy_sheet(response)] if len(response.time) else []
     found += [sheet(mode_table(about.modes))] if about.modes is not None else []
     if known is not None and about.modes is not None:

@@ -15,6 +15,7 @@ from flexcam.console.doubts import run_doubts
 from flexcam.console.words import told_apart
 from flexcam.fidelity import Comparison
 from flexcam.limits import margins
+from flexcam.memory import Extremes
 from flexcam.report import words
 from flexcam.report.content import Chapter, Picture, Report
 from flexcam.report.curves import Runs, albums, left_over, scalars
@@ -117,7 +118,7 @@ def _chapter(about: Subject, name: str, main: str, asked: Asked, share: int) -> 
 
 def _doubts(known: Known, figures: list[Figure]) -> list[str]:
     """Return what is doubtful, in a place that says already that these are warnings."""
-    told = [one.removeprefix("Warning: ") for one in run_doubts(known.ready, known.response, figures)]
+    told = [one.removeprefix("Warning: ") for one in run_doubts(known.ready, Extremes.of(known.response), figures)]
     return [f"{one[:1].upper()}{one[1:]}." for one in told]
 
 

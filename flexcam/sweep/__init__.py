@@ -4,6 +4,7 @@ May import `fidelity` and its neighbours, `runner` and everything below; owns pa
 A new kind of scalar is a line in `scalars`; a new way of sampling one in `plan`; what runs chunks is in `workers`.
 """
 
+from flexcam.sweep.affording import afford, afford_case
 from flexcam.sweep.axis import LIMIT, Axis, Value, axes, axis
 from flexcam.sweep.cluster import LOCAL, Cluster
 from flexcam.sweep.evaluate import Row, evaluate, row_of
@@ -33,6 +34,8 @@ __all__ = [
     "Target",
     "Value",
     "Workers",
+    "afford",
+    "afford_case",
     "axes",
     "axis",
     "csv_text",

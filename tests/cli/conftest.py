@@ -18,7 +18,7 @@ from flexcam.cli import main
 from flexcam.commands import running
 
 ROOT = Path(__file__).parents[2]
-LONG = ("--set", "run.revolutions=100000", "--set", "run.steps_per_revolution=7200")
+LONG = ("--set", "run.revolutions=100000", "--set", "run.steps_per_revolution=7200", "--allow-large")
 
 
 @dataclass(frozen=True)

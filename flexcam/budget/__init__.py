@@ -1,0 +1,10 @@
+"""What a run takes, in memory and on disk, before it begins, and what there is of both.
+
+May import `case`, `io`, `train` and everything below them; `runner` stands above.
+"""
+
+from flexcam.budget.needs import Budget, budget
+from flexcam.budget.room import free_disk, free_memory
+from flexcam.budget.within import affordable, size
+
+__all__ = ["Budget", "affordable", "budget", "free_disk", "free_memory", "size"]

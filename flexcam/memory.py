@@ -1,0 +1,212 @@
+"""What of a run stays in memory: everything, or no more than a summary needs, however long the run.
+
+`solve` hands its blocks to one of these and returns the response that it makes.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from flexcam.linalg import FloatArray
+from flexcam.response import Block, Outline, Response, Series, Sink, Stats, Status
+
+
+class Keeper(Sink, Protocol):
+    """A sink that makes a response of what it kept."""
+
+    def response(self) -> Response:
+        """Return what was kept."""
+        ...
+
+
+class Memory:
+    """The sink that keeps everything and makes the `Response`.
+
+    Parameters
+    ----------
+    outline
+        Names of what will come.
+    """
+
+    def __init__(self, outline: Outline) -> None:
+        self.outline = outline
+        self._blocks: deque[Block] = deque()
+        self._end = (Status(), Stats())
+
+    def write(self, block: Block) -> None:
+        """Keep a block."""
+        self._blocks.append(block)
+
+    def close(self, status: Status, stats: Stats) -> None:
+        """Keep the end."""
+        self._end = (status, stats)
+
+    def response(self) -> Response:
+        """Return everything that was kept; arrays of no instants if nothing came."""
+        blocks = self._blocks or [_empty(self.outline)]
+        channels = np.concatenate([b.channels for b in blocks])
+        return Response(
+            outline=self.outline,
+            time=np.concatenate([b.time for b in blocks]),
+            angle=np.concatenate([b.angle for b in blocks]),
+            probes=Series.joined([b.probes for b in blocks]),
+            channels={name: channels[:, i] for i, (name, _) in enumerate(self.outline.channels)},
+            field_time=np.concatenate([b.field_time for b in blocks]),
+            field_angle=np.concatenate([b.field_angle for b in blocks]),
+            fields=Series.joined([b.fields for b in blocks]),
+            status=self._end[0],
+            stats=self._end[1],
+        )
+
+
+class Recent(Memory):
+    """The sink that keeps the latest histories and the last field, however long the run.
+
+    Parameters
+    ----------
+    outline
+        Names of what will come.
+    span
+        How far back from the last instant histories are kept, s: whole blocks, at least that long together.
+    """
+
+    def __init__(self, outline: Outline, span: float) -> None:
+        super().__init__(outline)
+        self._span = span
+        self._without = _empty(outline)
+        self._field = self._without
+
+    def write(self, block: Block) -> None:
+        """Keep a block, and drop what is too old by then."""
+        if len(block.field_time):
+            last = Series(*(np.array(one[-1:]) for one in _arrays(block.fields)))
+            time, angle = block.field_time[-1:].copy(), block.field_angle[-1:].copy()
+            self._field = replace(self._without, field_time=time, field_angle=angle, fields=last)
+        nothing = self._without
+        self._blocks.append(replace(block, field_time=nothing.time, field_angle=nothing.angle, fields=nothing.fields))
+        oldest = block.time[-1] - self._span * (1.0 + _SLACK)
+        while self._blocks[0].time[-1] < oldest:
+            self._blocks.popleft()
+
+    def response(self) -> Response:
+        """Return what was kept."""
+        field = self._field
+        kept = super().response()
+        return replace(kept, field_time=field.field_time, field_angle=field.field_angle, fields=field.fields)
+
+
+class Extremes:
+    """The sink that follows the least and the largest of everything over a run, and keeps no history.
+
+    Parameters
+    ----------
+    outline
+        Names of what will come.
+
+    Attributes
+    ----------
+    steps
+        Instants seen.
+    most_bent
+        Displacement of all unknowns at the saved instant where its largest is largest, shape (n,).
+
+    Examples
+    --------
+    >>> seen = Extremes(Outline(("x",), (("valve", ("uy",)),), (("force", "N"),)))
+    >>> history, field = np.array([[1.0], [-2.0]]), np.array([[3.0]])
+    >>> moved, still = Series(history, history, history), Series(field, field, field)
+    >>> seen.write(Block(np.arange(2.0), np.arange(2.0), moved, 5.0 * history, np.zeros(1), np.zeros(1), still))
+    >>> seen.channel("force"), seen.most_bent.tolist()
+    ((-10.0, 5.0), [3.0])
+    """
+
+    def __init__(self, outline: Outline) -> None:
+        self.outline = outline
+        self.steps = 0
+        self.most_bent: FloatArray = np.zeros(len(outline.unknowns))
+        self._channel = {name: i for i, (name, _) in enumerate(outline.channels)}
+        self._probes = _Bounds(sum(len(components) for _, components in outline.probes))
+        self._channels = _Bounds(len(outline.channels))
+
+    @classmethod
+    def of(cls, response: Response) -> Extremes:
+        """Return those of a response, as of one that was read."""
+        seen = cls(response.outline)
+        channels = [response.channels[name] for name, _ in response.outline.channels]
+        rows = np.column_stack(channels) if channels else np.zeros((len(response.time), 0))
+        seen.write(
+            Block(
+                response.time, response.angle, response.probes, rows, response.field_time, response.field_angle,
+                response.fields,
+            )
+        )  # fmt: skip
+        return seen
+
+    def write(self, block: Block) -> None:
+        """Take a block."""
+        if len(block.time):
+            self.steps += len(block.time)
+            self._probes.widen(block.probes.displacement)
+            self._channels.widen(block.channels)
+        if block.fields.displacement.size:
+            largest = np.abs(block.fields.displacement).max(axis=1)
+            row = int(np.argmax(largest))
+            if largest[row] > np.abs(self.most_bent).max(initial=0.0):
+                self.most_bent = block.fields.displacement[row].copy()
+
+    def close(self, status: Status, stats: Stats) -> None:
+        """Do nothing: the figures are asked for."""
+
+    def probe(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """Return least and largest displacement of a probe, or of one component of it, shape (components,).
+
+        Raises
+        ------
+        InputError
+            If nothing of that name was saved.
+        """
+        columns = self.outline.columns(name)
+        return self._probes.least[columns], self._probes.largest[columns]
+
+    def channel(self, name: str) -> tuple[float, float]:
+        """Return least and largest value of a channel; zeros where it was not saved."""
+        at = self._channel.get(name)
+        return (0.0, 0.0) if at is None else (float(self._channels.least[at]), float(self._channels.largest[at]))
+
+
+class _Bounds:
+    """Least and largest of some columns; zeros before anything came."""
+
+    def __init__(self, width: int) -> None:
+        self.least: FloatArray = np.zeros(width)
+        self.largest: FloatArray = np.zeros(width)
+        self._begun = False
+
+    def widen(self, rows: FloatArray) -> None:
+        least, largest = rows.min(axis=0), rows.max(axis=0)
+        self.least = np.minimum(self.least, least) if self._begun else least
+        self.largest = np.maximum(self.largest, largest) if self._begun else largest
+        self._begun = True
+
+
+_SLACK = 1e-6
+"""Part of a span by which it is kept longer: instants at its beginning are rounded."""
+
+
+def _arrays(series: Series) -> Sequence[FloatArray]:
+    return series.displacement, series.velocity, series.acceleration
+
+
+def _empty(outline: Outline) -> Block:
+    nothing = np.zeros(0)
+    probes = np.zeros((0, sum(len(components) for _, components in outline.probes)))
+    fields = np.zeros((0, len(outline.unknowns)))
+    channels = np.zeros((0, len(outline.channels)))
+    return Block(
+        nothing, nothing, Series(probes, probes, probes), channels, nothing, nothing, Series(fields, fields, fields)
+    )

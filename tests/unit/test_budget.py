@@ -1,0 +1,158 @@
+"""What a run takes, estimated beforehand, against what it takes; and what there is, as systems tell it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import flexcam
+from flexcam.budget import Budget, affordable, free_disk, free_memory, room, within
+from flexcam.checks import InputError
+from flexcam.runner import budget_of, prepare, result_file
+from flexcam.sweep import afford, study
+
+ROOT = Path(__file__).parents[2]
+CASE = ROOT / "tests/data/inline.toml"
+
+SIZES = {
+    "one revolution": (CASE, []),
+    "many revolutions": (CASE, ["run.revolutions=12"]),
+    "every field": (CASE, ["output.field_every=1"]),
+    "few fields": (CASE, ["run.revolutions=10", "output.field_every=10000"]),
+    "many elements": (CASE, ["members.camshaft.elements=100", "run.revolutions=0.4"]),
+    "a published train": (ROOT / "cases/tayeb/model-3-shm.toml", []),
+    "an engine": (ROOT / "tests/data/every-engine.toml", ["run.revolutions=0.2"]),
+}
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_the_file_is_as_large_as_was_said(name, tmp_path):
+    """Within 5 %: counted, but for HDF5's own index and heads."""
+    case, settings = SIZES[name]
+    ready = prepare(flexcam.read_case(case, settings))
+    sink = result_file(ready, tmp_path)
+    assert flexcam.solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink]).status.ok
+    assert budget_of(ready).file == pytest.approx(sink.path.stat().st_size, rel=0.05)
+
+
+MEASURED = """
+import json, resource, sys
+from pathlib import Path
+import numba, scipy.linalg.lapack, scipy.sparse.linalg
+import flexcam
+from flexcam.memory import Extremes
+from flexcam.runner import budget_of, prepare, recent, result_file
+from flexcam.train import StrengthSink, build_structure
+keep, case = sys.argv[1], flexcam.read_case(sys.argv[2], sys.argv[3:])
+def taken():
+    return int(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0]) * 1024
+before = taken()
+ready = prepare(case)
+few = recent(ready)
+sinks = [result_file(ready, "."), StrengthSink(build_structure(ready.model)), Extremes(few.outline)]
+memory = few if keep == "revolution" else None
+response = flexcam.solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, memory=memory)
+print(json.dumps([budget_of(ready, keep).memory, taken() - before, response.stats.path]))
+"""
+
+RUNS = {
+    "small": ("all", []),
+    "kept whole": ("all", ["run.revolutions=20"]),
+    "kept in part": ("revolution", ["run.revolutions=20"]),
+    "machine code": ("all", ["run.revolutions=200"]),
+    "fields": ("all", ["run.revolutions=20", "output.field_every=1"]),
+    "2e3 unknowns": ("revolution", ["members.camshaft.elements=100"]),
+    "2e4 unknowns": ("revolution", ["members.camshaft.elements=1000"]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peaks of memory as Linux tells them")
+@pytest.mark.parametrize("name", RUNS)
+def test_memory_is_what_was_said(name, tmp_path):
+    """Within a factor of two, as the process has it."""
+    keep, settings = RUNS[name]
+    words = [sys.executable, "-c", MEASURED, keep, str(CASE), *settings]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True)
+    said, measured, path = json.loads(done.stdout)
+    assert (path == "compiled") == (name == "machine code")
+    assert 0.5 < said / measured < 2.0
+
+
+def test_histories_count_only_where_they_are_kept():
+    short, long = (prepare(flexcam.read_case(CASE, [f"run.revolutions={n}"])) for n in (10, 1000))
+    assert budget_of(long).histories == pytest.approx(100 * budget_of(short).histories, rel=0.01)
+    assert budget_of(long, "revolution").histories == budget_of(short, "revolution").histories
+
+
+def test_too_large_a_run_is_refused_with_figures(monkeypatch):
+    monkeypatch.setattr(within, "free_memory", lambda: 10_000_000)
+    monkeypatch.setattr(within, "free_disk", lambda _: 2_000_000_000)
+    large = Budget(1_000_000, 2_000_000, 3_000_000, 14_000_000, 5_000_000_000)
+    with pytest.raises(InputError) as refused:
+        affordable(large, Path("results"), together=2)
+    memory, disk = refused.value.faults
+    assert memory.given == (
+        "a run of 20 MB: 1 MB of programs, 2 MB of matrices, 3 MB of blocks of steps, 14 MB of histories; "
+        "2 side by side"
+    )
+    assert (memory.where, memory.allowed, memory.why) == ("memory", "up to 9 MB", "10 MB are free")
+    assert (disk.where, disk.given, disk.allowed) == ("disk", "a result file of 5 GB", "up to 1.8 GB")
+    assert "field_every" in disk.remedy
+    assert "--allow-large" in memory.remedy
+    affordable(replace(large, histories=0, file=1), Path("results"))
+
+
+def test_what_a_system_does_not_tell_refuses_nothing(monkeypatch):
+    monkeypatch.setattr(within, "free_memory", lambda: None)
+    monkeypatch.setattr(within, "free_disk", lambda _: None)
+    affordable(Budget(0, 0, 0, 10**18, 10**18), Path())
+
+
+def test_a_run_in_python_is_refused_too(monkeypatch):
+    monkeypatch.setattr(within, "free_memory", lambda: 1_000_000)
+    case = flexcam.read_case(CASE)
+    with pytest.raises(InputError, match="memory: given a run of"):
+        flexcam.run(case)
+    assert flexcam.run(case, allow_large=True).status.ok
+
+
+def test_a_sweep_is_refused_for_its_first_variant(monkeypatch, tmp_path):
+    asked = study(CASE, ["run.speed=1000:3000:1000rpm"])
+    needs = budget_of(prepare(flexcam.read_case(CASE)))
+    monkeypatch.setattr(within, "free_memory", lambda: 2 * needs.memory)
+    monkeypatch.setattr(within, "free_disk", lambda _: 2 * needs.file)
+    afford(asked, together=1)
+    with pytest.raises(InputError, match="3 side by side"):
+        afford(asked, together=3)
+    with pytest.raises(InputError, match="disk: given a result file"):
+        afford(asked, tmp_path)
+
+
+def test_this_machine_has_room():
+    assert (free_memory() or 1) > 0
+    assert (free_disk(Path("/no/such/folder")) or 1) > 0
+
+
+def test_limits_of_control_groups_count(tmp_path):
+    """Second version: the group's own limit and those above it; first version: that of the memory controller."""
+    own = tmp_path / "cgroup"
+    group = tmp_path / "root/batch/job"
+    group.mkdir(parents=True)
+    for folder, limit, used in ((group, "max", "5"), (group.parent, "1000", "400"), (group.parent.parent, "9999", "1")):
+        (folder / "memory.max").write_text(limit + "\n")
+        (folder / "memory.current").write_text(used + "\n")
+    own.write_text("0::/batch/job\n")
+    assert sorted(room.of_groups(tmp_path / "root", own)) == [600, 9998]
+    older = tmp_path / "root/memory/job"
+    older.mkdir(parents=True)
+    (older / "memory.limit_in_bytes").write_text("800")
+    (older / "memory.usage_in_bytes").write_text("900")
+    own.write_text("3:cpu,cpuacct:/job\n2:memory:/job\n")
+    assert list(room.of_groups(tmp_path / "root", own))[0] == 0  # noqa: RUF015
+    assert list(room.of_groups(tmp_path / "root", tmp_path / "nothing")) == []
