@@ -36,7 +36,20 @@ def completed(structure: Structure, motion: FloatArray) -> FloatArray:
 
 
 def with_springs(structure: Structure, motion: FloatArray) -> FloatArray:
-    """Return a motion with the inner parts of springs evenly between their ends, shape (n,)."""
+    """Return a motion with the inner parts of springs evenly between their ends.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    motion
+        Of its unknowns, shape (n,), m and rad.
+
+    Returns
+    -------
+    ndarray
+        Shape (n,).
+    """
     moved = motion.copy()
     for name, spring in structure.model.springs.items():
         ends = [float(row @ motion) for row in spring_ends(structure, name, spring)]
@@ -47,7 +60,22 @@ def with_springs(structure: Structure, motion: FloatArray) -> FloatArray:
 
 
 def shifted(structure: Structure, node: int, direction: FloatArray) -> FloatArray:
-    """Return the unit motion of everything that members connect to a node, shape (n,)."""
+    """Return the unit motion of everything that members connect to a node.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    node
+        Its number.
+    direction
+        Shape (6,), global axes.
+
+    Returns
+    -------
+    ndarray
+        Shape (n,).
+    """
     motion = np.zeros(structure.dofs.size)
     numbers = structure.dofs.numbers[structure.model.mesh.connected(node)]
     motion[numbers[numbers >= 0]] = np.broadcast_to(direction, numbers.shape)[numbers >= 0]

@@ -92,7 +92,7 @@ def content(path):
 
     def visit(name, item):
         for key, value in item.attrs.items():
-            if key not in ("DIMENSION_LIST", "REFERENCE_LIST", "seconds"):
+            if key not in ("DIMENSION_LIST", "REFERENCE_LIST", "seconds", "seal"):  # the seal covers date and seconds
                 found[f"{name}@{key}"] = np.asarray(value).tolist()
         if isinstance(item, h5py.Dataset) and name != "about/created":
             found[name] = item[()] if item.dtype.kind == "O" else (item.shape, item[()].tobytes())
