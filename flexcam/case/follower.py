@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
-
 from pydantic import ValidationError
 
 from flexcam.cam import Follower, Turn
 from flexcam.case.lines import Places
 from flexcam.case.report import faults
 from flexcam.case.tables.cams import FreeCamRecord
+from flexcam.case.toml import toml
 from flexcam.checks import InputError, refuse
 
 
@@ -42,8 +41,8 @@ def given_follower(follower: str, base_radius: str | None = None, *, clockwise: 
     (FlatFollower(base_radius=0.5), 1)
     """
     try:
-        table = tomllib.loads(f"follower = {follower}")["follower"]
-    except tomllib.TOMLDecodeError as fault:
+        table = toml(f"follower = {follower}")["follower"]
+    except ValueError as fault:
         allowed = 'a table such as { type = "roller", radius = "9 mm" }'
         raise refuse("follower", follower, allowed, str(fault), "texts need quotes") from None
     given = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import re
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -24,6 +23,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from flexcam.case import quantity as q
+from flexcam.case.toml import toml
 from flexcam.checks import InputError, did_you_mean, positive, refuse
 from flexcam.io import named_file, read_lift
 from flexcam.motion import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
@@ -108,7 +108,7 @@ def _from_file_or_value(make: Callable[[object, Path], object]) -> CoreSchema:
             return make(value, folder)
         except InputError as refusal:
             # A fault of the value itself has no place inside it.
-            raise q.passed_on(refusal, inside=refusal.faults[0].where != "law") from None
+            raise q.passed_on(refusal, inside=refusal.faults[0].where not in ("law", "lift_table")) from None
 
     written = core_schema.plain_serializer_function_ser_schema(lambda made: made.given)
     return core_schema.with_info_plain_validator_function(validate, serialization=written)
@@ -258,11 +258,11 @@ def toml_table(path: Path, name: str) -> dict[str, Any]:
         If the file cannot be read or has no such table.
     """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = toml(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
         raise refuse(str(path), "no such file", f"an existing file with a table [{name}]", "", near) from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as fault:
+    except (OSError, ValueError) as fault:
         raise refuse(str(path), "no TOML document", f"a readable file with a table [{name}]", str(fault)) from None
     if content.get("format", 1) != 1:
         raise refuse(f"{path.name}: format", repr(content["format"]), "1", "a newer flexcam wrote it")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
@@ -20,6 +19,7 @@ from flexcam.case.report import faults
 from flexcam.case.tables.base import Record
 from flexcam.case.tables.run import NewmarkRecord
 from flexcam.case.tables.sweep import SweepOnly, SweepRecord
+from flexcam.case.toml import toml
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
 from flexcam.io import Result, named_file, read_mesh
@@ -293,10 +293,11 @@ def _parsed(source: Path) -> tuple[str, dict[str, Any]]:
 
 def _tables(source: Path, text: str) -> dict[str, Any]:
     try:
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as fault:
+        tables = toml(text)
+    except ValueError as fault:
         remedy = "strings need quotes, tables need [brackets]"
         raise refuse(str(source), str(fault), "a TOML document", "", remedy) from None
+    return tables
 
 
 def _overridden(raw: dict[str, Any], text: str, overrides: Sequence[str]) -> tuple[Places, list[Fault]]:
@@ -346,8 +347,8 @@ _OPTIONAL_TABLES = {"damping", "integrator"}
 
 def _toml_value(text: str) -> object:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        return toml(f"value = {text}")["value"]
+    except ValueError:
         return text
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from flexcam.case import given_law, law_file
+from flexcam.case.toml import toml
 from flexcam.checks import did_you_mean, refuse
 from flexcam.commands.app import Json, Overwrite, Picture, app
 from flexcam.console.laws import law_facts, law_json, laws_table, spectrum_table
@@ -49,8 +49,8 @@ def find_law(name: str, parameters: list[str] | None = None) -> Law:
                 "--with", repr(one), "every parameter once", f"{key.strip()!r} is given twice", "leave one out"
             )
         try:
-            given[key.strip()] = tomllib.loads(f"value = {value}")["value"]
-        except tomllib.TOMLDecodeError:
+            given[key.strip()] = toml(f"value = {value}")["value"]
+        except ValueError:
             raise refuse("--with", repr(one), "a number or a list, such as exponents=[3,4,5]") from None
     return given_law(given).law
 

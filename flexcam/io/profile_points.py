@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -60,9 +61,10 @@ def _parts(line: str) -> list[str]:
 def _numbers(parts: list[str], columns: tuple[int, int]) -> list[float]:
     """Return the two numbers of a row, or nothing."""
     try:
-        return [float(parts[column]) for column in columns]
+        found = [float(parts[column]) for column in columns]
     except (ValueError, IndexError):
         return []
+    return found if all(map(math.isfinite, found)) else []
 
 
 def _columns(head: list[str], path: Path) -> tuple[int, int]:

@@ -25,7 +25,7 @@ from flexcam.sweep import read_table
 from tests.fuzz import damage, mutate
 
 ROOT = Path(__file__).parents[2]
-STEPS = 12
+STEPS = 3
 """Steps that an accepted case is run for."""
 
 

@@ -1,0 +1,58 @@
+"""TOML text to tables, with bounds: Python's own reader has none for numbers of many digits and nested brackets."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any, cast
+
+_DEPTH = 30
+"""Tables in tables and lists in lists; a case has five."""
+
+_LONGEST = 1 << 26
+"""Characters of a text."""
+
+
+def toml(text: str) -> dict[str, Any]:
+    """Return the tables of a TOML text.
+
+    Parameters
+    ----------
+    text
+        The text.
+
+    Returns
+    -------
+    dict
+        As `tomllib.loads`.
+
+    Raises
+    ------
+    ValueError
+        If it is no TOML, or longer or deeper than any file of flexcam; `tomllib.TOMLDecodeError` is one.
+
+    Examples
+    --------
+    >>> toml("a.b = 1")
+    {'a': {'b': 1}}
+    """
+    if len(text) > _LONGEST:
+        raise ValueError(f"{len(text)} characters, more than {_LONGEST}")
+    try:
+        tables = tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    level: list[object] = [tables]
+    for _ in range(_DEPTH):
+        level = [inner for one in level for inner in _inside(one)]
+        if not level:
+            return tables
+    raise ValueError(_TOO_DEEP)
+
+
+_TOO_DEEP = f"tables or lists nested more than {_DEPTH} deep"
+
+
+def _inside(one: object) -> list[object]:
+    if isinstance(one, dict):
+        return [*cast("dict[str, object]", one).values()]
+    return cast("list[object]", one) if isinstance(one, list) else []
