@@ -141,12 +141,8 @@ def verified_words(path: Path, found: Verified) -> str:
     str
         A sentence or two.
     """
-    read = f"{path} is sound: {found.datasets} datasets, {found.bytes} bytes read, {found.checked} with a checksum each"
-    seal = (
-        "the seal covers names, units, texts and lengths" if found.sealed else "it has no seal: texts are not covered"
-    )
-    partial = "" if found.complete else ". The run that wrote it did not come to its end; what it counted is whole"
-    return f"{read}; {seal}{partial}"
+    partial = "" if found.complete else ". The run that wrote it did not come to its end; what it holds is whole"
+    return f"{path} is sound: {found.datasets} datasets, {found.bytes} bytes, as they were written{partial}"
 
 
 def info_table(result: Result) -> Table:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import zlib
 from typing import Any
 
 import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
+from flexcam.io.sealed import keep_sum
+from flexcam.io.texts import note
 from flexcam.linalg import FloatArray, IntArray
 
 _CHECKED: dict[str, Any] = {"fletcher32": True}
@@ -95,8 +97,9 @@ class Growing:
             (chunk_rows(rows, width or 1), *self._columns),
         )
         self.dataset: Any = group.create_dataset(name, shape, kind, maxshape=limit, chunks=chunk, **_CHECKED)
-        self.dataset.attrs["units"] = unit
-        self._length = 0
+        note(self.dataset, "units", unit)
+        self._length, self._kind, self._sum = 0, kind, 0
+        self.sum()
 
     def __len__(self) -> int:
         return self._length
@@ -113,7 +116,13 @@ class Growing:
         if len(rows):
             there: Any = self.dataset.id.get_space()
             there.select_hyperslab((first, *(0 for _ in self._columns)), rows.shape)
-            self.dataset.id.write(_space(rows.shape), there, np.ascontiguousarray(rows))
+            values = np.ascontiguousarray(rows, dtype=self._kind)
+            self._sum = zlib.crc32(values.data, self._sum)
+            self.dataset.id.write(_space(rows.shape), there, values)
+
+    def sum(self) -> None:
+        """Write the checksum of all rows so far."""
+        keep_sum(self.dataset, self._sum)
 
 
 def fixed(group: Any, name: str, values: FloatArray | IntArray, unit: str = "") -> Any:  # noqa: ANN401
@@ -138,19 +147,6 @@ def fixed(group: Any, name: str, values: FloatArray | IntArray, unit: str = "") 
     array = np.asarray(values)
     checked = {"chunks": _chunks(array.shape), **_CHECKED} if array.size else {}  # nothing has no chunk
     dataset = group.create_dataset(name, data=array, **checked)
-    dataset.attrs["units"] = unit
+    note(dataset, "units", unit)
+    keep_sum(dataset, zlib.crc32(np.ascontiguousarray(array).data))
     return dataset
-
-
-def texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401
-    """Write texts into a group, one dataset each.
-
-    Parameters
-    ----------
-    group
-        Where they go.
-    content
-        Name to text.
-    """
-    for name, text in content.items():
-        group.create_dataset(name, data=text, dtype=h5py.string_dtype())  # pyright: ignore[reportUnknownMemberType]

@@ -123,7 +123,7 @@ def _faults(file: Any, size: int) -> Iterator[Fault]:  # noqa: ANN401
     groups = [file]
     while groups:
         group = groups.pop()
-        yield from _leading_out(group)
+        yield from (*_leading_out(group), *_of_attributes(group))
         for _, one in children(group):
             address = int(_module.h5o.get_info(one.id).addr)
             if isinstance(one, _module.Dataset):
@@ -158,7 +158,25 @@ def _of_dataset(one: Any) -> Iterator[Fault]:  # noqa: ANN401
     if filters - _FILTERS:
         given = f"filter {min(filters - _FILTERS)}"
         yield Fault(one.name, given, "shuffle, gzip and fletcher32", "other filters are code that is loaded", "")
-    text = _module.check_string_dtype(one.dtype) is not None
-    if one.dtype.kind not in "fiubS" and not text:
+    if one.dtype.kind not in "fiubS":
         given = "references" if _module.check_ref_dtype(one.dtype) else f"values of type {one.dtype}"
-        yield Fault(one.name, given, "numbers and texts", "nothing else is read", "")
+        yield Fault(one.name, given, _PLAIN, _OTHER_KINDS, _EARLIER)
+    yield from _of_attributes(one)
+
+
+_PLAIN = "numbers and texts of fixed length"
+_OTHER_KINDS = "others can lead out of the file, or HDF5 into an endless loop"
+_EARLIER = "if an earlier flexcam wrote it, compute it again"
+
+
+def _of_attributes(one: Any) -> Iterator[Fault]:  # noqa: ANN401
+    for name in one.attrs:
+        if name not in SCALES and one.attrs.get_id(name).dtype.kind not in "fiubS":
+            where = f"{one.name.rstrip('/')}, attribute {name}"
+            yield Fault(
+                where,
+                "a text of variable length or a reference",
+                _PLAIN,
+                _OTHER_KINDS,
+                _EARLIER,
+            )

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import zlib
 from io import BytesIO
 from typing import Any
 
 import numpy as np
 
 from flexcam.checkpoint import Checkpoint
+from flexcam.io.sealed import keep_sum
+from flexcam.io.texts import note, noted
 
 _NAME = "checkpoint"
 _CHUNK = 4096
@@ -32,7 +35,9 @@ def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401
     kept = file[_NAME]
     kept.resize((len(content),))
     kept[:] = content
-    kept.attrs["steps"], kept.attrs["problem"] = checkpoint.steps, checkpoint.problem
+    kept.attrs["steps"] = checkpoint.steps
+    note(kept, "problem", checkpoint.problem)
+    keep_sum(kept, zlib.crc32(content.data))
 
 
 def read_checkpoint(file: Any) -> Checkpoint | None:  # noqa: ANN401
@@ -58,7 +63,7 @@ def read_checkpoint(file: Any) -> Checkpoint | None:  # noqa: ANN401
     kept = file[_NAME]
     with np.load(BytesIO(kept[()].tobytes()), allow_pickle=False) as packed:
         arrays = dict(packed.items())
-    return Checkpoint(int(kept.attrs["steps"]), str(kept.attrs["problem"]), arrays)
+    return Checkpoint(int(kept.attrs["steps"]), noted(kept, "problem"), arrays)
 
 
 def drop_checkpoint(file: Any) -> None:  # noqa: ANN401

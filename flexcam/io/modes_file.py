@@ -9,10 +9,10 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.io.geometry import Geometry
-from flexcam.io.growing import texts
 from flexcam.io.pvd import Frame, write_collection, write_vtp
 from flexcam.io.sealed import seal
 from flexcam.io.target import free_to_write
+from flexcam.io.texts import texts
 from flexcam.io.vtk_group import VtkGroup, still_data
 from flexcam.linalg import FloatArray
 
@@ -70,7 +70,9 @@ def write_modes(
         texts(
             file.create_group("about"), {"kind": "modes", "frequencies_hz": " ".join(f"{f:.9g}" for f in frequencies)}
         )
-        seal(file, complete=True)
+        for one in group.grown:
+            one.sum()
+        seal(file)
     constant = {name: values for name, (values, _) in still.items()}
     write_vtp(still_path, Frame(geometry.mesh, geometry.node, {**constant, **drawn}))
     frames = (Frame(geometry.mesh, geometry.node, {**constant, **{n: s * d for n, d in drawn.items()}}) for s in swing)

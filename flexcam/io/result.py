@@ -11,10 +11,11 @@ import numpy as np
 
 from flexcam.checks import InputError, refuse
 from flexcam.fem import COMPONENTS, Mesh
-from flexcam.io.extents import doubly_used, taken
 from flexcam.io.geometry import RECOVERED
-from flexcam.io.guard import datasets, guarded
+from flexcam.io.guard import guarded
 from flexcam.io.sealed import seal_fault
+from flexcam.io.sound import taken
+from flexcam.io.texts import noted, notes, read_texts
 from flexcam.io.vtkhdf import FORMAT, SERIES, VECTORS
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.response import Cause, Outline, Response, Series, Stats, Status
@@ -118,19 +119,18 @@ def check_whole(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no 
     Raises
     ------
     InputError
-        If so. A file of format 1 has no seal to tell it by.
+        If so.
     """
-    form = int(file["about/format"].asstr()[()])
+    form = int(bytes(file["about/format"][()]))
     if form > FORMAT:
         given = f"{source} of format {form}"
         raise refuse("result", given, f"up to format {FORMAT}", "it is newer", "update flexcam")
-    found = [seal_fault(file, complete="status" in file) if form > 1 else None, doubly_used(datasets(file))]
-    if faults := [fault for fault in found if fault]:
-        raise InputError(faults)
+    if fault := seal_fault(file):
+        raise InputError([fault])
 
 
 def _result(file: Any) -> Result:  # noqa: ANN401
-    about = {name: item.asstr()[()] for name, item in file["about"].items()}
+    about = read_texts(file["about"])
     vtk = file["VTKHDF"]
     data, mesh = vtk["PointData"], _mesh(file)
     count, points = min(int(vtk["Steps"].attrs["NSteps"]), len(vtk["Steps/Values"])), int(vtk["NumberOfPoints"][0])
@@ -147,7 +147,7 @@ def _result(file: Any) -> Result:  # noqa: ANN401
 def _mesh(file: Any) -> Mesh:  # noqa: ANN401
     vtk, group = file["VTKHDF"], file["mesh"]
     node, ends = taken(vtk["PointData/node"]), taken(vtk["Lines/Offsets"]).tolist()
-    names = [str(name) for name in vtk["CellData/member"].attrs["names"]]
+    names = notes(vtk["CellData/member"], "names")
     lines = {name: node[a:b] for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
     return Mesh(taken(group["nodes"]), lines, {name: taken(index) for name, index in group["points"].items()})
 
@@ -155,13 +155,13 @@ def _mesh(file: Any) -> Mesh:  # noqa: ANN401
 def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
     vtk, history = file["VTKHDF"], file["history"]
     steps = int(history.attrs["steps"])
-    probes = tuple((name, tuple(str(c) for c in one.attrs["components"])) for name, one in history["probes"].items())
+    probes = tuple((name, notes(one, "components")) for name, one in history["probes"].items())
     channels = history["channels"].items()
     return Response(
         outline=Outline(
             tuple(f"node {n}.{c}" for n in range(nodes) for c in COMPONENTS),
             probes,
-            tuple((name, str(data.attrs["units"])) for name, data in channels),
+            tuple((name, noted(data, "units")) for name, data in channels),
         ),
         time=taken(history["time"], steps),
         angle=taken(history["cam_angle"], steps),
@@ -243,13 +243,17 @@ def status_of(file: Any) -> Status:  # noqa: ANN401
     """
     if "status" not in file:
         return Status(Cause.INTERRUPTED, "the run was cut off before it could say why", "flexcam run --resume goes on")
-    texts = {name: item.asstr()[()] for name, item in file["status"].items()}
+    texts = read_texts(file["status"])
     return Status(Cause(texts["cause"]), texts["text"], texts["remedy"])
 
 
 def _stats(file: Any) -> Stats:  # noqa: ANN401
     if "status" not in file:
         return Stats()
-    attrs = file["status"].attrs
-    known = {name: default for name, default in Stats().__dict__.items() if name in attrs}
-    return Stats(**{name: type(default)(attrs[name]) for name, default in known.items()})
+    group = file["status"]
+    known = {name: default for name, default in Stats().__dict__.items() if name in group.attrs}
+    kept: dict[str, Any] = {
+        name: noted(group, name) if isinstance(default, str) else type(default)(group.attrs[name])
+        for name, default in known.items()
+    }
+    return Stats(**kept)

@@ -10,7 +10,7 @@ from flexcam.io.growing import chunk_rows
 from flexcam.io.vtkhdf import SERIES, VECTORS
 from flexcam.response import Outline, SaveAt
 
-_NUMBER, _CHUNK, _DATASET = 8, 80, 3000
+_NUMBER, _CHUNK, _DATASET = 8, 80, 4200
 """Bytes of a number, of a chunk's checksum and entry in the index, of a dataset's head and the first of its index."""
 
 _ABOUT = 30_000

@@ -1,8 +1,9 @@
-"""What checksums of HDF5 do not cover: names, types, attributes and texts, under one SHA-256, the seal of the file.
+"""The seal of a file: one SHA-256 over names, types, lengths, attributes and texts, and over a checksum of all numbers.
 
-Numbers that grow have a checksum per chunk (fletcher32), but HDF5's own records have none in its oldest and best-known
-format: a flipped byte would rename a probe, lose a unit or take a chunk for another. The seal is written twice: with
-what is fixed when a file begins, and with everything when it is complete.
+Chunks of numbers have a checksum each (fletcher32), but HDF5's own records have none in its oldest and best-known
+format: a flipped byte could rename a probe, lose a unit, or lead to another chunk, even to zeros whose checksum fits.
+So every dataset of numbers has a CRC-32 over all its rows as an attribute, taken while it is written, and the seal
+covers these with everything else.
 """
 
 from __future__ import annotations
@@ -20,22 +21,32 @@ from flexcam.io.guard import SCALES, children
 SEAL = "seal"
 """Attribute of the root that holds the digest, hexadecimal."""
 
-_COUNTERS = frozenset({"steps", "NSteps"})
-_CHANGING = frozenset({"status", "checkpoint"})
-"""Attributes that change while a file grows; what is written anew at times or at its end."""
+SUM = "crc32"
+"""Attribute of a dataset that holds the checksum of its rows."""
 
 _module: Any = h5py
 
 
-def digest(file: Any, *, complete: bool) -> str:  # noqa: ANN401 - h5py has no types
-    """Return the SHA-256 of everything that no checksum covers.
+def keep_sum(dataset: Any, value: int) -> None:  # noqa: ANN401 - h5py has no types
+    """Write the checksum of a dataset.
+
+    Parameters
+    ----------
+    dataset
+        Of h5py.
+    value
+        CRC-32 of its rows.
+    """
+    dataset.attrs.modify(SUM, np.uint32(value))  # in place, where it is there already
+
+
+def digest(file: Any) -> str:  # noqa: ANN401
+    """Return the SHA-256 of everything in a file but numbers that have a checksum, which it covers by that.
 
     Parameters
     ----------
     file
         Of h5py.
-    complete
-        Whether lengths, counters and the status count, which change while a file grows.
 
     Returns
     -------
@@ -43,33 +54,29 @@ def digest(file: Any, *, complete: bool) -> str:  # noqa: ANN401 - h5py has no t
         Hexadecimal.
     """
     sum_ = hashlib.sha256()
-    for part in _parts(file, complete):
+    for part in _parts(file):
         sum_.update(len(part).to_bytes(8, "little") + part)
     return sum_.hexdigest()
 
 
-def seal(file: Any, *, complete: bool) -> None:  # noqa: ANN401
+def seal(file: Any) -> None:  # noqa: ANN401
     """Write the seal into a file that is open for writing.
 
     Parameters
     ----------
     file
         Of h5py.
-    complete
-        As for `digest`.
     """
-    file.attrs[SEAL] = np.bytes_(digest(file, complete=complete).encode())
+    file.attrs[SEAL] = np.bytes_(digest(file).encode())
 
 
-def seal_fault(file: Any, *, complete: bool) -> Fault | None:  # noqa: ANN401
+def seal_fault(file: Any) -> Fault | None:  # noqa: ANN401
     """Return what is wrong with the seal of a file; None if nothing is.
 
     Parameters
     ----------
     file
         Of h5py.
-    complete
-        As for `digest`.
 
     Returns
     -------
@@ -79,44 +86,55 @@ def seal_fault(file: Any, *, complete: bool) -> Fault | None:  # noqa: ANN401
     remedy = "compute it again, or take it from a sound copy"
     if SEAL not in file.attrs:
         return Fault("/, seal", "nothing", "the seal every such file has", "names and texts may be damaged", remedy)
-    if bytes(file.attrs[SEAL]).decode("ascii", "replace") == digest(file, complete=complete):
+    if bytes(file.attrs[SEAL]).decode("ascii", "replace") == digest(file):
         return None
     why = "a name, a unit, a text or a length is not what was written"
     return Fault("/, seal", "a seal that does not fit", "a file as it was written", why, remedy)
 
 
-def _parts(file: Any, complete: bool) -> Iterator[bytes]:  # noqa: ANN401
+def _parts(file: Any) -> Iterator[bytes]:  # noqa: ANN401
     groups: list[Any] = [file]
     seen: set[int] = set()
     while groups:
         group = groups.pop()
-        yield from _attributes(group, complete)
+        yield from _attributes(group)
         for name, one in children(group):
-            if group.name == "/" and name in _CHANGING and not complete:
-                continue
             yield f"{group.name}/{name}".encode()
             address = int(_module.h5o.get_info(one.id).addr)
             if address in seen:
                 continue
             seen.add(address)
             if isinstance(one, _module.Dataset):
-                yield from _dataset(one, complete)
+                yield from _dataset(one)
             else:
                 groups.append(one)
 
 
-def _attributes(one: Any, complete: bool) -> Iterator[bytes]:  # noqa: ANN401
+def _attributes(one: Any) -> Iterator[bytes]:  # noqa: ANN401
     for name in sorted(one.attrs):
-        if name not in SCALES and name != SEAL and (complete or name not in _COUNTERS):
+        if name not in SCALES and name != SEAL:
             value = np.asarray(one.attrs[name])
             yield f"{name} {value.dtype.kind} {value.shape} {value.tolist()!r}".encode()
 
 
-def _dataset(one: Any, complete: bool) -> Iterator[bytes]:  # noqa: ANN401
-    grows = one.maxshape is not None and None in one.maxshape
-    shape = one.maxshape if grows and not complete else one.shape
-    yield f"{one.dtype.str} {shape}".encode()
-    yield from _attributes(one, complete)
-    if not one.fletcher32 and one.size:
-        value = np.asarray(one[()])
-        yield repr(value.tolist()).encode() if one.dtype.kind == "O" else value.tobytes()
+def _dataset(one: Any) -> Iterator[bytes]:  # noqa: ANN401
+    yield f"{one.dtype.str} {one.shape}".encode()
+    yield from _attributes(one)
+    if SUM not in one.attrs and one.size and not all_zero_by_design(one):
+        yield np.asarray(one[()]).tobytes()
+
+
+def all_zero_by_design(one: Any) -> bool:  # noqa: ANN401
+    """Tell whether a dataset is one of VTK's offsets, which are zero at every step and take no room.
+
+    Parameters
+    ----------
+    one
+        A dataset of h5py.
+
+    Returns
+    -------
+    bool
+        Whether nothing of it is stored.
+    """
+    return one.chunks is not None and str(one.name).startswith("/VTKHDF/Steps/") and not one.id.get_num_chunks()

@@ -16,6 +16,7 @@ from flexcam.io.geometry import Geometry
 from flexcam.io.guard import guarded
 from flexcam.io.kept_state import read_checkpoint
 from flexcam.io.result import check_whole, nodal_fields, status_of, vectors_of
+from flexcam.io.texts import read_texts
 from flexcam.io.vtkhdf import SERIES
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.response import Block, Cause, Outline, SaveAt, Series, Status
@@ -57,7 +58,7 @@ class Unfinished:
             check_whole(file, path)
         try:
             self._file: Any = h5py.File(path, "r", locking=False)
-            self.about: Mapping[str, str] = {name: item.asstr()[()] for name, item in self._file["about"].items()}
+            self.about: Mapping[str, str] = read_texts(self._file["about"])
             self.status: Status = status_of(self._file)
             found = read_checkpoint(self._file)
         except (OSError, KeyError, ValueError, zipfile.BadZipFile) as fault:

@@ -13,6 +13,7 @@ import numpy as np
 
 from flexcam.io.geometry import Geometry
 from flexcam.io.growing import Growing, fixed
+from flexcam.io.texts import note
 from flexcam.linalg import FloatArray, IntArray
 
 Still = Mapping[str, tuple[FloatArray | IntArray, str]]
@@ -103,6 +104,11 @@ class VtkGroup:
         self._parts.extend(np.ones(count, int))
         self._offsets.extend((self._steps + np.arange(count)) * self._points)
 
+    @property
+    def grown(self) -> list[Growing]:
+        """Datasets that grow and hold more than zeros."""
+        return [*self._data.values(), self._parts, self._offsets, self._times]
+
     def count(self, more: int) -> None:
         """Count appended steps; to be flushed before `stamp`, because VTK trusts the times to have their data."""
         self._steps += more
@@ -131,4 +137,4 @@ def _write_lines(vtk: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py h
         fixed(group, "Connectivity", connectivity)
         fixed(group, "Offsets", offsets)
     member = fixed(vtk.create_group("CellData"), "member", geometry.cells())
-    member.attrs["names"] = list(mesh.lines)
+    note(member, "names", list(mesh.lines))

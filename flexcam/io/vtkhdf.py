@@ -19,10 +19,11 @@ from flexcam.checkpoint import Checkpoint
 from flexcam.checks import refuse
 from flexcam.io.draft import Draft
 from flexcam.io.geometry import RECOVERED, Geometry
-from flexcam.io.growing import Growing, fixed, ordered, texts
+from flexcam.io.growing import Growing, fixed, ordered
 from flexcam.io.kept_state import drop_checkpoint, write_checkpoint
 from flexcam.io.sealed import seal
 from flexcam.io.target import free_to_write
+from flexcam.io.texts import note, texts
 from flexcam.io.vtk_group import VtkGroup, still_data
 from flexcam.linalg import FloatArray
 from flexcam.response import Block, Outline, SaveAt, Stats, Status
@@ -102,7 +103,7 @@ class ResultFile:
         self._create_history(save.block)
         _write_mesh(self._file, geometry)
         texts(self._file.create_group("about"), {"format": str(FORMAT), **about})
-        seal(self._file, complete=False)
+        self._seal()
         self._file.flush()
 
     def _create_history(self, rows: int) -> None:
@@ -115,7 +116,7 @@ class ResultFile:
         self._probes: list[tuple[str, slice, Growing]] = []
         for name, components in self._outline.probes:
             group = ordered(probes, name)
-            group.attrs["components"] = list(components)
+            note(group, "components", components)
             for series, unit in SERIES.items():
                 told = unit if len(components) == 1 else f"{unit}; rotations {unit.replace('m', 'rad', 1)}"
                 made = Growing(group, series, rows, told, width=len(components))
@@ -140,6 +141,7 @@ class ResultFile:
         if self._draft.due:
             began = time.perf_counter()
             write_checkpoint(self._file, checkpoint)
+            self._seal()
             self._file.flush()
             self._draft.show(began)
 
@@ -150,6 +152,13 @@ class ResultFile:
             name: nodal[series][:, geometry.node, first : first + 3] for name, (series, first, _) in VECTORS.items()
         }
         return {**vectors, **geometry.recovered(nodal["displacement"], nodal["acceleration"])}
+
+    def _seal(self) -> None:
+        """Make the file one that a reader can hold against what was written."""
+        grown = [self._time, self._angle, self._field_angle, *self._channels, *(one for _, _, one in self._probes)]
+        for one in (*grown, *self._vtk.grown):
+            one.sum()
+        seal(self._file)
 
     def _append_history(self, block: Block) -> None:
         self._time.extend(block.time)
@@ -180,12 +189,16 @@ class ResultFile:
         group = self._file.create_group("status")
         texts(group, {"cause": str(status.cause), "text": status.text, "remedy": status.remedy})
         for name in stats.__dataclass_fields__:
-            group.attrs[name] = getattr(stats, name)
+            value = getattr(stats, name)
+            if isinstance(value, str):
+                note(group, name, value)
+            else:
+                group.attrs[name] = value
         if status.ok:
             drop_checkpoint(self._file)
         elif self._checkpoint is not None:
             write_checkpoint(self._file, self._checkpoint)
-        seal(self._file, complete=True)
+        self._seal()
         self._file.close()
 
 

@@ -51,7 +51,7 @@ def write_hdf5(table: Table, path: Path) -> None:
         status = file.create_group("status", track_order=True)
         for name in ("cause", "text", "remedy"):
             _texts(status, name, [str(getattr(one, name)) for one in table.statuses])
-        seal(file, complete=True)
+        seal(file)
 
 
 def _numbers(group: Any, name: str, values: Any, unit: str) -> None:  # noqa: ANN401 - h5py has no types
@@ -98,7 +98,7 @@ def _table(file: Any, source: Path) -> Table:  # noqa: ANN401
     form = about.pop("format")
     if form not in ("1", FORMAT):
         raise refuse("table", f"{source} of format {form}", f"up to format {FORMAT}", "it is newer", "update flexcam")
-    if form != "1" and (fault := seal_fault(file, complete=True)):
+    if form != "1" and (fault := seal_fault(file)):
         raise InputError([fault])
     status = zip(*(_read_texts(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
     scalars = {name: np.where(file["valid"][name][()], item[()], np.nan) for name, item in file["scalars"].items()}

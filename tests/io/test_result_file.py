@@ -129,7 +129,7 @@ def test_h5py_finds_units_on_every_quantity(datasets):
      ("VTKHDF/Steps/Values", "s"), ("history/channels/contacts.intake.force", "N"), ("history/channels/contacts.intake.torque", "N m")],
 )  # fmt: skip
 def test_units(datasets, name, unit):
-    assert datasets[name][2]["units"] == unit
+    assert datasets[name][2]["units"].decode() == unit
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,118 @@
+"""Texts in HDF5 files, all of one fixed length: those of variable length stand on a heap that has no checksum.
+
+A damaged heap can keep HDF5 in an endless loop, so that no reader here touches one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import h5py  # pyright: ignore[reportMissingTypeStubs]
+import numpy as np
+
+_module: Any = h5py
+
+
+def encoded(texts: Sequence[str]) -> Any:  # noqa: ANN401 - an array
+    """Return texts as an array of UTF-8 of one length, as HDF5 takes it.
+
+    Parameters
+    ----------
+    texts
+        The texts.
+
+    Returns
+    -------
+    ndarray
+        Shape (texts,).
+
+    Examples
+    --------
+    >>> encoded(["m", "rad"]).tolist()
+    [b'm', b'rad']
+    """
+    parts = [text.encode() for text in texts]
+    return np.array(parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
+
+
+def texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401 - h5py has no types
+    """Write texts into a group, one dataset each.
+
+    Parameters
+    ----------
+    group
+        Where they go.
+    content
+        Name to text.
+    """
+    for name, text in content.items():
+        group.create_dataset(name, data=encoded([text])[0], dtype=encoded([text]).dtype)
+
+
+def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401
+    """Return the texts of a group, by name.
+
+    Parameters
+    ----------
+    group
+        That `texts` wrote.
+
+    Returns
+    -------
+    dict
+        Name to text.
+    """
+    return {name: bytes(item[()]).decode() for name, item in group.items()}
+
+
+def note(one: Any, name: str, text: str | Sequence[str]) -> None:  # noqa: ANN401
+    """Write a text, or several, as an attribute.
+
+    Parameters
+    ----------
+    one
+        Group or dataset.
+    name
+        Of the attribute.
+    text
+        The text, or a list of them.
+    """
+    values = encoded([text] if isinstance(text, str) else text)
+    one.attrs.create(name, values[0] if isinstance(text, str) else values, dtype=values.dtype)
+
+
+def noted(one: Any, name: str) -> str:  # noqa: ANN401
+    """Return the text of an attribute.
+
+    Parameters
+    ----------
+    one
+        Group or dataset.
+    name
+        Of the attribute.
+
+    Returns
+    -------
+    str
+        That `note` wrote.
+    """
+    return bytes(one.attrs[name]).decode()
+
+
+def notes(one: Any, name: str) -> tuple[str, ...]:  # noqa: ANN401
+    """Return the texts of an attribute.
+
+    Parameters
+    ----------
+    one
+        Group or dataset.
+    name
+        Of the attribute.
+
+    Returns
+    -------
+    tuple
+        That `note` wrote.
+    """
+    return tuple(bytes(text).decode() for text in one.attrs[name])
