@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 
 from flexcam.budget import Budget, affordable, budget
-from flexcam.case import Case, build_model
+from flexcam.case import Case, build_model, unusual
 from flexcam.checkpoint import Earlier
 from flexcam.checks import Fault, InputError, refuse
 from flexcam.fem import COMPONENTS
@@ -511,6 +511,7 @@ def _about(case: Case) -> dict[str, str]:
         "case": case.text,
         "overrides": json.dumps(case.overrides),
         "resolved": case.record.model_dump_json(by_alias=True),
+        "warnings": "\n".join(unusual(case)),
         "flexcam": version("flexcam"),
         "python": platform.python_version(),
         **{package: version(package) for package in ("numpy", "scipy", "h5py", "meshio")},

@@ -7,6 +7,7 @@ A new key is a field in `records`, acted on in `build` (or in `flexcam.run`), an
 from flexcam.case.build import build_model
 from flexcam.case.follower import given_follower
 from flexcam.case.motions import GivenLaw, GivenLift, given_law, law_file
+from flexcam.case.plausible import unusual
 from flexcam.case.read import Case, CaseFile, read_cams, read_case, recalled_case
 from flexcam.case.records import CamsRecord, CaseRecord
 from flexcam.case.starters import new_case, templates
@@ -27,4 +28,5 @@ __all__ = [
     "read_case",
     "recalled_case",
     "templates",
+    "unusual",
 ]

@@ -38,7 +38,7 @@ from flexcam.console.cases import (
     model_table,
     resolved,
 )
-from flexcam.console.doubts import coarse_steps, doubts, run_doubts
+from flexcam.console.doubts import doubts, input_doubts, run_doubts
 from flexcam.console.fidelity import choice_json, choice_words, error_table
 from flexcam.console.results import operation_table, periodicity, run_table, strength_table, unknowns
 from flexcam.integrate import integrated, solve
@@ -101,13 +101,13 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
             "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
             "memory_bytes": takes.memory, "result_bytes": takes.file,
             "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
-            "warnings": doubts(found) + coarse_steps(ready),
+            "warnings": doubts(found) + input_doubts(ready),
             "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
             "case": ready.case.record.model_dump(mode="json", by_alias=True),
         })  # fmt: skip
     else:
         out().print(model_table(ready, found, takes))
-        for sentence in doubts(found) + coarse_steps(ready):
+        for sentence in doubts(found) + input_doubts(ready):
             out().print("\n" + sentence)
         out().print("\n# the case as it is run, SI\n" + resolved(ready.case))
 

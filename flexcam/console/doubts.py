@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from flexcam.case import unusual
+from flexcam.held import loose, unheld
 from flexcam.linalg import share_lost
 from flexcam.memory import Extremes
 from flexcam.runner import Prepared
@@ -53,6 +55,23 @@ def coarse_steps(ready: Prepared) -> list[str]:
     ]
 
 
+def input_doubts(ready: Prepared) -> list[str]:
+    """Return what is hardly meant in a case, in words: numbers, what acts on nothing, what stands open.
+
+    Parameters
+    ----------
+    ready
+        A prepared case.
+
+    Returns
+    -------
+    list
+        Sentences; none where everything is usual.
+    """
+    standing = unheld(ready.model, ready.problem, ready.scheme)
+    return [*unusual(ready.case), *loose(ready.model), *standing, *coarse_steps(ready)]
+
+
 def run_doubts(ready: Prepared, extremes: Extremes, figures: list[Figure]) -> list[str]:
     """Return what is doubtful about a run, in words.
 
@@ -70,7 +89,7 @@ def run_doubts(ready: Prepared, extremes: Extremes, figures: list[Figure]) -> li
     list
         Sentences; none where nothing is doubtful.
     """
-    found = [*coarse_steps(ready), *_unseen(ready), *_buckled(figures), *_unaccounted(extremes)]
+    found = [*input_doubts(ready), *_unseen(ready), *_buckled(figures), *_unaccounted(extremes)]
     return [*found, *_rounded(ready, extremes)]
 
 

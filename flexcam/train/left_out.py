@@ -39,13 +39,13 @@ def _reason(still: Still) -> str:
 
 
 def _place(structure: Structure, unknowns: IntArray) -> str:
-    """Return members, motion and components of some unknowns, or their names where no node has them."""
+    """Return members, motion and components of some unknowns, or their names where no member has them."""
     places = np.argwhere(structure.dofs.numbers >= 0)
-    if (unknowns >= len(places)).any():
+    nodes, components = places[unknowns[unknowns < len(places)]].T
+    touched: IntArray = np.flatnonzero(np.isin(structure.beams.nodes, nodes).any(axis=1))
+    if len(nodes) < len(unknowns) or not len(touched):
         which: list[int] = unknowns.tolist()
         return ", ".join(structure.dofs.names[i] for i in which)
-    nodes, components = places[unknowns].T
-    touched: IntArray = np.flatnonzero(np.isin(structure.beams.nodes, nodes).any(axis=1))
     ranges = structure.model.mesh.element_ranges()
     members = [name for name, part in ranges.items() if ((touched >= part.start) & (touched < part.stop)).any()]
     shown: list[int] = np.unique(components).tolist()

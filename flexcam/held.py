@@ -1,0 +1,103 @@
+"""What stands open or loose before a cam turns: contacts that no spring closes, members that nothing touches.
+
+May import what stands below `starting`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from flexcam.integrate import Method, Problem, solve
+from flexcam.response import Response, RunFailedError
+from flexcam.train import Adjuster, Cam, CamContact, Lash, Model, Seat
+
+_LARGEST = 3000
+"""Unknowns up to which the start of a run is computed to look at its contacts."""
+
+
+def unheld(model: Model, problem: Problem, scheme: Method) -> list[str]:
+    """Return the contacts with a cam that are open on the base circle before it turns, in words.
+
+    Parameters
+    ----------
+    model
+        The model.
+    problem
+        With the start of its run.
+    scheme
+        Of the time integration.
+
+    Returns
+    -------
+    list
+        A sentence per contact; none where a play lets it stand open.
+    """
+    contacts = {name: one for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral}
+    played = any(isinstance(one, Lash) and one.gap > 0.0 for one in model.contacts.values())
+    if not contacts or played or not 0 < problem.system.size <= _LARGEST:
+        return []
+    try:
+        begun = solve(replace(problem, steps=1, path="general", adaptive=None), scheme)
+    except RunFailedError:
+        return []  # the run itself will say so
+    return [_told(name) for name, one in contacts.items() if _open(name, model.cams[one.cam], begun)]
+
+
+def _open(name: str, cam: Cam, begun: Response) -> bool:
+    """Tell whether a contact bears nothing although its cam does not lift."""
+    if not len(begun.time) or abs(float(cam.event(begun.angle[:1])[0])) > _LIFTED * cam.event.height:
+        return False
+    return float(begun.channels[f"contacts.{name}.force"][0]) <= 0.0
+
+
+def _told(name: str) -> str:
+    why, remedy = "no spring presses the follower to its cam before it turns", "give a spring an installed_force"
+    return f"Warning: contacts.{name}: {why}; {remedy}"
+
+
+_LIFTED = 1e-9
+"""Part of its lift from which a cam counts as off its base circle."""
+
+
+def loose(model: Model) -> list[str]:
+    """Return the members that no support, spring, rocker, cam or contact touches, in words.
+
+    Parameters
+    ----------
+    model
+        The model.
+
+    Returns
+    -------
+    list
+        A sentence per connected part.
+    """
+    mesh = model.mesh
+    touched = {int(node) for name in _touching(model) for node in mesh.points.get(name, ())}
+    parts = [set(part.tolist()) for part in mesh.parts]
+    return [
+        f"Warning: members {', '.join(name for name, line in mesh.lines.items() if int(line[0]) in part)}: no support, "
+        "spring, rocker, cam or contact touches them"
+        for part in parts
+        if not part & touched
+    ]
+
+
+def _touching(model: Model) -> Iterator[str]:
+    """Yield the points at which something acts between a member and the rest of the world."""
+    yield from model.supports
+    for spring in model.springs.values():
+        yield from (spring.at, spring.to or "")
+    for rocker in model.rockers.values():
+        yield from (rocker.start, rocker.point)
+    for cam in model.cams.values():
+        yield cam.at
+    for contact in model.contacts.values():
+        match contact:
+            case Seat():
+                yield contact.at
+            case Lash() | Adjuster():
+                yield from contact.ends or ()
+            case _:
+                yield contact.follower
