@@ -22,7 +22,7 @@ def free_memory() -> int | None:
     >>> free_memory() != 0
     True
     """
-    return min([*of_machine(), *of_groups(Path("/sys/fs/cgroup"), Path("/proc/self/cgroup"))], default=None)
+    return min([*_of_machine(), *of_groups(Path("/sys/fs/cgroup"), Path("/proc/self/cgroup"))], default=None)
 
 
 def free_disk(folder: Path) -> int | None:
@@ -40,7 +40,7 @@ def free_disk(folder: Path) -> int | None:
         return None
 
 
-def of_machine() -> Iterator[int]:
+def _of_machine() -> Iterator[int]:
     for line in _lines(Path("/proc/meminfo")):
         name, _, value = line.partition(":")
         if name == "MemAvailable":
@@ -52,7 +52,20 @@ def of_machine() -> Iterator[int]:
 
 
 def of_groups(root: Path, own: Path) -> Iterator[int]:
-    """Yield what the limits of this process's control groups leave, of either version."""
+    """Yield what the limits of this process's control groups leave, of either version.
+
+    Parameters
+    ----------
+    root
+        Where the groups are mounted.
+    own
+        The file that tells which are this process's.
+
+    Yields
+    ------
+    int
+        Bytes.
+    """
     for line in _lines(own):
         _, kinds, path = line.split(":", 2)
         version = ("", "memory.max", "memory.current")
