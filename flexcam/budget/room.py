@@ -17,6 +17,11 @@ def free_memory() -> int | None:
     The least of what the machine has to give (``MemAvailable`` of Linux, all of it elsewhere) and what the limits of
     control groups leave, as those of containers and batch systems.
 
+    Returns
+    -------
+    int or None
+        Bytes.
+
     Examples
     --------
     >>> free_memory() != 0
@@ -32,6 +37,11 @@ def free_disk(folder: Path) -> int | None:
     ----------
     folder
         The folder.
+
+    Returns
+    -------
+    int or None
+        Bytes.
     """
     there = next((one for one in (folder, *folder.absolute().parents) if one.is_dir()), None)
     try:

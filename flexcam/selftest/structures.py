@@ -55,7 +55,13 @@ class _Beam:
 
 
 def structures() -> Iterator[Check]:
-    """Yield what beams must do."""
+    """Yield what beams must do.
+
+    Yields
+    ------
+    Check
+        Whether it passes or not.
+    """
     yield from _pushed()
     yield from _vibrating()
     source = "Timoshenko and Gere, Theory of Elastic Stability, ch. 2"

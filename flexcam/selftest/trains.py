@@ -24,7 +24,13 @@ _PAPER = "Tayeb and Sliman: unstable near 4000 rpm"
 
 
 def trains() -> Iterator[Check]:
-    """Yield what the published train must do: the starter case of that name."""
+    """Yield what the published train must do: the starter case of that name.
+
+    Yields
+    ------
+    Check
+        Whether it passes or not.
+    """
     with TemporaryDirectory(prefix="flexcam-selftest-", ignore_cleanup_errors=True) as folder:
         case = read_case(new_case("published-model", Path(folder) / "case.toml")[0])
         yield Check(
