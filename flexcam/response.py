@@ -134,6 +134,8 @@ class Stats:
         Steps of too large an error, taken again with half their length.
     periodicity
         By how much the start misses returning after a revolution, as a part of the motion; negative if not asked for.
+    imbalance
+        Largest force out of balance, as a part of the largest force; negative where channels were not computed.
     seconds
         Time spent in the step loop, s.
     """
@@ -146,6 +148,7 @@ class Stats:
     substeps: int = 0
     rejected: int = 0
     periodicity: float = -1.0
+    imbalance: float = -1.0
     seconds: float = 0.0
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -35,7 +35,7 @@ from flexcam.io import Geometry, ResultFile, Unfinished, made_folder, partial_of
 from flexcam.linalg import FloatArray
 from flexcam.memory import Recent
 from flexcam.modal import mac
-from flexcam.response import Response, SaveAt, Sink
+from flexcam.response import Response, SaveAt, Sink, Stats
 from flexcam.starting import drive_of, revolution_of, started
 from flexcam.system import Basis, Shapes, System
 from flexcam.train import (
@@ -402,7 +402,8 @@ def geometry_of(model: Model) -> Geometry:
 
 
 def result_file(
-    ready: Prepared, folder: str | Path, *, overwrite: bool = False, resume: Unfinished | None = None
+    ready: Prepared, folder: str | Path, *, overwrite: bool = False, resume: Unfinished | None = None,
+    warnings: Callable[[Stats], Sequence[str]] | None = None,
 ) -> ResultFile:  # fmt: skip
     """Open the result file of a run, to be given to `solve` as a sink.
 
@@ -416,6 +417,8 @@ def result_file(
         Whether an existing result may be replaced once the new one is complete.
     resume
         What an earlier run finished, from `unfinished`, to be given to `solve` as well.
+    warnings
+        Asked at the end for what is doubtful about the run, to be kept with its status; None for nothing.
 
     Returns
     -------
@@ -431,7 +434,7 @@ def result_file(
     about = _about(ready.case) if resume is None else resume.about
     return ResultFile(
         path, geometry_of(ready.model), outline(ready.problem.system), save=ready.save, about=about,
-        overwrite=overwrite, resume=resume is not None,
+        overwrite=overwrite, resume=resume is not None, warnings=warnings,
     )  # fmt: skip
 
 

@@ -17,12 +17,17 @@ def free_memory() -> int | None:
     The least of what the machine has to give (``MemAvailable`` of Linux, all of it elsewhere) and what the limits of
     control groups leave, as those of containers and batch systems.
 
+    Returns
+    -------
+    int or None
+        Bytes.
+
     Examples
     --------
     >>> free_memory() != 0
     True
     """
-    return min([*of_machine(), *of_groups(Path("/sys/fs/cgroup"), Path("/proc/self/cgroup"))], default=None)
+    return min([*_of_machine(), *of_groups(Path("/sys/fs/cgroup"), Path("/proc/self/cgroup"))], default=None)
 
 
 def free_disk(folder: Path) -> int | None:
@@ -32,6 +37,11 @@ def free_disk(folder: Path) -> int | None:
     ----------
     folder
         The folder.
+
+    Returns
+    -------
+    int or None
+        Bytes.
     """
     there = next((one for one in (folder, *folder.absolute().parents) if one.is_dir()), None)
     try:
@@ -40,7 +50,7 @@ def free_disk(folder: Path) -> int | None:
         return None
 
 
-def of_machine() -> Iterator[int]:
+def _of_machine() -> Iterator[int]:
     for line in _lines(Path("/proc/meminfo")):
         name, _, value = line.partition(":")
         if name == "MemAvailable":
@@ -52,7 +62,20 @@ def of_machine() -> Iterator[int]:
 
 
 def of_groups(root: Path, own: Path) -> Iterator[int]:
-    """Yield what the limits of this process's control groups leave, of either version."""
+    """Yield what the limits of this process's control groups leave, of either version.
+
+    Parameters
+    ----------
+    root
+        Where the groups are mounted.
+    own
+        The file that tells which are this process's.
+
+    Yields
+    ------
+    int
+        Bytes.
+    """
     for line in _lines(own):
         _, kinds, path = line.split(":", 2)
         version = ("", "memory.max", "memory.current")

@@ -75,6 +75,11 @@ def size(count: float) -> str:
     count
         Bytes.
 
+    Returns
+    -------
+    str
+        With its unit.
+
     Examples
     --------
     >>> size(1234), size(5.6e9)

@@ -20,6 +20,7 @@ FILES = {
     "new": ("new",),
     "plot": ("plot",),
     "report": ("report",),
+    "selftest": ("selftest",),
     "settings": ("settings",),
     "speeds": ("campbell", "orders"),
     "studies": ("sensitivity", "optimize"),

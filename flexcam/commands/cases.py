@@ -38,13 +38,13 @@ from flexcam.console.cases import (
     model_table,
     resolved,
 )
-from flexcam.console.doubts import doubts, input_doubts, run_doubts
+from flexcam.console.doubts import balances, doubts, input_doubts, lost_energy, run_doubts
 from flexcam.console.fidelity import choice_json, choice_words, error_table
 from flexcam.console.results import operation_table, periodicity, run_table, strength_table, unknowns
+from flexcam.console.watched import Watched
 from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, read_result, write_modes
-from flexcam.memory import Extremes
-from flexcam.response import Cause, Response, RunFailedError, Status
+from flexcam.response import Cause, Response, RunFailedError, Stats, Status
 from flexcam.runner import (
     budget_of,
     geometry_of,
@@ -132,19 +132,22 @@ def run(
     if not allow_large:
         affordable(budget_of(ready, "revolution"), folder)
     earlier = unfinished(ready, folder) if resume else None
-    sink = result_file(ready, folder, overwrite=overwrite, resume=earlier)
-    strength, kept = StrengthSink(build_structure(ready.model)), recent(ready)
-    extremes = Extremes(kept.outline)
+    strength, kept, watched = StrengthSink(build_structure(ready.model)), recent(ready), Watched.of(ready)
+
+    def doubtful(stats: Stats) -> list[str]:
+        return run_doubts(ready, watched, operation(ready.model, kept.response(), ready.revolution), stats)
+
+    sink = result_file(ready, folder, overwrite=overwrite, resume=earlier, warnings=doubtful)
     running.solving = True
     with progress(ready.problem.steps) as bar:
         response = solve(
-            ready.problem, ready.scheme, save=ready.save, sinks=[sink, strength, extremes, *bar],
+            ready.problem, ready.scheme, save=ready.save, sinks=[strength, *watched.sinks, sink, *bar],
             stop=running.stopped, until=until, memory=kept, resume=earlier,
         )  # fmt: skip
     result = sink.path if response.status.ok else sink.partial
     figures = operation(ready.model, response, ready.revolution)
     errors, doubt = _estimated(read, probe) if probe and response.status.ok else ([], [])
-    warned = run_doubts(ready, extremes, figures) + doubt
+    warned = doubtful(response.stats) + doubt
     stressed = strength.members() if read.record.fidelity.model == "beams" else {}
     if as_json:
         print_json({
@@ -153,6 +156,7 @@ def run(
             "integrated": response.stats.unknowns,
             "seconds": response.stats.seconds,
             "events": response.stats.events, "periodicity": periodicity(response),
+            "energy_lost": lost_energy(watched.extremes), "imbalance": response.stats.imbalance,
             "warnings": warned,
             "train": {figure.name: figure.value for figure in figures},
             "errors": [asdict(one) for one in errors],
@@ -160,7 +164,7 @@ def run(
             "strength": {name: asdict(member) for name, member in stressed.items()},
         })  # fmt: skip
     else:
-        out().print(run_table(ready.case, extremes))
+        out().print(run_table(ready.case, watched.extremes))
         if stressed:
             out().print()
             out().print(strength_table(stressed))
@@ -176,6 +180,8 @@ def run(
             out().print("\n" + sentence)
         if response.stats.periodicity >= 0.0:
             out().print(f"\nThe start returns after a revolution within {response.stats.periodicity:.3g} of the motion")
+        if told := balances(watched.extremes, response.stats):
+            out().print(f"\nWhat adds up: {told}")
         out().print(f"\n{response.stats.steps} steps of {unknowns(response)}; result: {result}")
         out().print(f"Open it in ParaView 5.12 or newer; for older ones: flexcam export {result} --format pvd")
     if response.status.ok and choice is not None and not choice.met:

@@ -5,14 +5,28 @@ from __future__ import annotations
 import math
 
 from flexcam.case import unusual
+from flexcam.console.watched import Watched
 from flexcam.held import loose, unheld
 from flexcam.linalg import share_lost
 from flexcam.memory import Extremes
+from flexcam.response import Stats
 from flexcam.runner import Prepared
-from flexcam.train import Figure, ModelModes, coarse_cams
+from flexcam.train import Figure, Fineness, ModelModes, coarse_cams
 
 _WORTH_TELLING = 1e-4
 """Part of a deflection: four digits are what tables show."""
+
+_LEAST_STEPS = 20
+"""In a period: below it the usual schemes miss more than a percent of the period."""
+
+_LEAST_ELEMENTS = 4
+"""In a wave of bending: below it cubic elements miss half a percent of its frequency."""
+
+_LEAST_IMPACT = 5
+"""Steps of an impact: below it the largest force may lie a twentieth above the largest that is seen."""
+
+_UNBALANCED = 0.01
+"""Part of the largest force that may be out of balance: some schemes balance forces between the instants."""
 
 _UNACCOUNTED = 0.01
 """Part of the work that the energy balance may miss before it is told."""
@@ -72,25 +86,28 @@ def input_doubts(ready: Prepared) -> list[str]:
     return [*unusual(ready.case), *loose(ready.model), *standing, *coarse_steps(ready)]
 
 
-def run_doubts(ready: Prepared, extremes: Extremes, figures: list[Figure]) -> list[str]:
+def run_doubts(ready: Prepared, watched: Watched, figures: list[Figure], stats: Stats) -> list[str]:
     """Return what is doubtful about a run, in words.
 
     Parameters
     ----------
     ready
         A prepared case.
-    extremes
-        Of its run.
+    watched
+        What was watched in its run.
     figures
         What the train did in it.
+    stats
+        Of the run.
 
     Returns
     -------
     list
         Sentences; none where nothing is doubtful.
     """
-    found = [*input_doubts(ready), *_unseen(ready), *_buckled(figures), *_unaccounted(extremes)]
-    return [*found, *_rounded(ready, extremes)]
+    found = [*input_doubts(ready), *_unseen(ready), *_buckled(figures), *_unaccounted(watched.extremes)]
+    found += [*_unbalanced(stats), *_rounded(ready, watched.extremes)]
+    return found + _coarse(watched.fineness.found()) if _bodies(ready) else found
 
 
 def _unseen(ready: Prepared) -> list[str]:
@@ -114,6 +131,42 @@ def _rounded(ready: Prepared, extremes: Extremes) -> list[str]:
     return [f"Warning: rounding in the stiffness may have taken up to {100.0 * share:.1g} % of the deflection"]
 
 
+def lost_energy(extremes: Extremes) -> float:
+    """Return how much of the energy does not add up.
+
+    Parameters
+    ----------
+    extremes
+        Of a run.
+
+    Returns
+    -------
+    float
+        As a part of the work, or of the energy that comes and goes; zero where there is none.
+    """
+    bounds = {name: extremes.channel(f"energy.{name}") for name in ("work", "kinetic", "strain", "residual")}
+    turned_over = max(bounds[name][1] - bounds[name][0] for name in ("work", "kinetic", "strain"))
+    return max(map(abs, bounds["residual"])) / turned_over if turned_over > 0.0 else 0.0
+
+
+def balances(extremes: Extremes, stats: Stats) -> str:
+    """Return how well energy and forces of a run add up, in words.
+
+    Parameters
+    ----------
+    extremes, stats
+        Of the run.
+
+    Returns
+    -------
+    str
+        Empty where channels were not computed.
+    """
+    if stats.imbalance < 0.0:
+        return ""
+    return f"energy within {lost_energy(extremes):.1e} of the work, forces within {stats.imbalance:.1e} of the largest"
+
+
 def _buckled(figures: list[Figure]) -> list[str]:
     return [
         f"Warning: {figure.name.removesuffix('.buckling_margin').replace('.', ' ')} bears more than its buckling load, "
@@ -123,11 +176,40 @@ def _buckled(figures: list[Figure]) -> list[str]:
     ]
 
 
+def _bodies(ready: Prepared) -> bool:
+    """Tell whether a run has the unknowns of its members."""
+    return ready.case.record.fidelity.model == "beams" and ready.problem.system.size > 0
+
+
+def _coarse(found: Fineness) -> list[str]:
+    """Return what steps and elements are too coarse for."""
+    at = f"at the {found.frequency:.4g} Hz of the accelerations"
+    steps = f"Warning: a period has {found.steps:.3g} steps {at}; take {_LEAST_STEPS / found.steps:.2g} times as many"
+    elements = [
+        f"Warning: a wave of bending of member {name} has {count:.2g} of its elements {at}; "
+        f"take {math.ceil(_LEAST_ELEMENTS / count)} times as many"
+        for name, count in found.elements.items()
+        if count < _LEAST_ELEMENTS
+    ]
+    impacts = [
+        f"Warning: the largest force of contact {name} is that of an impact of {count} step{'s' if count > 1 else ''}: "
+        f"take more steps per revolution, or a softer contact"
+        for name, count in found.impacts.items()
+        if count < _LEAST_IMPACT
+    ]
+    return [*([steps] if found.steps < _LEAST_STEPS else []), *elements, *impacts]
+
+
+def _unbalanced(stats: Stats) -> list[str]:
+    if stats.imbalance <= _UNBALANCED:
+        return []
+    why = "the steps are too long for the motion; take more steps per revolution"
+    return [f"Warning: forces are out of balance by up to {100.0 * stats.imbalance:.2g} % of the largest: {why}"]
+
+
 def _unaccounted(extremes: Extremes) -> list[str]:
     """Return by how much the energy balance of a run does not close."""
-    bounds = {name: extremes.channel(f"energy.{name}") for name in ("work", "kinetic", "strain", "residual")}
-    turned_over = max(bounds[name][1] - bounds[name][0] for name in ("work", "kinetic", "strain"))
-    share = max(map(abs, bounds["residual"])) / turned_over if turned_over > 0.0 else 0.0
+    share = lost_energy(extremes)
     if share <= _UNACCOUNTED:
         return []
     why = "the steps are too long for what happens within them, or a contact is too stiff for them"

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from flexcam.case import Case
 from flexcam.console.cases import rpm
+from flexcam.console.doubts import balances
 from flexcam.io import Result, Verified
 from flexcam.memory import Extremes
 from flexcam.response import Response
@@ -168,12 +169,14 @@ def info_table(result: Result) -> Table:
             if response.stats.periodicity >= 0.0
             else []
         ),
+        *([("adds up", told)] if (told := balances(Extremes.of(response), response.stats)) else []),
         ("saved", f"{len(response.time)} instants of the probes, {len(response.field_time)} of the fields"),
         ("probes", ", ".join(name for name, _ in response.outline.probes) or "none"),
         ("channels", ", ".join(f"{name} [{unit}]" for name, unit in response.outline.channels) or "none"),
         ("fields", ", ".join([*result.field_names, *result.recovered])),
         ("members", ", ".join(f"{name} ({len(line) - 1})" for name, line in result.mesh.lines.items()) or "none"),
         *about,
+        *(("warning", one.removeprefix("Warning: ")) for one in result.warnings),
         ("overrides", ", ".join(json.loads(result.about["overrides"])) or "none"),
     ]
     return facts("Result", rows)

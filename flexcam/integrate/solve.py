@@ -14,6 +14,7 @@ from flexcam.integrate.compiled.glancing import Glancing
 from flexcam.integrate.energy import PARTS, EnergyAccount
 from flexcam.integrate.engine import STOPPED, Engine
 from flexcam.integrate.fingerprint import fingerprint
+from flexcam.integrate.imbalance import Imbalance
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.method import Method
 from flexcam.integrate.moment import Glance, Track
@@ -141,10 +142,10 @@ def solve(
             for block in resume.blocks():
                 _hand_out(block, takers)
             run.restore(resume.checkpoint.arrays)
-            stats = engine.counted(replace(stats, steps=resume.checkpoint.steps))
+            stats = run.counted(replace(stats, steps=resume.checkpoint.steps))
         for block in run.blocks(stats.steps):
             _hand_out(reduce(shown, way.bases, block), takers)
-            stats = engine.counted(replace(stats, steps=stats.steps + len(block.time)))
+            stats = run.counted(replace(stats, steps=stats.steps + len(block.time)))
             if keepers and run.status.ok:
                 reached = Checkpoint(stats.steps, problem_told, run.state())
                 for sink in keepers:
@@ -197,16 +198,18 @@ class _Run:
         self._problem, self._engine, self._system, self._save = problem, engine, problem.system, save
         self._forces = forces
         self._account = EnergyAccount(problem.system, forces)
+        self._imbalance = Imbalance(problem.system, forces, problem.step)
         self.status = Status()
 
     def state(self) -> Arrays:
         """Return everything the next block depends on and the problem does not tell."""
-        return {**self._engine.state(), **self._account.state()}
+        return {**self._engine.state(), **self._account.state(), **self._imbalance.state()}
 
     def restore(self, state: Arrays) -> None:
         """Go on from what `state` returned."""
         self._engine.restore(state)
         self._account.restore(state)
+        self._imbalance.restore(state)
 
     def blocks(self, done: int = 0) -> Iterator[Block]:
         """Yield the results block by block, the start in the first, behind so many instants that are done.
@@ -258,16 +261,23 @@ class _Run:
         saved = self._save.fields(steps, self._problem.steps)
         return Block(
             time=time, angle=at_ends.angle, probes=_probe_series(self._system.probes, series, at_ends),
-            channels=self._channels(track, motion) if self._save.channels else np.zeros((len(steps), 0)),
+            channels=self._channels(steps, track, motion) if self._save.channels else np.zeros((len(steps), 0)),
             field_time=time[saved], field_angle=at_ends.angle[saved],
             fields=(Series(*self._system.carried.at(at_ends)) if self._system.carried else series).at(saved),
         )  # fmt: skip
 
-    def _channels(self, track: Track, motion: CamMotion) -> FloatArray:
+    def counted(self, stats: Stats) -> Stats:
+        """Return figures of the run with those counted here."""
+        stats = self._engine.counted(stats)
+        return replace(stats, imbalance=self._imbalance.share) if self._save.channels else stats
+
+    def _channels(self, steps: IntArray, track: Track, motion: CamMotion) -> FloatArray:
         """Return channels, energies and internal states at the ends of steps."""
         schedule = self._forces.schedule(motion)
         seen, carried = self._observed(track, motion, schedule)
         energies = self._account.block(track, seen, carried, schedule)[track.ends]
+        between = (steps + 1) % self._save.field_every == 0  # at saved fields some ways take their state anew
+        self._imbalance.look(seen, schedule, track.ends[between])
         seen = seen.at(track.ends)
         return np.column_stack([*(channel.value(seen) for channel in self._system.channels), energies, seen.states])
 
@@ -322,7 +332,9 @@ def _never() -> bool:
 
 
 TIME_UP = Status(
-    Cause.TIME_LIMIT, "the time given to the run was over before its end", "what was finished is kept; allow more time"
+    Cause.TIME_LIMIT,
+    "the time given to the run was over before its end",
+    "what was finished is kept: --resume goes on from there",
 )
 """How a run ends that was given too little time."""
 

@@ -41,6 +41,8 @@ class Result:
         or (instants, points).
     about
         Texts kept with the result: case file, versions, date.
+    warnings
+        What was doubtful about the run, in words.
 
     Examples
     --------
@@ -52,6 +54,7 @@ class Result:
     still: Mapping[str, FloatArray]
     recovered: Mapping[str, FloatArray]
     about: Mapping[str, str]
+    warnings: tuple[str, ...] = ()
 
     @property
     def field_names(self) -> tuple[str, ...]:
@@ -141,7 +144,13 @@ def _result(file: Any) -> Result:  # noqa: ANN401
         still={name: taken(data[name]) for name in STILL},
         recovered={name: values.reshape(count, points, *values.shape[1:]) for name, values in recovered.items()},
         about=about,
+        warnings=_warnings(file),
     )
+
+
+def _warnings(file: Any) -> tuple[str, ...]:  # noqa: ANN401
+    told = file.get("status/warnings")
+    return () if told is None else tuple(str(told.asstr()[()]).splitlines())
 
 
 def _mesh(file: Any) -> Mesh:  # noqa: ANN401

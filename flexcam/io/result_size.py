@@ -13,8 +13,8 @@ from flexcam.response import Outline, SaveAt
 _NUMBER, _CHUNK, _DATASET = 8, 80, 4200
 """Bytes of a number, of a chunk's checksum and entry in the index, of a dataset's head and the first of its index."""
 
-_ABOUT = 30_000
-"""Bytes of the case and what else is kept as text."""
+_ABOUT = 95_000
+"""Bytes of the case, of what else is kept as text, and of the mesh for what does not grow with it."""
 
 _STILL = 24
 """Numbers of a point that do not change, such as its place and its axes."""

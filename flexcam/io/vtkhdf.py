@@ -9,7 +9,7 @@ no row that is not counted. What others see are whole copies (`draft`).
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,8 @@ class ResultFile:
         Whether an existing result may be replaced, once the new one is complete.
     resume
         Whether the run goes on from the partial result, which then stays until more than it holds is written.
+    warnings
+        Asked at the end for what is doubtful about the run; None for nothing.
 
     Raises
     ------
@@ -74,12 +76,14 @@ class ResultFile:
     def __init__(
         self, path: Path, geometry: Geometry, outline: Outline, *,
         save: SaveAt, about: Mapping[str, str], overwrite: bool = False, resume: bool = False,
+        warnings: Callable[[Stats], Sequence[str]] | None = None,
     ) -> None:  # fmt: skip
         free_to_write("result", path, overwrite=overwrite)
         self.path = path
         self.partial = partial_of(path)
         self._geometry, self._outline = geometry, outline
         self._checkpoint: Checkpoint | None = None
+        self._warnings = warnings
         self._draft = Draft(path.with_suffix(".writing"), self.partial)
         try:
             free_to_write("partial result", self.partial, overwrite=overwrite or resume)
@@ -187,7 +191,9 @@ class ResultFile:
 
     def _end(self, status: Status, stats: Stats) -> None:
         group = self._file.create_group("status")
-        texts(group, {"cause": str(status.cause), "text": status.text, "remedy": status.remedy})
+        doubtful = self._warnings(stats) if self._warnings else ()
+        told = {"cause": str(status.cause), "text": status.text, "remedy": status.remedy}
+        texts(group, {**told, "warnings": "\n".join(doubtful)})
         for name in stats.__dataclass_fields__:
             value = getattr(stats, name)
             if isinstance(value, str):

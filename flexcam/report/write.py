@@ -12,10 +12,10 @@ from flexcam.case import Case
 from flexcam.checks import FlexcamError, InputError, refuse
 from flexcam.console.cases import rpm
 from flexcam.console.doubts import run_doubts
+from flexcam.console.watched import Watched
 from flexcam.console.words import told_apart
 from flexcam.fidelity import Comparison
 from flexcam.limits import margins
-from flexcam.memory import Extremes
 from flexcam.report import words
 from flexcam.report.content import Chapter, Picture, Report
 from flexcam.report.curves import Runs, albums, left_over, scalars
@@ -118,7 +118,8 @@ def _chapter(about: Subject, name: str, main: str, asked: Asked, share: int) -> 
 
 def _doubts(known: Known, figures: list[Figure]) -> list[str]:
     """Return what is doubtful, in a place that says already that these are warnings."""
-    told = [one.removeprefix("Warning: ") for one in run_doubts(known.ready, Extremes.of(known.response), figures)]
+    watched = Watched.again(known.ready, known.response)
+    told = [one.removeprefix("Warning: ") for one in run_doubts(known.ready, watched, figures, known.response.stats)]
     return [f"{one[:1].upper()}{one[1:]}." for one in told]
 
 

@@ -9,6 +9,7 @@ from flexcam.train.buckling import buckling_load
 from flexcam.train.build import build_system
 from flexcam.train.cam_contact import hertz_line
 from flexcam.train.chain import Chain, chain_of, straight
+from flexcam.train.fineness import Fineness, FinenessSink
 from flexcam.train.free_running import free_running, free_speed
 from flexcam.train.left_out import left_out
 from flexcam.train.loads import element_loads
@@ -47,6 +48,8 @@ __all__ = [
     "CoarseCam",
     "Contact",
     "Figure",
+    "Fineness",
+    "FinenessSink",
     "GivenLoad",
     "Lash",
     "Lever",

@@ -37,8 +37,13 @@ def test_it_may_be_tried_all_the_same(flexcam, case, monkeypatch):
     assert flexcam("run", case, "-o", "out", "--allow-large").code == 0
 
 
-@pytest.mark.parametrize("words", [("sweep", "--set", "run.speed=1000:3000:1000rpm", "--workers", "0"),
-                                   ("sensitivity", "--of", "deviation.peak", "--to", "springs.valve.stiffness")])  # fmt: skip
+MANY = [
+    ("sweep", "--set", "run.speed=1000:3000:1000rpm", "--workers", "0"),
+    ("sensitivity", "--of", "deviation.peak", "--to", "springs.valve.stiffness"),
+]
+
+
+@pytest.mark.parametrize("words", MANY, ids=lambda words: words[0])
 def test_many_runs_are_refused_before_the_first(flexcam, case, monkeypatch, words):
     monkeypatch.setattr(within, "free_memory", lambda: 1000)
     ended = flexcam(words[0], case, *words[1:])
@@ -62,16 +67,15 @@ def test_check_tells_what_a_run_takes(flexcam, case):
 
 @pytest.mark.parametrize("path", ["general", "modal", "compiled"])
 def test_a_run_ends_when_its_time_is_over(flexcam, case, path):
-    ended = flexcam(
-        "run", case, "--set", "run.revolutions=1e6", "--set", f"run.path={path}", "--time-limit", "0.3 s", "--allow-large",
-        "--json",
-    )  # fmt: skip
+    endless = ("--set", "run.revolutions=1e6", "--allow-large")
+    ended = flexcam("run", case, *endless, "--set", f"run.path={path}", "--time-limit", "0.3 s", "--json")
     assert ended.code == 3
     assert ended.json["status"] == "time-limit"
     kept = read_result(ended.json["result"]).response
     assert kept.status.cause is Cause.TIME_LIMIT
     assert kept.stats.steps == ended.json["steps"] == len(kept.time) - 1 > 0
-    assert 0.1 < kept.stats.seconds < 1.5  # a block takes hundredths of a second, the machine may be busy
+    longest = 30.0 if path == "compiled" else 2.0  # a block takes hundredths of a second; the compiler some
+    assert 0.1 < kept.stats.seconds < longest
 
 
 def test_a_short_run_has_time(flexcam, case):

@@ -29,7 +29,7 @@ def solved(ready, **options):
 
 @pytest.fixture(scope="module")
 def pair():
-    """A run kept whole, and the same one kept as a summary needs it, with the extremes that were followed."""
+    """Return a run kept whole, and the same one kept for a summary, with its extremes."""
     ready = ready_of(4)
     few = recent(ready)
     seen = Extremes(few.outline)

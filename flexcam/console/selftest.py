@@ -1,0 +1,85 @@
+"""Tables of what an installation computes, and of what it consists."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+
+from rich.console import JustifyMethod
+from rich.table import Table
+
+from flexcam.console.told import or_none
+from flexcam.response import Status
+from flexcam.selftest import Check
+from flexcam.terminal import bare, facts
+
+
+def check_table(found: Sequence[Check]) -> Table:
+    """Return the checks.
+
+    Parameters
+    ----------
+    found
+        In order.
+
+    Returns
+    -------
+    Table
+        A row each.
+    """
+    made = bare("What is computed, and what it must be")
+    for head, side in _HEADS:
+        made.add_column(head, justify=side)
+    for one in found:
+        numbers = (f"{one.reference:.8g} {one.unit}".removesuffix(" 1"), f"{one.computed:.8g}", f"{one.error:.1e}")
+        made.add_row(one.quantity, *numbers, f"{one.tolerance:.1e}", "passed" if one.passed else "FAILED", one.source)
+    return made
+
+
+_HEADS: tuple[tuple[str, JustifyMethod], ...] = (
+    ("quantity", "left"), ("reference", "right"), ("computed", "right"), ("error", "right"), ("tolerance", "right"),
+    ("verdict", "left"), ("source of the reference", "left"),
+)  # fmt: skip
+
+
+def installed_table(parts: Mapping[str, str]) -> Table:
+    """Return what is installed.
+
+    Parameters
+    ----------
+    parts
+        From `flexcam.selftest.installed`.
+
+    Returns
+    -------
+    Table
+        For rich.
+    """
+    return facts("What is installed", parts.items())
+
+
+def selftest_json(found: Sequence[Check], parts: Mapping[str, str], status: Status) -> dict[str, object]:
+    """Return checks and installation as one object.
+
+    Parameters
+    ----------
+    found
+        In order.
+    parts
+        From `flexcam.selftest.installed`.
+    status
+        Of all.
+
+    Returns
+    -------
+    dict
+        For `flexcam.terminal.print_json`; null where no number came out.
+    """
+    rows = [
+        {**asdict(one), "computed": or_none(one.computed), "error": or_none(one.error), "passed": one.passed}
+        for one in found
+    ]
+    return {
+        "status": str(status.cause), "message": status.text, "remedy": status.remedy, "checks": rows,
+        "installed": dict(parts),
+    }  # fmt: skip

@@ -1,0 +1,77 @@
+"""By how much the forces of a run are out of balance: what the equation of motion lacks, computed from its parts.
+
+The time integration balances forces by its own operators; here they are put together anew, from the matrices, the loads
+and the local forces, between the saved fields, where some ways through time take their state anew.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexcam.checkpoint import Arrays
+from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.linalg import FloatArray, IntArray, operator
+from flexcam.system import Observed, System
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+
+class Imbalance:
+    """The largest force out of balance, as a part of the largest force, over a run.
+
+    Forces and torques count by the displacement that each causes in its own unknown within a step, in the energy norm,
+    so that no unit of an unknown matters.
+
+    Parameters
+    ----------
+    system
+        The system.
+    forces
+        Its local forces, stacked.
+    step
+        s.
+    """
+
+    def __init__(self, system: System, forces: LocalForces, step: float) -> None:
+        self._forces, self._vectors = forces, system.load_vectors()
+        self._matrices = [operator(one) for one in (system.mass, system.damping, system.stiffness)]
+        stiff = np.abs(system.stiffness.diagonal()) + np.abs(system.mass.diagonal()) / step**2
+        self._weights = np.divide(1.0, np.sqrt(stiff), out=np.zeros_like(stiff), where=stiff > 0.0)
+        self._largest = np.zeros(2)
+
+    @property
+    def share(self) -> float:
+        """The largest so far, 1; zero where nothing acts."""
+        lacking, acting = self._largest
+        return float(lacking / acting) if acting > 0.0 else 0.0
+
+    def look(self, seen: Observed, schedule: Schedule, rows: IntArray) -> None:
+        """Take some instants into account."""
+        if not len(rows) or not len(self._weights):
+            return
+        moved = (seen.acceleration[rows], seen.velocity[rows], seen.displacement[rows])
+        parts = [_product(matrix, one) for matrix, one in zip(self._matrices, moved, strict=True)]
+        parts.append(-seen.histories[rows] @ self._vectors)
+        if self._forces.count:
+            acted = (seen.forces[rows] @ schedule.acts) * schedule.act[rows]
+            parts.append(-acted @ self._forces.act.vectors)
+        sizes = [self._size(one) for one in parts]
+        self._largest = np.maximum(self._largest, [self._size(np.sum(parts, axis=0)), max(sizes)])
+
+    def _size(self, rows: FloatArray) -> float:
+        return float(np.sqrt(((rows * self._weights) ** 2).sum(axis=1).max()))
+
+    def state(self) -> Arrays:
+        """Return what the rest of the run goes on from."""
+        return {"imbalance": self._largest.copy()}
+
+    def restore(self, state: Arrays) -> None:
+        """Go on from what `state` returned."""
+        self._largest = state["imbalance"].copy()
+
+
+def _product(matrix: FloatArray | csr_array, rows: FloatArray) -> FloatArray:
+    return np.asarray(matrix @ rows.T, dtype=float).T

@@ -1,0 +1,67 @@
+"""`flexcam selftest`: what it checks, that it needs no more than the package, and that it can fail."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from flexcam import fem
+from flexcam.commands import load
+from flexcam.selftest import Check, checks, installed
+
+load(["selftest"])
+COMMAND = "flexcam.commands.selftest.checks"
+
+
+def test_everything_passes_within_half_a_minute(flexcam):
+    begun = time.perf_counter()
+    ended = flexcam("selftest")
+    assert ended.code == 0
+    assert time.perf_counter() - begun < 30.0
+    assert "All 23 checks passed" in ended.out
+    for words in ("tip of a cantilever", "buckling load", "4027", "way through time compiled", "numpy", "extra tables"):
+        assert words in ended.out
+    assert "FAILED" not in ended.out
+
+
+def test_a_check_that_fails_is_named(flexcam, monkeypatch):
+    off = [Check("pi", "Archimedes", 3.14159265, 22 / 7, 1e-4), Check("e", "Euler", 2.718, float("nan"), 1.0)]
+    monkeypatch.setattr(COMMAND, lambda: iter([*off, replace(off[0], quantity="fine", tolerance=1.0)]))
+    ended = flexcam("selftest")
+    assert ended.code == 3
+    assert ended.out.count("FAILED") == 2
+    assert "2 of 3 checks are beyond their tolerance: pi; e" in ended.err
+    told = flexcam("selftest", "--json")
+    assert told.code == 3
+    assert told.json["status"] == "fault"
+    assert [one["passed"] for one in told.json["checks"]] == [False, False, True]
+    assert told.json["checks"][1]["computed"] is None
+
+
+def test_a_wrong_element_is_found(monkeypatch):
+    """A stiffness that is one part in a million too large."""
+    stiffness = fem.stiffness
+    monkeypatch.setattr(fem, "stiffness", lambda beams, dofs: stiffness(beams, dofs).scaled(1.0 + 1e-6))
+    first = next(iter(checks()))
+    assert not first.passed
+    assert first.error == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_extras_that_are_missing_are_told(monkeypatch):
+    monkeypatch.setattr("flexcam.selftest.installation.find_spec", lambda name: None if name == "pymoo" else object())
+    monkeypatch.setattr("flexcam.selftest.installation._PACKAGES", ("no-such-package",))
+    monkeypatch.setattr("flexcam.integrate.compiled.machine.available", lambda: False)
+    parts = installed()
+    assert parts["extra design"] == "not there (pymoo): pip install 'flexcam[design]'"
+    assert parts["extra tables"] == "usable"
+    assert parts["no-such-package"] == "not installed"
+    assert parts["machine code"].startswith("no compiler")
+
+
+def test_it_needs_no_other_file(spawned, tmp_path):
+    """Run in an empty folder, it leaves nothing there."""
+    assert spawned("selftest", "--json").code == 0
+    assert list(Path(tmp_path).iterdir()) == []

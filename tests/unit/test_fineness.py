@@ -1,0 +1,182 @@
+"""Warnings about steps, elements and balance: what they are computed from, and that they come when they should."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexcam
+from flexcam.console.doubts import balances, lost_energy, run_doubts
+from flexcam.console.watched import Watched
+from flexcam.integrate import Problem, State, hht, newmark, solve
+from flexcam.integrate.imbalance import Imbalance
+from flexcam.response import Block, Stats
+from flexcam.runner import prepare, result_file
+from flexcam.system import ConstantSpeed
+from flexcam.train.fineness import Fineness, _Touches
+
+CASE = Path(__file__).parents[1] / "data/inline.toml"
+
+
+def watched(path, *settings):
+    ready = prepare(flexcam.read_case(path, settings))
+    seen = Watched.of(ready)
+    response = solve(ready.problem, ready.scheme, save=ready.save, sinks=seen.sinks)
+    return ready, seen, response
+
+
+def told(path, *settings):
+    ready, seen, response = watched(path, *settings)
+    return run_doubts(ready, seen, [], response.stats)
+
+
+def test_the_frequency_is_that_of_the_accelerations():
+    """Of harmonic motion it is the motion's own; all unknowns follow one sine here."""
+    ready = prepare(flexcam.read_case(CASE))
+    seen = Watched.of(ready)
+    sink, w, n = seen.fineness, 700.0, ready.problem.system.size
+    t = np.linspace(0.0, 2.0 * math.pi / w, 400, endpoint=False)[:, None]
+    block = solve(ready.problem, ready.scheme).fields
+    moved = replace(block, displacement=np.sin(w * t) * np.ones(n), velocity=w * np.cos(w * t) * np.ones(n),
+                    acceleration=-(w**2) * np.sin(w * t) * np.ones(n))  # fmt: skip
+    time, channels = t[:, 0], np.zeros((len(t), len(seen.extremes.outline.channels)))
+    sink.write(Block(time, time, moved, channels, time, time, moved))
+    found = sink.found()
+    assert found.frequency == pytest.approx(w / (2.0 * math.pi), rel=1e-12)
+    assert found.steps == pytest.approx(2.0 * math.pi / (w * ready.problem.step), rel=1e-12)
+
+
+def test_elements_per_wave_are_those_of_the_beam():
+    """Of a shaft that bends: 2 pi/l (EI/(rho A w^2))^(1/4)."""
+    _, seen, _ = watched(CASE)
+    found = seen.fineness.found()
+    radius, longest = 0.0125, 0.060
+    rigidity, mass = 207e9 * math.pi / 4.0 * radius**4, 7800.0 * math.pi * radius**2
+    wave = 2.0 * math.pi * (rigidity / (mass * (2.0 * math.pi * found.frequency) ** 2)) ** 0.25
+    assert found.elements == {"camshaft": pytest.approx(wave / longest, rel=1e-9)}
+
+
+def test_impacts_are_counted_around_the_largest_force():
+    touches = _Touches(np.array([0, 1, 2]))
+    first = np.array([[0.0, 1.0, 0.0], [2.0, 1.0, 0.0], [5.0, 2.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    touches.follow(first)
+    touches.follow(np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
+    assert touches.named(["struck", "begins closed", "open"]) == {"struck": 3}
+    touches.follow(np.array([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
+    assert touches.named(["struck", "begins closed", "open"]) == {"struck": 1}
+
+
+def test_nothing_that_moves_is_fine_enough():
+    ready = prepare(flexcam.read_case(CASE))
+    assert Watched.of(ready).fineness.found() == Fineness(0.0, math.inf, {}, {})
+
+
+def test_a_fine_run_is_not_doubted():
+    assert told(CASE) == []
+
+
+def test_coarse_steps_are_told():
+    words = told(CASE, "run.steps_per_revolution=12")
+    assert any("a period has" in one and "steps at the" in one for one in words)
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the sink would have found."""
+
+    fineness: Fineness
+
+    def found(self):
+        return self.fineness
+
+
+def test_what_is_coarse_is_told():
+    ready, seen, response = watched(CASE)
+    coarse = Fineness(400.0, 10.0, {"shaft": 30.0, "pushrod": 1.9}, {"seat": 4, "tip": 5, "play": 1})
+    words = run_doubts(ready, replace(seen, fineness=Found(coarse)), [], response.stats)
+    assert words == [
+        "Warning: a period has 10 steps at the 400 Hz of the accelerations; take 2 times as many",
+        (
+            "Warning: a wave of bending of member pushrod has 1.9 of its elements at the 400 Hz of the accelerations; "
+            "take 3 times as many"
+        ),
+        (
+            "Warning: the largest force of contact seat is that of an impact of 4 steps: take more steps per revolution, "
+            "or a softer contact"
+        ),
+        (
+            "Warning: the largest force of contact play is that of an impact of 1 step: take more steps per revolution, "
+            "or a softer contact"
+        ),
+    ]
+
+
+def test_the_same_is_told_of_a_result():
+    ready, seen, response = watched(CASE)
+    again = Watched.again(ready, response)
+    assert again.fineness.found().frequency == pytest.approx(seen.fineness.found().frequency, rel=1e-12)
+    assert lost_energy(again.extremes) == lost_energy(seen.extremes)
+
+
+@pytest.mark.parametrize("path", ["general", "modal", "compiled"])
+def test_forces_are_in_balance(path):
+    """To rounding, by whatever way; with HHT between the instants, where its step balances them."""
+    ready = prepare(flexcam.read_case(CASE, [f"run.path={path}"]))
+    assert 0.0 < solve(ready.problem, ready.scheme).stats.imbalance < 1e-10
+    between = solve(ready.problem, hht(alpha=-0.1)).stats.imbalance
+    assert 1e-6 < between < 1e-2
+
+
+def test_a_missing_force_is_seen(system_of, monkeypatch):
+    """A load that the account does not know leaves all of itself out of balance."""
+    push = (np.ones(1), lambda motion: np.ones_like(motion.angle))
+    problem = Problem(system_of([[1.0]], [[0.0]], [[49.0]], (push,)), ConstantSpeed(1.0), 1e-2, 400, State.rest(1))
+    assert solve(problem, newmark()).stats.imbalance < 1e-12
+    made = Imbalance.__init__
+
+    def blind(self, system, forces, step):
+        made(self, system, forces, step)
+        self._vectors = 0.0 * self._vectors
+
+    monkeypatch.setattr(Imbalance, "__init__", blind)
+    # The largest force is that of the spring, twice the load; looked at every twentieth step.
+    assert solve(problem, newmark()).stats.imbalance == pytest.approx(0.5, abs=0.02)
+
+
+def test_units_of_unknowns_do_not_matter(system_of):
+    push = (np.array([1.0, 0.0]), lambda motion: np.ones_like(motion.angle))
+    K, M = np.array([[50.0, -10.0], [-10.0, 40.0]]), np.diag([1.0, 2.0])
+    shares = []
+    for scale in (1.0, 1e6):
+        S = np.diag([1.0, scale])
+        system = system_of(S @ M @ S, np.zeros((2, 2)), S @ K @ S, (push,))
+        shares.append(solve(Problem(system, ConstantSpeed(1.0), 1e-2, 400), hht(alpha=-0.2)).stats.imbalance)
+    assert shares[0] == pytest.approx(shares[1], rel=1e-6)
+
+
+def test_what_is_out_of_balance_is_told():
+    ready, seen, response = watched(CASE)
+    words = run_doubts(ready, seen, [], replace(response.stats, imbalance=0.02))
+    assert words == [
+        (
+            "Warning: forces are out of balance by up to 2 % of the largest: the steps are too long for the motion; "
+            "take more steps per revolution"
+        )
+    ]
+    assert "forces within" in balances(seen.extremes, response.stats)
+    assert balances(seen.extremes, Stats()) == ""
+
+
+def test_warnings_are_kept_with_the_result(tmp_path):
+    ready = prepare(flexcam.read_case(CASE))
+    asked = []
+    sink = result_file(ready, tmp_path, warnings=lambda stats: asked.append(stats.steps) or ["Warning: one", "two"])
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
+    read = flexcam.read_result(sink.path)
+    assert read.warnings == ("Warning: one", "two")
+    assert asked == [ready.problem.steps]
+    assert read.response.stats.imbalance == pytest.approx(0.0, abs=1e-10)
