@@ -21,8 +21,8 @@ SEAL = "seal"
 """Attribute of the root that holds the digest, hexadecimal."""
 
 _COUNTERS = frozenset({"steps", "NSteps"})
-_CHANGING = frozenset({"status", "checkpoint"})
-"""Attributes that change while a file grows; what is written anew at times or at its end."""
+_ENDING = "status"
+"""Attributes that change while a file grows, and the group that is written at its end."""
 
 _module: Any = h5py
 
@@ -92,7 +92,7 @@ def _parts(file: Any, complete: bool) -> Iterator[bytes]:  # noqa: ANN401
         group = groups.pop()
         yield from _attributes(group, complete)
         for name, one in children(group):
-            if group.name == "/" and name in _CHANGING and not complete:
+            if group.name == "/" and name == _ENDING and not complete:
                 continue
             yield f"{group.name}/{name}".encode()
             address = int(_module.h5o.get_info(one.id).addr)

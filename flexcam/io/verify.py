@@ -12,6 +12,7 @@ import numpy as np
 from flexcam.checks import Fault, InputError
 from flexcam.io.extents import damaged, doubly_used, lost
 from flexcam.io.guard import DAMAGE, datasets, guarded
+from flexcam.io.kept_state import CHECKPOINT
 from flexcam.io.sealed import SEAL, seal_fault
 
 _ROWS = 1 << 16
@@ -97,7 +98,7 @@ def _empty_by_design(one: Any) -> bool:  # noqa: ANN401
 
 def _counted(file: Any, one: Any) -> int | None:  # noqa: ANN401
     """Return how many rows of a dataset count in a file that still grows; None for all."""
-    if one.maxshape is None or None not in one.maxshape:
+    if one.maxshape is None or None not in one.maxshape or one.name == f"/{CHECKPOINT}":
         return None
     if one.name.startswith("/history/"):
         return int(file["history"].attrs["steps"])

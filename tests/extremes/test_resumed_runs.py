@@ -87,7 +87,7 @@ def solved(ready, folder, *, cut=None, earlier=None):
 
 
 def content(path):
-    """Return every dataset and attribute of a file as bytes, but for what tells of the clock."""
+    """Return every dataset and attribute of a file as bytes, but for what tells of the clock, and the seal over it."""
     found = {}
 
     def visit(name, item):
