@@ -147,8 +147,8 @@ def plainly() -> Generator[None]:
         yield
     except (OSError, RuntimeError) as fault:
         told = _SYSTEM.search(str(fault))
-        raise OSError(told[1] if told else str(fault).partition(" (")[0]) from None
+        raise OSError(os.strerror(int(told[1])) if told else str(fault).partition(" (")[0]) from None
 
 
-_SYSTEM = re.compile("error message = '([^']+)'")
+_SYSTEM = re.compile(r"errno = (\d+)")
 """What the system said, within what HDF5 says."""

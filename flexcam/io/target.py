@@ -22,8 +22,10 @@ def free_to_write(where: str, path: Path, *, overwrite: bool) -> None:
     Raises
     ------
     InputError
-        If it exists and may not be replaced, or its folder cannot be made.
+        If it exists and may not be replaced, is a folder, or its folder cannot be made.
     """
+    if path.is_dir():
+        raise refuse(where, str(path), "a file", "a folder stands there", "move it, or name another folder")
     if path.exists() and not overwrite:
         raise refuse(where, str(path), "a file that does not exist yet", "nothing is written over", "add --overwrite")
     above = next(folder for folder in path.absolute().parents if folder.exists())
