@@ -162,6 +162,15 @@ def test_eight_processes_in_one_folder(ready, tried, tmp_path):
     tried("together", "eight processes write sixteen results into one folder", 16, "all are complete and right")
 
 
+HELD = """
+import os, sys
+from pathlib import Path
+from flexcam.io.draft import _locked
+_locked(Path(sys.argv[1]))
+os._exit(9)
+"""
+
+
 def test_two_processes_and_one_result(ready, tried, tmp_path):
     """The second is refused, also with --overwrite; a process that is gone holds nothing."""
     file = result_file(ready, tmp_path / "out")
@@ -174,7 +183,7 @@ def test_two_processes_and_one_result(ready, tried, tmp_path):
         result_file(ready, tmp_path / "out", overwrite=True)
     assert solved(ready, file).status.ok
     assert names(tmp_path / "out") == ["inline.vtkhdf"]
-    held = "import os, sys; from flexcam.io.draft import _locked; from pathlib import Path; _locked(Path(sys.argv[1])); os._exit(9)"
-    subprocess.run([sys.executable, "-c", held, str(tmp_path / "out/inline.writing")], timeout=60)
+    left = str(tmp_path / "out/inline.writing")
+    subprocess.run([sys.executable, "-c", HELD, left], timeout=60, check=False)
     assert solved(ready, result_file(ready, tmp_path / "out", overwrite=True)).status.ok
     tried("together", "two processes write one result", 3, "the second is refused; a dead one locks nobody out")
