@@ -322,7 +322,9 @@ def _never() -> bool:
 
 
 TIME_UP = Status(
-    Cause.TIME_LIMIT, "the time given to the run was over before its end", "what was finished is kept; allow more time"
+    Cause.TIME_LIMIT,
+    "the time given to the run was over before its end",
+    "what was finished is kept; --resume goes on from there",
 )
 """How a run ends that was given too little time."""
 

@@ -82,7 +82,10 @@ class ResultFile:
         self._checkpoint: Checkpoint | None = None
         self._draft = Draft(path.with_suffix(".writing"), self.partial)
         try:
-            free_to_write("partial result", self.partial, overwrite=overwrite or resume)
+            free_to_write(
+                "partial result", self.partial, overwrite=overwrite or resume,
+                remedy="add --resume to go on with it, or --overwrite",
+            )  # fmt: skip
             with plainly():
                 self._create(geometry, save, about)
         except OSError as fault:

@@ -92,7 +92,8 @@ def test_a_fingerprint_tells_problems_apart():
         fingerprint(ready.problem, newmark(beta=0.3, gamma=0.6), ready.save),
         fingerprint(ready.problem, ready.scheme, SaveAt(field_every=7)),
         *(fingerprint(prepare(read_case(CASE, [one])).problem, ready.scheme, ready.save) for one in (
-            "run.speed=3001rpm", "masses.valve.mass=0.101kg", "cams.intake.lift=6.001mm", "springs.valve.stiffness=41kN/m",
+            "run.speed=3001rpm", "masses.valve.mass=0.101kg", "cams.intake.lift=6.001mm",
+            "springs.valve.stiffness=41kN/m",
         )),
     }  # fmt: skip
     assert len(told) == 9
