@@ -50,7 +50,7 @@ class Engine(Protocol):
 LARGEST = 1e100
 """Size (SI) beyond which a motion has diverged; its squares, as stresses need them, are still numbers."""
 
-STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "what was finished is kept")
+STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "what was finished is kept; --resume goes on from there")
 
 
 def in_range(track: Track, before: FloatArray | None, system: System, angle: FloatArray) -> tuple[Track, Status]:

@@ -334,7 +334,7 @@ def _never() -> bool:
 TIME_UP = Status(
     Cause.TIME_LIMIT,
     "the time given to the run was over before its end",
-    "what was finished is kept: --resume goes on from there",
+    "what was finished is kept; --resume goes on from there",
 )
 """How a run ends that was given too little time."""
 

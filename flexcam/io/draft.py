@@ -8,9 +8,11 @@ does not. The copies take a fiftieth of the time of a run at most, however large
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import time
-from contextlib import suppress
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from flexcam.checks import refuse
@@ -130,3 +132,23 @@ def _lock(held: int) -> None:
         raise
     except OSError:  # some network drives have no locks
         return
+
+
+@contextmanager
+def plainly() -> Generator[None]:
+    """Say in the system's own words why a file cannot be written; HDF5 tells addresses and buffers as well.
+
+    Raises
+    ------
+    OSError
+        For every OSError and RuntimeError within: h5py raises both.
+    """
+    try:
+        yield
+    except (OSError, RuntimeError) as fault:
+        told = _SYSTEM.search(str(fault))
+        raise OSError(os.strerror(int(told[1])) if told else str(fault).partition(" (")[0]) from None
+
+
+_SYSTEM = re.compile(r"errno = (\d+)")
+"""What the system said, within what HDF5 says."""

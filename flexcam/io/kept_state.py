@@ -10,13 +10,28 @@ import numpy as np
 
 from flexcam.checkpoint import Checkpoint
 from flexcam.io.sealed import keep_sum
-from flexcam.io.texts import note, noted
+from flexcam.io.sound import taken
 
-_NAME = "checkpoint"
+CHECKPOINT = "checkpoint"
+"""Name of the dataset."""
+
+_STEPS, _PROBLEM = "steps", "problem"
 _CHUNK = 4096
 
 
-def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401 - h5py has no types
+def make_checkpoint(file: Any) -> None:  # noqa: ANN401 - h5py has no types
+    """Make the place of the checkpoint in a new result file, empty.
+
+    Parameters
+    ----------
+    file
+        Of h5py.
+    """
+    file.create_dataset(CHECKPOINT, (0,), "u1", maxshape=(None,), chunks=(_CHUNK,), fletcher32=True)
+    keep_sum(file[CHECKPOINT], zlib.crc32(b""))
+
+
+def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401
     """Write a checkpoint into an open result file, in the place of an earlier one.
 
     Parameters
@@ -27,17 +42,13 @@ def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401
         As it stands behind the last block.
     """
     packed = BytesIO()
-    arrays: dict[str, Any] = dict(checkpoint.arrays)
+    own = {_STEPS: np.array(checkpoint.steps), _PROBLEM: np.array(checkpoint.problem)}
+    arrays: dict[str, Any] = {**checkpoint.arrays, **own}
     np.savez(packed, **arrays)
     content = np.frombuffer(packed.getvalue(), dtype=np.uint8)
-    if _NAME not in file:
-        file.create_dataset(_NAME, (0,), "u1", maxshape=(None,), chunks=(_CHUNK,), fletcher32=True)
-    kept = file[_NAME]
-    kept.resize((len(content),))
-    kept[:] = content
-    kept.attrs["steps"] = checkpoint.steps
-    note(kept, "problem", checkpoint.problem)
-    keep_sum(kept, zlib.crc32(content.data))
+    file[CHECKPOINT].resize((len(content),))
+    file[CHECKPOINT][:] = content
+    keep_sum(file[CHECKPOINT], zlib.crc32(content.data))
 
 
 def read_checkpoint(file: Any) -> Checkpoint | None:  # noqa: ANN401
@@ -55,15 +66,14 @@ def read_checkpoint(file: Any) -> Checkpoint | None:  # noqa: ANN401
 
     Raises
     ------
-    OSError, ValueError
-        If it is damaged.
+    InputError
+        If a chunk of it is damaged.
     """
-    if _NAME not in file:
+    if CHECKPOINT not in file or not len(file[CHECKPOINT]):
         return None
-    kept = file[_NAME]
-    with np.load(BytesIO(kept[()].tobytes()), allow_pickle=False) as packed:
-        arrays = dict(packed.items())
-    return Checkpoint(int(kept.attrs["steps"]), noted(kept, "problem"), arrays)
+    with np.load(BytesIO(taken(file[CHECKPOINT]).tobytes()), allow_pickle=False) as packed:
+        arrays: dict[str, Any] = dict(packed.items())
+    return Checkpoint(int(arrays.pop(_STEPS)), str(arrays.pop(_PROBLEM)), arrays)
 
 
 def drop_checkpoint(file: Any) -> None:  # noqa: ANN401
@@ -74,5 +84,4 @@ def drop_checkpoint(file: Any) -> None:  # noqa: ANN401
     file
         Of h5py.
     """
-    if _NAME in file:
-        del file[_NAME]
+    del file[CHECKPOINT]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -165,7 +165,12 @@ def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
     vtk, history = file["VTKHDF"], file["history"]
     steps = int(history.attrs["steps"])
     probes = tuple((name, notes(one, "components")) for name, one in history["probes"].items())
-    channels = history["channels"].items()
+    channels, data = history["channels"].items(), vtk["PointData"]
+    node = taken(data["node"])
+
+    def fields(name: str) -> FloatArray:
+        return taken(data[name], count * len(node))
+
     return Response(
         outline=Outline(
             tuple(f"node {n}.{c}" for n in range(nodes) for c in COMPONENTS),
@@ -178,7 +183,7 @@ def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
         channels={name: taken(data, steps) for name, data in channels},
         field_time=taken(vtk["Steps/Values"], count),
         field_angle=taken(file["fields/cam_angle"], count),
-        fields=Series(*(_fields(vtk["PointData"], series, count, nodes) for series in SERIES)),
+        fields=Series(*(at_nodes(fields, series, node, nodes) for series in SERIES)),
         status=status_of(file),
         stats=_stats(file),
     )
@@ -189,36 +194,15 @@ def _side_by_side(history: Any, probes: tuple[tuple[str, tuple[str, ...]], ...],
     return np.concatenate(columns, axis=1) if columns else np.zeros((steps, 0))
 
 
-def _fields(data: Any, series: str, count: int, nodes: int) -> FloatArray:  # noqa: ANN401
-    """Return one series at the nodes, shape (count, 6 nodes)."""
-    node = taken(data["node"])
-    vectors = {name: taken(data[name], count * len(node)) for name in vectors_of(series)}
-    return nodal_fields(vectors, node, nodes)
-
-
-def vectors_of(series: str) -> tuple[str, ...]:
-    """Return the names of the nodal vectors that hold a series: ``displacement`` stands in two, with its rotations.
+def at_nodes(read: Callable[[str], FloatArray], series: str, node: IntArray, nodes: int) -> FloatArray:
+    """Return one series of saved fields at the nodes; points of a joint agree, any of them counts.
 
     Parameters
     ----------
+    read
+        Returns some instants of a point vector by its name, shape (instants x points, 3).
     series
         ``displacement``, ``velocity`` or ``acceleration``.
-
-    Returns
-    -------
-    tuple
-        Names in the file.
-    """
-    return tuple(name for name, (of, _, _) in VECTORS.items() if of == series)
-
-
-def nodal_fields(vectors: Mapping[str, FloatArray], node: IntArray, nodes: int) -> FloatArray:
-    """Return saved vectors at the nodes; points of a joint agree, any of them counts.
-
-    Parameters
-    ----------
-    vectors
-        Name of a vector to its values at the points, instant after instant, shape (instants points, 3).
     node
         Of every point.
     nodes
@@ -229,12 +213,11 @@ def nodal_fields(vectors: Mapping[str, FloatArray], node: IntArray, nodes: int) 
     ndarray
         Shape (instants, 6 nodes).
     """
-    count = len(next(iter(vectors.values()))) // max(len(node), 1)
-    spread = np.zeros((count, nodes, 6))
-    for name, values in vectors.items():
-        first = VECTORS[name][1]
-        spread[:, node, first : first + 3] = values.reshape(count, len(node), 3)
-    return spread.reshape(count, 6 * nodes)
+    parts = {first: read(name).reshape(-1, len(node), 3) for name, (of, first, _) in VECTORS.items() if of == series}
+    spread = np.zeros((len(parts[0]), nodes, 6))
+    for first, values in parts.items():
+        spread[:, node, first : first + 3] = values
+    return spread.reshape(-1, 6 * nodes)
 
 
 def status_of(file: Any) -> Status:  # noqa: ANN401

@@ -7,7 +7,7 @@ from pathlib import Path
 from flexcam.checks import refuse
 
 
-def free_to_write(where: str, path: Path, *, overwrite: bool) -> None:
+def free_to_write(where: str, path: Path, *, overwrite: bool, remedy: str = "add --overwrite") -> None:
     """Refuse a target that exists.
 
     Parameters
@@ -18,14 +18,18 @@ def free_to_write(where: str, path: Path, *, overwrite: bool) -> None:
         The target.
     overwrite
         Whether it may be replaced.
+    remedy
+        What to do if it may not.
 
     Raises
     ------
     InputError
-        If it exists and may not be replaced, or its folder cannot be made.
+        If it exists and may not be replaced, is a folder, or its folder cannot be made.
     """
+    if path.is_dir():
+        raise refuse(where, str(path), "a file", "a folder stands there", "move it, or name another folder")
     if path.exists() and not overwrite:
-        raise refuse(where, str(path), "a file that does not exist yet", "nothing is written over", "add --overwrite")
+        raise refuse(where, str(path), "a file that does not exist yet", "nothing is written over", remedy)
     above = next(folder for folder in path.absolute().parents if folder.exists())
     if not above.is_dir():
         raise refuse("folder", str(path.parent), "a folder that can be made", f"{above} is a file", "name another")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,10 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 
 from flexcam.checkpoint import Checkpoint
 from flexcam.checks import refuse
-from flexcam.io.draft import Draft
+from flexcam.io.draft import Draft, plainly
 from flexcam.io.geometry import RECOVERED, Geometry
 from flexcam.io.growing import Growing, fixed, ordered
-from flexcam.io.kept_state import drop_checkpoint, write_checkpoint
+from flexcam.io.kept_state import drop_checkpoint, make_checkpoint, write_checkpoint
 from flexcam.io.sealed import seal
 from flexcam.io.target import free_to_write
 from flexcam.io.texts import note, texts
@@ -86,8 +87,16 @@ class ResultFile:
         self._warnings = warnings
         self._draft = Draft(path.with_suffix(".writing"), self.partial)
         try:
-            free_to_write("partial result", self.partial, overwrite=overwrite or resume)
-            self._create(geometry, save, about)
+            free_to_write(
+                "partial result", self.partial, overwrite=overwrite or resume,
+                remedy="add --resume to go on with it, or --overwrite",
+            )  # fmt: skip
+            with plainly():
+                self._create(geometry, save, about)
+        except OSError as fault:
+            self._abandon()
+            allowed, remedy = "a file that can be written", "free space or name another folder"
+            raise refuse("result", str(self.path), allowed, str(fault), remedy) from None
         except BaseException:
             self._draft.discard()
             raise
@@ -95,10 +104,8 @@ class ResultFile:
             self._draft.show()
 
     def _create(self, geometry: Geometry, save: SaveAt, about: Mapping[str, str]) -> None:
-        try:  # chunks are written once and whole: a cache would keep them all, to be looked through at every flush
-            self._file: Any = h5py.File(self._draft.path, "w", locking=False, rdcc_nbytes=0)
-        except OSError as fault:
-            raise refuse("result", str(self.path), "a file that can be written", str(fault)) from None
+        # Chunks are written once and whole: a cache would keep them all, to be looked through at every flush.
+        self._file: Any = h5py.File(self._draft.path, "w", locking=False, rdcc_nbytes=0)
         _bound(self._file)
         moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED}
         fields = max(save.block // save.field_every, 1)
@@ -107,6 +114,7 @@ class ResultFile:
         self._create_history(save.block)
         _write_mesh(self._file, geometry)
         texts(self._file.create_group("about"), {"format": str(FORMAT), **about})
+        make_checkpoint(self._file)
         self._seal()
         self._file.flush()
 
@@ -131,22 +139,36 @@ class ResultFile:
             one.dataset.dims[0].attach_scale(self._time.dataset)
 
     def write(self, block: Block) -> None:
-        """Append a block."""
-        self._append_history(block)
-        self._vtk.append(self._point_data(block), len(block.field_time))
-        self._field_angle.extend(block.field_angle)
-        self._vtk.count(len(block.field_time))
-        self._file["history"].attrs.modify("steps", len(self._time))
-        self._vtk.stamp(block.field_time)
+        """Append a block.
+
+        Raises
+        ------
+        OSError
+            If it cannot be written.
+        """
+        with plainly():
+            self._append_history(block)
+            self._vtk.append(self._point_data(block), len(block.field_time))
+            self._field_angle.extend(block.field_angle)
+            self._vtk.count(len(block.field_time))
+            self._file["history"].attrs.modify("steps", len(self._time))
+            self._vtk.stamp(block.field_time)
 
     def keep(self, checkpoint: Checkpoint) -> None:
-        """Take the state behind the last block, and show what is written when it is time to."""
+        """Take the state behind the last block, and show what is written when it is time to.
+
+        Raises
+        ------
+        OSError
+            If it cannot be written.
+        """
         self._checkpoint = checkpoint
         if self._draft.due:
             began = time.perf_counter()
-            write_checkpoint(self._file, checkpoint)
-            self._seal()
-            self._file.flush()
+            with plainly():
+                write_checkpoint(self._file, checkpoint)
+                self._seal()
+                self._file.flush()
             self._draft.show(began)
 
     def _point_data(self, block: Block) -> dict[str, FloatArray]:
@@ -181,13 +203,20 @@ class ResultFile:
             If it cannot be written: what was shown of it before stays.
         """
         try:
-            self._end(status, stats)
-        except (OSError, RuntimeError) as fault:  # h5py raises both
-            self._draft.discard()
-            raise OSError(str(fault)) from None
+            with plainly():
+                self._end(status, stats)
+        except OSError:
+            self._abandon()
+            raise
         self._draft.become(self.path if status.ok else self.partial)
         if status.ok:
             self.partial.unlink(missing_ok=True)
+
+    def _abandon(self) -> None:
+        """Give up what is written; HDF5 may not be able to close it."""
+        with suppress(OSError, RuntimeError, AttributeError):
+            self._file.close()
+        self._draft.discard()
 
     def _end(self, status: Status, stats: Stats) -> None:
         group = self._file.create_group("status")

@@ -126,7 +126,7 @@ def first_difference(path, whole):
     return n, next((name for name, (got, wanted) in pairs.items() if not np.array_equal(got, wanted)), "")
 
 
-def test_every_reported_step_is_there_and_right(kills):
+def test_every_reported_step_is_there_and_right(kills, tried):
     wrong = {}
     for one in kills.runs:
         if not one.path.exists():
@@ -139,9 +139,10 @@ def test_every_reported_step_is_there_and_right(kills):
         except (AssertionError, InputError) as fault:
             wrong[one.path.parent.name] = str(fault)
     assert not wrong
+    tried("killed", "kill -9 at a random time", len(kills.runs), "every step reported as saved is there, bit by bit")
 
 
-def test_h5py_reads_every_chunk(kills):
+def test_h5py_reads_every_chunk(kills, tried):
     """Every chunk has its checksum: what is torn raises."""
     seen = 0
     for one in kills.runs:
@@ -150,6 +151,7 @@ def test_h5py_reads_every_chunk(kills):
                 file.visititems(lambda _, item: item[()] if isinstance(item, h5py.Dataset) else None)
             seen += 1
     assert seen >= len(kills.runs) // 2
+    tried("killed", "the same, read by h5py alone", seen, "every chunk is there, with its checksum")
 
 
 READ = """
@@ -167,13 +169,15 @@ for path in sys.argv[1:]:
 """
 
 
-def test_vtk_reads_every_step(kills):
+def test_vtk_reads_every_step(kills, tried):
     """In a process of its own: what does not fit together makes the reader abort."""
     pytest.importorskip("vtkmodules.vtkIOHDF")
-    script(READ, *(one.path for one in kills.runs if one.reported))
+    some = [one.path for one in kills.runs if one.reported]
+    script(READ, *some)
+    tried("killed", "the same, read by VTK", len(some), "every step is read")
 
 
-def test_killed_runs_go_on_to_the_same_end(kills, tmp_path):
+def test_killed_runs_go_on_to_the_same_end(kills, tried):
     """And leave nothing of what the killed process was writing."""
     some = [one.path.parent for one in kills.runs if one.reported][:60:4]
     script(RESUMED, CASE, kills.folder, 0, 0, *(folder.name for folder in some))
@@ -184,3 +188,4 @@ def test_killed_runs_go_on_to_the_same_end(kills, tmp_path):
         assert read.status.ok
         assert np.array_equal(read.channels["energy.residual"], kills.whole.channels["energy.residual"])
         assert np.array_equal(read.fields.acceleration, kills.whole.fields.acceleration)
+    tried("killed", "the same, gone on with by --resume", len(some), "the result of the run left alone, bit by bit")

@@ -1,0 +1,204 @@
+"""``flexcam run --resume``: runs that were stopped go on; everything else is refused, and nothing is touched."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexcam import read_case, read_result
+from flexcam.integrate import solve
+from flexcam.response import Cause, Status
+from flexcam.runner import prepare, result_file
+
+WALKED = ("--set", "run.path=general", "--set", "run.revolutions=12")
+"""A second of steps in Python."""
+
+SERIES = ("displacement", "velocity", "acceleration")
+
+
+def assert_same(path, other):
+    one, two = read_result(path).response, read_result(other).response
+    assert one.status.ok
+    assert replace(one.stats, seconds=0.0) == replace(two.stats, seconds=0.0)
+    assert all(np.array_equal(getattr(one.fields, name), getattr(two.fields, name)) for name in SERIES)
+    assert all(np.array_equal(values, two.channels[name]) for name, values in one.channels.items())
+
+
+def begun(folder, *words):
+    """Start a run in a process of its own and return it once it has saved some of its steps."""
+    command = [sys.executable, "-m", "flexcam", "run", "case.toml", "-o", "out", *words]
+    process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    partial, sizes, until = folder / "out/case.partial.vtkhdf", set(), time.monotonic() + 30.0
+    while len(sizes) < 2:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until
+        sizes |= {partial.stat().st_size} if partial.exists() else set()
+        time.sleep(0.005)
+    return process, partial
+
+
+def test_after_kill_and_terminate(flexcam, case, tried, tmp_path):
+    """Killed, resumed, terminated, resumed again."""
+    process, partial = begun(tmp_path, *WALKED)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    first = len(read_result(partial).response.time)
+    assert first > 0
+    process, partial = begun(tmp_path, *WALKED, "--resume")
+    process.send_signal(signal.SIGTERM)
+    assert "interrupted" in process.communicate()[1]
+    assert process.returncode == 143
+    assert len(read_result(partial).response.time) > first
+    ended = flexcam("run", "case.toml", "-o", "out", *WALKED, "--resume")
+    assert ended.code == 0
+    assert flexcam("run", "case.toml", "-o", "whole", *WALKED).out.splitlines()[:8] == ended.out.splitlines()[:8]
+    assert_same(tmp_path / "out/case.vtkhdf", tmp_path / "whole/case.vtkhdf")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["case.vtkhdf"]
+    assert flexcam("info", tmp_path / "out/case.vtkhdf", "--verify").code == 0
+    tried("killed", "kill -9, --resume, SIGTERM, --resume", 2, "the result and the summary of the run left alone")
+
+
+class Cut:
+    """A sink whose write is interrupted after so many blocks."""
+
+    def __init__(self, after):
+        self.left = after
+
+    def write(self, block):
+        self.left -= 1
+        if self.left < 0:
+            raise KeyboardInterrupt
+
+    def close(self, status, stats):
+        pass
+
+
+@pytest.fixture
+def broken(case, tmp_path):
+    """Leave the partial result of a run that ended for some cause after so many blocks of 640 instants."""
+
+    def leave(cause=Cause.INTERRUPTED, *, blocks=1, overrides=("run.revolutions=3",)):
+        ready = prepare(read_case(case, overrides))
+        file = result_file(ready, tmp_path / "out")
+        close = file.close
+        file.close = lambda status, stats: close(Status(cause, "so it was", "do this"), stats)
+        solve(ready.problem, ready.scheme, save=ready.save, sinks=[Cut(blocks), file])
+        return file.partial
+
+    return leave
+
+
+SAME = ("--set", "run.revolutions=3", "--resume")
+
+
+@pytest.mark.parametrize("cause", [Cause.INTERRUPTED, Cause.TIME_LIMIT, Cause.NOT_SAVED])
+def test_causes_that_go_on(cause, broken, flexcam):
+    broken(cause)
+    assert flexcam("run", "case.toml", "-o", "out", *SAME).code == 0
+
+
+@pytest.mark.parametrize("cause", [Cause.NOT_FINITE, Cause.NO_CONVERGENCE, Cause.STEP_TOO_SMALL])
+def test_causes_that_would_come_again(cause, broken, flexcam, refused):
+    refused(broken(cause), SAME, str(cause), "same way", "do this")
+
+
+@pytest.fixture
+def refused(flexcam, tmp_path):
+    """Refuse to resume with certain words, and leave the partial result untouched and nothing else."""
+
+    def check(partial, words, *told):
+        before = {path: path.read_bytes() for path in partial.parent.iterdir()} if partial.parent.exists() else {}
+        ended = flexcam("run", "case.toml", "-o", "out", *words)
+        assert ended.code == 2
+        for word in told:
+            assert word in ended.err
+        after = {path: path.read_bytes() for path in partial.parent.iterdir()} if partial.parent.exists() else {}
+        assert after == before
+
+    return check
+
+
+def test_nothing_to_resume(case, refused, tmp_path):
+    refused(tmp_path / "out/case.partial.vtkhdf", SAME, "no such file", "leave out --resume")
+
+
+def test_complete_already(case, flexcam, refused, tmp_path):
+    assert flexcam("run", "case.toml", "-o", "out").code == 0
+    refused(tmp_path / "out/case.partial.vtkhdf", ["--resume"], "is complete", "leave out --resume")
+
+
+def test_cut_off_before_the_first_block(broken, refused):
+    refused(broken(blocks=0), SAME, "before the first block", "--overwrite")
+
+
+def test_another_override(broken, refused):
+    refused(broken(), ("--set", "run.revolutions=4", "--resume"), "--set", "run.revolutions=4", "run.revolutions=3")
+
+
+def test_another_case(broken, case, refused):
+    partial = broken()
+    case.write_text(case.read_text().replace("6 mm", "7 mm"))
+    refused(partial, SAME, "the text of the case", "values of the case", "--overwrite")
+
+
+@pytest.mark.parametrize("package", ["flexcam", "numpy"])
+def test_another_version(package, broken, refused, monkeypatch):
+    from flexcam import runner
+
+    partial, known = broken(), runner.version
+    monkeypatch.setattr(runner, "version", lambda name: "99.0" if name == package else known(name))
+    refused(partial, SAME, f"--resume: {package}: given 99.0", known(package))
+
+
+def test_another_table_beside_the_case(flexcam, case, refused, broken, tmp_path):
+    """The text of the case is the same, the lift it names is not."""
+    rows = [(a, 3.0 * (1.0 - np.cos(np.radians(a)))) for a in range(0, 361, 5)]
+
+    def write(scale):
+        lines = [f"{angle}, {scale * lift:.6f}" for angle, lift in rows]
+        (tmp_path / "lift.csv").write_text("\n".join(["cam_deg, lift_mm", *lines]))
+
+    write(1.0)
+    old = 'law = "shm"\nlift = "6 mm"\nrise = "180 deg"\nreturn = "180 deg"'
+    assert old in case.read_text()
+    case.write_text(case.read_text().replace(old, 'lift_table = "lift.csv"'))
+    partial = broken()
+    write(1.01)
+    refused(partial, SAME, "a mesh or a table beside the case", "restore it")
+
+
+def test_a_damaged_partial_result(flexcam, broken, tried, tmp_path):
+    """Refused, or what was damaged does not count: then the run goes on to the right end."""
+    sound = broken().read_bytes()
+    assert flexcam("run", "case.toml", "-o", "whole", *SAME[:2]).code == 0
+    places, codes = np.linspace(0.05, 0.95, 10), []
+    for place in places:
+        content = bytearray(sound)
+        for i in range(64):
+            content[int(place * len(content)) + i] ^= 0x5A
+        (tmp_path / "out/case.partial.vtkhdf").write_bytes(content)
+        codes.append(flexcam("run", "case.toml", "-o", "out", *SAME).code)
+        if codes[-1] == 0:
+            assert_same(tmp_path / "out/case.vtkhdf", tmp_path / "whole/case.vtkhdf")
+            (tmp_path / "out/case.vtkhdf").unlink()
+    assert set(codes) <= {0, 2}
+    assert codes.count(2) >= 5
+    tried(
+        "damaged", "--resume from a partial result with 64 bytes flipped", len(places), "refused, or the right result"
+    )
+
+
+def test_a_result_that_is_there_already_needs_overwrite(flexcam, broken, refused, tmp_path):
+    """A run that was to replace a result broke off: going on asks for the same permission."""
+    partial = broken()
+    old = tmp_path / "out/case.vtkhdf"
+    old.write_bytes(b"the result before")
+    refused(partial, SAME, "--overwrite")
+    assert flexcam("run", "case.toml", "-o", "out", *SAME, "--overwrite").code == 0
+    assert read_result(old).response.status.ok

@@ -1,0 +1,189 @@
+"""What the machine refuses while a result is written: the message, the exit code, and what is left."""
+
+from __future__ import annotations
+
+import re
+import resource
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import pytest
+
+from flexcam import prepare, read_case, read_result
+from flexcam.checks import InputError
+from flexcam.integrate import solve
+from flexcam.io import draft
+from flexcam.response import Cause
+from flexcam.runner import result_file
+
+CASE = Path(__file__).parents[1] / "data/inline.toml"
+RUN = ("run", "case.toml", "-o", "out")
+
+
+def flexcam(folder, *words, file_size=None):
+    """Run the command in a process of its own, whose files may not grow beyond a size in bytes."""
+
+    def bounded():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, file_size))
+
+    shutil.copy(CASE, folder / "case.toml")
+    command = [sys.executable, "-m", "flexcam", *words]
+    limit = {} if file_size is None else {"preexec_fn": bounded}
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, **limit)
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize("file_size", [40_000, 130_000, 300_000])
+def test_a_disk_that_is_full(file_size, tried, tmp_path):
+    """Before the first step, behind it, and later; the result before stays, and with room the run goes on."""
+    (tmp_path / "out").mkdir()
+    old = tmp_path / "out/case.vtkhdf"
+    old.write_bytes(b"the result before")
+    done = flexcam(tmp_path, *RUN, "--overwrite", "--set", "run.revolutions=2", file_size=file_size)
+    assert done.returncode == (2 if file_size < 100_000 else 3)
+    assert re.search(r"File too large.*free space or name another folder", done.stderr)
+    assert done.stderr.count("\n") == 1
+    assert old.read_bytes() == b"the result before"
+    left = names(tmp_path / "out")
+    assert left == ["case.vtkhdf"] if done.returncode == 2 else ["case.partial.vtkhdf", "case.vtkhdf"]
+    if done.returncode == 3:
+        assert read_result(tmp_path / "out/case.partial.vtkhdf").response.status.cause is Cause.INTERRUPTED
+    tried("machine", f"disk full after {file_size // 1000} kB", 1, "told; the result before is untouched")
+
+
+@pytest.fixture
+def ready():
+    return prepare(read_case(CASE))
+
+
+class Doing:
+    """A sink that does something at its second block."""
+
+    def __init__(self, what):
+        self._what, self._blocks = what, 0
+
+    def write(self, block):
+        self._blocks += 1
+        if self._blocks == 2:
+            self._what()
+
+    def close(self, status, stats):
+        pass
+
+
+def solved(ready, file, *sinks):
+    return solve(ready.problem, ready.scheme, save=ready.save, sinks=[*sinks, file])
+
+
+def test_a_folder_that_vanishes(ready, tried, tmp_path):
+    file = result_file(ready, tmp_path / "out")
+    response = solved(ready, file, Doing(lambda: shutil.rmtree(tmp_path / "out")))
+    assert response.status.cause is Cause.NOT_SAVED
+    assert "No such file or directory" in response.status.text
+    assert len(response.time) == ready.problem.steps + 1, "the numbers are in memory"
+    tried("machine", "the folder of the result is removed meanwhile", 1, "not-saved is told; nothing else is lost")
+
+
+def test_a_folder_nobody_can_write_to(tried, tmp_path):
+    """``/proc/self`` exists and takes no file, not even from the superuser."""
+    done = flexcam(tmp_path, "run", "case.toml", "-o", "/proc/self", "--allow-large")
+    assert done.returncode == 2
+    assert "a file that can be written" in done.stderr
+    assert "name another folder" in done.stderr
+    tried("machine", "a folder that cannot be written to", 1, "refused before the first step")
+
+
+def test_a_folder_in_the_place_of_the_result(ready, tmp_path):
+    """It is refused at once, not when the run is over and cannot take its name."""
+    (tmp_path / "inline.vtkhdf").mkdir()
+    with pytest.raises(InputError, match="a folder stands there"):
+        result_file(ready, tmp_path, overwrite=True)
+
+
+def test_results_that_are_open_elsewhere(ready, tried, tmp_path):
+    """A reader of the result before, and one of the partial result, keep what they have opened."""
+    solved(ready, file := result_file(ready, tmp_path))
+    with h5py.File(file.path) as before:
+        file = result_file(ready, tmp_path, overwrite=True)
+        with h5py.File(file.partial) as partial:
+            assert solved(ready, file).status.ok
+            assert partial["history"].attrs["steps"] == 0
+        assert before["history"].attrs["steps"] == ready.problem.steps + 1
+    assert names(tmp_path) == [file.path.name]
+    tried("machine", "the result before and the partial one are open elsewhere", 2, "replaced; readers keep the old")
+
+
+def test_no_room_for_a_copy(ready, monkeypatch, tmp_path):
+    """The run needs the room itself: what others see stays as it was, and the result is complete."""
+    file = result_file(ready, tmp_path)
+    monkeypatch.setattr(draft, "_SHARE", float("inf"))
+    monkeypatch.setattr(draft.shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(0, 0, 0))
+    seen = []
+    assert solved(ready, file, Doing(lambda: seen.append(len(read_result(file.partial).response.time)))).status.ok
+    assert seen == [0]
+    assert read_result(file.path).response.status.ok
+
+
+BESIDE = """
+import sys
+from dataclasses import replace
+from flexcam import prepare, read_case
+from flexcam.integrate import solve
+from flexcam.runner import result_file
+case = read_case(sys.argv[1])
+sys.stdin.readline()
+for name in sys.argv[3:]:
+    ready = prepare(replace(case, path=case.path.with_name(name + ".toml")))
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[result_file(ready, sys.argv[2])])
+"""
+
+
+def test_eight_processes_in_one_folder(ready, tried, tmp_path):
+    """Different results; all begin when all are ready."""
+    command = [sys.executable, "-c", BESIDE, str(CASE), str(tmp_path / "out")]
+    started = [
+        subprocess.Popen([*command, f"a{i}", f"b{i}"], stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        for i in range(8)
+    ]
+    for one in started:
+        one.stdin.write("\n")
+        one.stdin.flush()
+    assert [one.communicate(timeout=100)[1] for one in started] == [""] * 8
+    assert names(tmp_path / "out") == sorted(f"{letter}{i}.vtkhdf" for letter in "ab" for i in range(8))
+    wanted = solve(ready.problem, ready.scheme, save=ready.save)
+    for path in (tmp_path / "out").iterdir():
+        assert (read_result(path).response.channels["energy.work"] == wanted.channels["energy.work"]).all()
+    tried("together", "eight processes write sixteen results into one folder", 16, "all are complete and right")
+
+
+HELD = """
+import os, sys
+from pathlib import Path
+from flexcam.io.draft import _locked
+_locked(Path(sys.argv[1]))
+os._exit(9)
+"""
+
+
+def test_two_processes_and_one_result(ready, tried, tmp_path):
+    """The second is refused, also with --overwrite; a process that is gone holds nothing."""
+    file = result_file(ready, tmp_path / "out")
+    shutil.copy(CASE, tmp_path / "inline.toml")
+    for more in ([], ["--overwrite"]):
+        done = flexcam(tmp_path, "run", "inline.toml", "-o", "out", *more)
+        assert done.returncode == 2
+        assert "another run is writing it now" in done.stderr
+    with pytest.raises(InputError, match="another run is writing it now"):
+        result_file(ready, tmp_path / "out", overwrite=True)
+    assert solved(ready, file).status.ok
+    assert names(tmp_path / "out") == ["inline.vtkhdf"]
+    left = str(tmp_path / "out/inline.writing")
+    subprocess.run([sys.executable, "-c", HELD, left], timeout=60, check=False)
+    assert solved(ready, result_file(ready, tmp_path / "out", overwrite=True)).status.ok
+    tried("together", "two processes write one result", 3, "the second is refused; a dead one locks nobody out")

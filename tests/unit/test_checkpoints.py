@@ -1,0 +1,101 @@
+"""Checkpoints: what goes in comes out, and runs without a file go on as well."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import prepare, read_case
+from flexcam.checkpoint import flattened
+from flexcam.integrate import SaveAt, fingerprint, newmark, solve
+from flexcam.integrate.moment import Moment
+from flexcam.integrate.settle import Inner
+
+CASE = Path(__file__).parents[1] / "data/inline.toml"
+
+
+def moment(**more):
+    n, c = np.arange(3.0) / 7.0, np.array([1.0, -2.0]) / 3.0
+    return Moment(0.1, n, 2.0 * n, 3.0 * n, 4.0 * n, c, 2.0 * c, 3.0 * c, Inner(c[:1], c[1:]), **more)
+
+
+@pytest.mark.parametrize("more", [
+    {}, {"pressed": np.array([True, False]), "impulse": np.array([0.0, 0.7]), "iterations": 3, "stride": 1e-7}
+])  # fmt: skip
+def test_an_instant_comes_back_whole(more):
+    """Nothing of it is forgotten, whatever is added to it one day."""
+    before = moment(**more)
+    arrays = {**flattened("last", before), "counts": np.zeros(2)}
+    after = Moment.restored("last", arrays)
+    assert flattened("", after).keys() == flattened("", before).keys()
+    assert {one.name for one in fields(Moment) if getattr(after, one.name) is None} == {
+        one.name for one in fields(Moment) if getattr(before, one.name) is None
+    }
+    for name, values in flattened("", before).items():
+        assert np.array_equal(flattened("", after)[name], values), name
+        assert flattened("", after)[name].dtype == values.dtype, name
+
+
+def test_no_instant_comes_back_as_none():
+    assert Moment.restored("last", {"load": np.zeros(2)}) is None
+
+
+class Kept:
+    """A sink with the blocks and checkpoints of a run; what an interrupted one left, for `solve`."""
+
+    def __init__(self, stop=100):
+        self.stop, self._blocks, self.checkpoint = stop, [], None
+
+    def write(self, block):
+        if len(self._blocks) == self.stop:
+            raise KeyboardInterrupt
+        self._blocks.append(block)
+
+    def keep(self, checkpoint):
+        self.checkpoint = checkpoint
+
+    def close(self, status, stats):
+        pass
+
+    def blocks(self):
+        return iter(self._blocks)
+
+
+@pytest.mark.parametrize("path", ["general", "modal", "compiled"])
+@pytest.mark.parametrize("channels", [True, False])
+def test_without_a_file(path, channels):
+    """Without channels the compiled way keeps the probes alone: an engine of its own."""
+    ready = prepare(read_case(CASE, [f"run.path={path}"]))
+    problem, save = replace(ready.problem, steps=150), SaveAt(field_every=10, fields_per_block=2, channels=channels)
+    whole = solve(problem, ready.scheme, save=save)
+    earlier = Kept(stop=4)
+    solve(problem, ready.scheme, save=save, sinks=[earlier])
+    assert earlier.checkpoint.steps == 80
+    later = solve(problem, ready.scheme, save=save, resume=earlier)
+    assert replace(later.stats, seconds=0.0) == replace(whole.stats, seconds=0.0)
+    for name in ("displacement", "velocity", "acceleration"):
+        assert np.array_equal(getattr(later.probes, name), getattr(whole.probes, name)), name
+        assert np.array_equal(getattr(later.fields, name), getattr(whole.fields, name)), name
+    for name, values in whole.channels.items():
+        assert np.array_equal(later.channels[name], values), name
+
+
+def test_a_fingerprint_tells_problems_apart():
+    ready = prepare(read_case(CASE))
+    told = {
+        fingerprint(ready.problem, ready.scheme, ready.save),
+        fingerprint(replace(ready.problem, steps=ready.problem.steps + 1), ready.scheme, ready.save),
+        fingerprint(replace(ready.problem, step=np.nextafter(ready.problem.step, 1.0)), ready.scheme, ready.save),
+        fingerprint(ready.problem, newmark(beta=0.3, gamma=0.6), ready.save),
+        fingerprint(ready.problem, ready.scheme, SaveAt(field_every=7)),
+        *(fingerprint(prepare(read_case(CASE, [one])).problem, ready.scheme, ready.save) for one in (
+            "run.speed=3001rpm", "masses.valve.mass=0.101kg", "cams.intake.lift=6.001mm",
+            "springs.valve.stiffness=41kN/m",
+        )),
+    }  # fmt: skip
+    assert len(told) == 9
+    again = prepare(read_case(CASE))
+    assert fingerprint(again.problem, again.scheme, again.save) in told
