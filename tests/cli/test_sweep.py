@@ -210,7 +210,7 @@ def untouched(tmp_path_factory):
 
 def killed_and_resumed(folder, untouched, kills, seed):
     """Kill a sweep so many times at random moments, and finish it."""
-    chance, before = random.Random(seed), list[bytes]()
+    chance, before = random.Random(seed), list[bytes]()  # noqa: S311 - no secret
     for _ in range(kills):
         process = begun(folder, "--workers", "2", "--resume")
         if chance.random() < 0.7:

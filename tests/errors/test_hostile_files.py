@@ -149,7 +149,7 @@ print(sorted({"pickle", "yaml", "defusedxml", "meshio", "lxml.etree"} & set(sys.
 
 
 def test_no_reader_of_other_formats_is_loaded(sound):
-    """Meshio has thirty readers, some of XML; none of it is loaded to read. (numpy itself loads pickle.)"""
+    """The thirty readers of meshio, some of XML, are not loaded to read; numpy itself loads pickle."""
     words = [sys.executable, "-c", READERS, ROOT / "tests/data/inline.toml", ROOT / "meshes/tayeb-3.msh", sound]
     done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=60, check=True)
     assert set(eval(done.stdout)) <= {"pickle"}  # noqa: S307 - our own list

@@ -68,6 +68,8 @@ def _table(folder: Path) -> None:
         "-o",
         str(folder / "made"),
         "--overwrite",
+        "--workers",
+        "0",
         "--json",
     ]
     with redirect_stdout(io.StringIO()), suppress(SystemExit):
