@@ -1,4 +1,4 @@
-"""Damaged results: what is read is what was written, or the file is refused; ``info --verify`` names what is damaged."""
+"""Damaged results: what is read is what was written, or the file is refused, and what is damaged is named."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from flexcam import InputError, prepare, read_case, read_result
 from flexcam.cli import main
 from flexcam.integrate import solve
 from flexcam.io import verified
+from flexcam.io.guard import datasets
 from flexcam.runner import modes, result_file
 from flexcam.sweep import read_table
 from tests.fuzz import damage
@@ -43,10 +44,11 @@ def test_flipped_bits(name, read, differs, made, tmp_path, tried):
         data[random.randrange(len(data))] ^= 1 << random.randrange(8)
         (tmp_path / name).write_bytes(data)
         try:
-            assert not differs(read(tmp_path / name), sound)
-        except InputError as refusal:
+            read_anew = read(tmp_path / name)
+        except InputError:
             refused += 1
-            assert all(fault.where and fault.given and fault.allowed for fault in refusal.faults)
+        else:
+            assert not differs(read_anew, sound)
     assert refused > 0.2 * FLIPS
     outcome = f"{refused} refused, {FLIPS - refused} read as they were written"
     tried("damaged", f"a bit flipped, {'result' if 'vtk' in name else 'table of a sweep'}", FLIPS, outcome)
@@ -94,14 +96,13 @@ def test_a_chunk_that_is_lost_is_not_read_as_zeros(made, tmp_path, tried):
         time = new["history/time"]
         kept = dict(time.attrs)
         del new["history/time"]
-        again = new.create_dataset(
-            "history/time", time.shape, "f8", maxshape=(None,), chunks=time.chunks, fletcher32=True
-        )
+        chunked = {"maxshape": (None,), "chunks": time.chunks, "fletcher32": True}
+        again = new.create_dataset("history/time", time.shape, "f8", **chunked)
         for key in ("crc32", "units"):
             again.attrs[key] = kept[key]
     with pytest.raises(InputError):
         read_result(path)
-    with pytest.raises(InputError, match="history/time|seal"):
+    with pytest.raises(InputError, match=r"history/time|seal"):
         verified(path)
     tried("damaged", "a chunk lost, which HDF5 reads as zeros", 1, "refused")
 
@@ -178,8 +179,7 @@ def test_modes_and_partial_results_are_verified_too(tmp_path):
 def test_every_dataset_has_a_checksum(made):
     """Of its chunks, or, where it is a text or empty, the seal's own."""
     with h5py.File(made / "small.vtkhdf") as file:
-        bare = []
-        file.visititems(
-            lambda name, one: bare.append(name) if isinstance(one, h5py.Dataset) and not one.fletcher32 else None
-        )
-        assert all(file[name].dtype.kind == "S" or not file[name].size for name in bare)
+        named = {one.name: one for one in datasets(file)}
+        bare = [one for one in named.values() if not one.fletcher32]
+        assert all(one.dtype.kind == "S" or not one.size for one in bare)
+        assert len(named) > 2 * len(bare)
