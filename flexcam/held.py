@@ -31,11 +31,10 @@ def unheld(model: Model, problem: Problem, scheme: Method) -> list[str]:
     Returns
     -------
     list
-        A sentence per contact; none where a play lets it stand open.
+        A sentence per contact.
     """
     contacts = {name: one for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral}
-    played = any(isinstance(one, Lash) and one.gap > 0.0 for one in model.contacts.values())
-    if not contacts or played or not 0 < problem.system.size <= _LARGEST:
+    if not contacts or not 0 < problem.system.size <= _LARGEST:
         return []
     try:
         begun = solve(replace(problem, steps=1, path="general", adaptive=None), scheme)

@@ -104,8 +104,13 @@ class Growing:
     def __len__(self) -> int:
         return self._length
 
-    def lengthen(self, count: int) -> None:
+    def append_zeros(self, count: int) -> None:
         """Append rows of zeros, which take no room in the file."""
+        self.lengthen(count)
+        self._sum = zlib.crc32(np.zeros((count, *self._columns), self._kind).data, self._sum)
+
+    def lengthen(self, count: int) -> None:
+        """Make room for rows."""
         self._length += count
         self.dataset.id.set_extent((self._length, *self._columns))
 

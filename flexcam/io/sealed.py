@@ -120,21 +120,5 @@ def _attributes(one: Any) -> Iterator[bytes]:  # noqa: ANN401
 def _dataset(one: Any) -> Iterator[bytes]:  # noqa: ANN401
     yield f"{one.dtype.str} {one.shape}".encode()
     yield from _attributes(one)
-    if SUM not in one.attrs and one.size and not all_zero_by_design(one):
+    if SUM not in one.attrs and one.size:
         yield np.asarray(one[()]).tobytes()
-
-
-def all_zero_by_design(one: Any) -> bool:  # noqa: ANN401
-    """Tell whether a dataset is one of VTK's offsets, which are zero at every step and take no room.
-
-    Parameters
-    ----------
-    one
-        A dataset of h5py.
-
-    Returns
-    -------
-    bool
-        Whether nothing of it is stored.
-    """
-    return one.chunks is not None and str(one.name).startswith("/VTKHDF/Steps/") and not one.id.get_num_chunks()

@@ -8,6 +8,7 @@ from typing import Any
 
 from flexcam.checks import Fault, InputError
 from flexcam.io.guard import DAMAGE, datasets, guarded
+from flexcam.io.result import status_of
 from flexcam.io.sealed import SUM, seal_fault
 from flexcam.io.sound import damaged, held
 
@@ -25,7 +26,7 @@ class Verified:
     bytes
         Of their numbers and texts.
     complete
-        Whether the run that wrote it came to its end and said so.
+        Whether the run that wrote it came to its end.
     """
 
     datasets: int
@@ -61,7 +62,7 @@ def verified(path: str | Path) -> Verified:
         found = datasets(file)
         if faults := [fault for fault in (seal_fault(file), *map(_fault, found)) if fault]:
             raise InputError(faults)
-        complete = "history" not in file or "status" in file
+        complete = "history" not in file or status_of(file).ok
         checked = sum(SUM in one.attrs for one in found)
         return Verified(len(found), checked, sum(int(one.nbytes) for one in found), complete)
 

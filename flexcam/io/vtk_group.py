@@ -100,14 +100,14 @@ class VtkGroup:
         for name, rows in values.items():
             self._data[name].extend(rows.reshape(-1, *rows.shape[2:]))
         for zeros in self._zeros:
-            zeros.lengthen(count)
+            zeros.append_zeros(count)
         self._parts.extend(np.ones(count, int))
         self._offsets.extend((self._steps + np.arange(count)) * self._points)
 
     @property
     def grown(self) -> list[Growing]:
-        """Datasets that grow and hold more than zeros."""
-        return [*self._data.values(), self._parts, self._offsets, self._times]
+        """Datasets that grow."""
+        return [*self._data.values(), *self._zeros, self._parts, self._offsets, self._times]
 
     def count(self, more: int) -> None:
         """Count appended steps; to be flushed before `stamp`, because VTK trusts the times to have their data."""

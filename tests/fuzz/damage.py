@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+# ruff: noqa: E501 - tables, a row to a line
 import dataclasses
+import io
 import os
 import shutil
 from collections.abc import Callable
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -65,12 +68,12 @@ def _table(folder: Path) -> None:
         "-o",
         str(folder / "made"),
         "--overwrite",
+        "--workers",
+        "0",
         "--json",
     ]
-    try:
+    with redirect_stdout(io.StringIO()), suppress(SystemExit):
         main(words)
-    except SystemExit as ended:
-        assert ended.code in (0, None), ended.code
     (made,) = (folder / "made").glob("*.h5")
     shutil.move(made, folder / "small.sweep.h5")
 
@@ -131,7 +134,7 @@ def _bomb(file: Any, path: str, random: Random) -> None:
     """Zeros, compressed a thousandfold."""
     del random
     del file[path]
-    file.create_dataset(path, data=np.zeros(4_000_000), compression="gzip", compression_opts=9, chunks=(1_000_000,))
+    file.create_dataset(path, data=np.zeros(1_000_000), compression="gzip", chunks=(250_000,))
 
 
 def _gone(file: Any, path: str, random: Random) -> None:
@@ -180,19 +183,21 @@ def _number(file: Any, path: str, random: Random) -> None:
         one.attrs["more"] = 1
 
 
-STRUCTURE: tuple[Callable[[Any, str, Random], None], ...] = (
+Change = Callable[[Any, str, Random], None]
+
+STRUCTURE: tuple[Change, ...] = (
     _link_out, _link_soft, _loop, _reference, _virtual, _outside, _huge, _bomb, _gone, _other_kind, _group_there, _renamed, _number,
 )  # fmt: skip
 
 
-def restructured(seed: Path, path: Path, random: Random) -> None:
+def restructured(seed: Path, path: Path, random: Random, change: Change | None = None) -> None:
     """Write a copy of an HDF5 file with something in its structure changed."""
     shutil.copy(seed, path)
     os.chmod(path, 0o600)
     with h5py.File(path, "r+", locking=False) as file:
         where = random.choice(_paths(file))
         try:
-            random.choice(STRUCTURE)(file, where, random)
+            (change or random.choice(STRUCTURE))(file, where, random)
         except (OSError, KeyError, ValueError, TypeError, RuntimeError):
             file.pop(where, None)  # what HDF5 itself forbids
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+# ruff: noqa: E501 - tables, a row to a line
 import re
 from collections.abc import Callable
 from random import Random

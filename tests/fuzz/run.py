@@ -1,7 +1,7 @@
 """Run the fuzzer: ``python -m tests.fuzz.run --inputs 20000 --seed 1``.
 
-Every process has a limit of memory; one that takes more than ten seconds (of its processor) over an input, or dies, is replaced, and the
-input counts as broken. Broken inputs are kept in a folder, with what they raised.
+Every process has a limit of memory; one that takes more than ten seconds of its processor over an input, or dies, is
+replaced, and the input counts as broken. Broken inputs are kept in a folder, with what they raised.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def fuzz(inputs: int, seed: int, processes: int, only: str = "", first: int = 0,
                 continue
             if not hand.process.is_alive():
                 hands.remove(hand)
-                hand = _hand(seed, only)  # noqa: PLW2901 - takes the place
+                hand = _hand(seed, only)
                 hands.append(hand)
             _next(hand, numbers)
             done = sum(found.outcomes.values()) + len(found.broken)

@@ -1,0 +1,143 @@
+"""Numbers that are possible but hardly meant: told with what was likely meant, and of no case that is sound."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from flexcam import InputError, prepare, read_case, read_result
+from flexcam.case import unusual
+from flexcam.case.usual import USUAL
+from flexcam.cli import main
+from flexcam.console.doubts import input_doubts
+
+ROOT = Path(__file__).parents[2]
+CASE = ROOT / "tests/data/inline.toml"
+ENGINE = ROOT / "tests/data/every-engine.toml"
+PUSHROD = ROOT / "flexcam/templates/pushrod-engine.toml"
+
+# what is laid over a case, and parts of the sentence
+DOUBTFUL = {
+    "E in Pa": (CASE, "materials.steel.E=207", "207 Pa is no usual Young's modulus", "did you mean 207 GPa?"),
+    "E as text": (CASE, "materials.steel.E=207 Pa", "207 Pa is no usual Young's modulus", "did you mean 207 GPa?"),
+    "E in MPa": (CASE, "materials.steel.E=207000", "207000 Pa", "did you mean 207000 MPa?"),
+    "density in g/cm^3": (CASE, "materials.steel.density=7.8", "7.8 kg/m^3", "did you mean 7.8 g/cm^3?"),
+    "strength in MPa": (CASE, "materials.steel.ultimate_strength=800", "800 Pa", "did you mean 800 MPa?"),
+    "diameter in mm": (CASE, "sections.shaft.diameter=25", "25 m is no usual diameter", "did you mean 25 mm?"),
+    "a node in mm": (CASE, "nodes.rear=[180,0,0]", "nodes.rear", "did you mean 180 mm?"),
+    "mass in g": (CASE, "masses.valve.mass=100000", "100000 kg", "did you mean 100000 g?"),
+    "arms in mm": (CASE, "rockers.rocker.arms=[25,40]", "25 m is no usual arm", "did you mean 25 mm?"),
+    "inertia in kg mm^2": (CASE, "rockers.rocker.inertia=100000", "kg m^2 is no usual inertia", "did you mean"),
+    "lift in mm": (CASE, "cams.intake.lift=6", "6 m is no usual lift", "did you mean 6 mm?"),
+    "speed in rpm": (CASE, "run.speed=3000", "3000 rad/s is no usual camshaft speed", "did you mean 3000 rpm?"),
+    "a spring as soft as nothing": (CASE, "springs.valve.stiffness=1e-5", "stiffness of a spring", ""),
+    "gravity in mm/s^2": (CASE, "run.gravity=[0,-9810,0]", "9810 m/s^2", "did you mean 9810 mm/s^2?"),
+    "play in mm": (ENGINE, "contacts.play.gap=0.3", "play", "did you mean 0.3 mm?"),
+    "a member thicker than long": (CASE, "sections.shaft.diameter=1", "1 m thick", "same unit?"),
+    "a component listed twice": (CASE, "supports.front=['uy','uz','uy']", "supports.front", "uy is listed 2 times"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", DOUBTFUL)
+def test_what_is_hardly_meant_is_told(what, tried):
+    path, override, *said = DOUBTFUL[what]
+    found = [one for one in unusual(read_case(path, [override])) if said[0] in one]
+    assert found, unusual(read_case(path, [override]))
+    assert said[1] in found[0]
+    assert f"(--set {override})" in found[0] or "line" in found[0], "with its place"
+    tried("planted", f"number: {what}", 1, "told, with what was likely meant")
+
+
+def _sound():
+    folders = [ROOT / "cases", ROOT / "flexcam/templates"]
+    return [path for folder in folders for path in sorted(folder.rglob("*.toml"))]
+
+
+@pytest.mark.parametrize("path", _sound(), ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_a_sound_case_is_not_doubted(path):
+    try:
+        case = read_case(path)
+    except InputError:
+        assert "[run]" not in path.read_text(encoding="utf-8"), "cams without a mechanism around them"
+        return
+    standing = case.with_run({"start": "equilibrium"}) if case.record.run.start == "periodic" else case
+    assert input_doubts(replace(prepare(standing), case=case)) == []
+
+
+@pytest.mark.parametrize("usual", USUAL, ids=lambda one: one.key)
+def test_bounds_are_bounds(usual):
+    """What a number may have been meant in leads back between them somewhere."""
+    assert 0.0 <= usual.least < usual.most
+    assert usual.what
+    assert all(0.0 < size < 1e12 for size in usual.meant.values())
+
+
+def test_two_supports_that_hold_one_component(tmp_path, tried):
+    mesh = (ROOT / "meshes/tayeb-1.msh").read_text(encoding="utf-8")
+    (tmp_path / "one.msh").write_text(mesh, encoding="utf-8")
+    text = (
+        (ROOT / "cases/tayeb/model-1-shm.toml")
+        .read_text(encoding="utf-8")
+        .replace("../../meshes/tayeb-1.msh", "one.msh")
+    )
+    (tmp_path / "case.toml").write_text(
+        text.replace("[supports]", '[supports]\npushrod-top = ["ux"]'), encoding="utf-8"
+    )
+    (told,) = unusual(read_case(tmp_path / "case.toml"))
+    assert "ux is held by support 'pushrod-top' already" in told
+    assert "supports.guide (line" in told
+    tried("planted", "two supports on one component", 1, "told")
+
+
+def test_a_spring_on_what_a_support_holds(tried):
+    overrides = ["springs.side.at=front", "springs.side.direction=uy", "springs.side.stiffness=1e6"]
+    (told,) = unusual(read_case(CASE, overrides))
+    assert "springs.side" in told
+    assert "acts on nothing" in told
+    tried("planted", "a spring on a component that a support holds", 1, "told")
+
+
+def test_a_member_that_nothing_touches(tmp_path, tried):
+    alone = 'alone = { nodes = ["a", "b"], material = "steel", section = "tube" }\n[supports]'
+    text = CASE.read_text(encoding="utf-8").replace("[supports]", alone)
+    text = text.replace("[materials.steel]", "a = [1, 1, 1]\nb = [1, 1.2, 1]\n[materials.steel]")
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
+    told = [one for one in input_doubts(prepare(read_case(tmp_path / "case.toml"))) if "touches them" in one]
+    assert len(told) == 1
+    assert "members alone" in told[0]
+    tried("planted", "a member that nothing touches", 1, "told")
+
+
+@pytest.mark.parametrize("start", ["rest", "equilibrium"])
+def test_a_contact_that_no_spring_closes(start, tmp_path, tried):
+    """The follower stands off its cam before it turns: nothing presses it on."""
+    case = ROOT / "cases/direct-acting/bucket.toml"
+    assert input_doubts(prepare(read_case(case, [f"run.start={start}"]))) == []
+    lines = [line for line in case.read_text(encoding="utf-8").splitlines() if "installed_force" not in line]
+    (tmp_path / "case.toml").write_text("\n".join(lines), encoding="utf-8")
+    (told,) = input_doubts(prepare(read_case(tmp_path / "case.toml", [f"run.start={start}"])))
+    assert "contacts.intake: no spring presses the follower to its cam" in told
+    tried("planted", f"springs that cannot hold contact, start {start}", 1, "told, with the remedy")
+
+
+def test_run_tells_it_and_the_result_keeps_it(tmp_path, capsys):
+    words = [
+        "run",
+        str(CASE),
+        "--set",
+        "materials.steel.density=7.8",
+        "--set",
+        "run.revolutions=0.1",
+        "-o",
+        str(tmp_path),
+        "--json",
+    ]
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 0
+    warned = json.loads(capsys.readouterr().out)["warnings"]
+    assert any("7.8 g/cm^3" in one for one in warned)
+    assert "7.8 g/cm^3" in read_result(tmp_path / "inline.vtkhdf").about["warnings"]

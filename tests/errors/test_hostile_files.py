@@ -1,0 +1,222 @@
+"""Files made to lead somewhere else, to fill the memory, or to be run: refused before anything of it happens."""
+
+from __future__ import annotations
+
+import io
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from flexcam import InputError, prepare, read_case, read_mesh, read_result
+from flexcam.integrate import solve
+from flexcam.io import guarded, verified
+from flexcam.runner import result_file
+from flexcam.sweep import read_table
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    """Return a small complete result."""
+    ready = prepare(read_case(ROOT / "tests/data/inline.toml", ["run.revolutions=0.05"]))
+    sink = result_file(ready, tmp_path_factory.mktemp("sound"))
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
+    return sink.path
+
+
+def reference(file):
+    file.create_dataset("x", data=np.array([file.ref], dtype=h5py.ref_dtype), dtype=h5py.ref_dtype)
+
+
+def region(file):
+    file["mesh/nodes"].attrs["x"] = file["mesh/nodes"].regionref[0:1]
+
+
+def virtual(file):
+    layout = h5py.VirtualLayout((3,), "f8")
+    layout[:] = h5py.VirtualSource("secret.h5", "x", (3,))
+    file.create_virtual_dataset("x", layout)
+
+
+def external_storage(file):
+    file.create_dataset("x", (4,), "u1", external=[("/etc/passwd", 0, 4)])
+
+
+def external_link(file):
+    file["x"] = h5py.ExternalLink("secret.h5", "/x")
+
+
+def soft_link(file):
+    file["x"] = h5py.SoftLink("/about")
+
+
+def loop(file):
+    file["mesh/x"] = file["/"]
+
+
+def declared(file):
+    file.create_dataset("x", (10**13,), "f8", chunks=(1000,))
+
+
+def zeros(file):
+    file.create_dataset("x", data=np.zeros(60_000_000, "f4")[:1], maxshape=(None,), chunks=(1000,), compression="gzip")
+    file["x"].resize((10**11,))
+
+
+def plug_in(file):
+    made = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    made.set_chunk((4,))
+    made.set_filter(32015, h5py.h5z.FLAG_OPTIONAL, (3,))
+    h5py.h5d.create(file.id, b"x", h5py.h5t.IEEE_F64LE, h5py.h5s.create_simple((4,)), made)
+
+
+def heap(file):
+    file.create_dataset("x", data="text", dtype=h5py.string_dtype())
+
+
+def heap_attribute(file):
+    file["mesh"].attrs["x"] = "text"
+
+
+def compound(file):
+    file.create_dataset("x", data=np.zeros(3, dtype=[("a", "f8"), ("b", "i4")]))
+
+
+HOSTILE = {
+    "an object reference": (reference, "references"), "a region reference": (region, "reference"),
+    "a virtual dataset": (virtual, "another file"), "external storage": (external_storage, "another file"),
+    "an external link": (external_link, "external link"), "a soft link": (soft_link, "soft link"),
+    "a group that contains itself": (loop, "itself"), "a size that no file has": (declared, "bytes declared"),
+    "zeros, compressed": (zeros, "bytes declared"), "a filter that is a plug-in": (plug_in, "filter"),
+    "a text on the heap": (heap, "fixed length"), "an attribute on the heap": (heap_attribute, "fixed length"),
+    "a record": (compound, "values of type"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", HOSTILE)
+def test_hdf5_that_leads_out_or_swells(what, sound, tmp_path, tried):
+    make, said = HOSTILE[what]
+    path = tmp_path / "hostile.vtkhdf"
+    path.write_bytes(sound.read_bytes())
+    with h5py.File(tmp_path / "secret.h5", "w") as secret:
+        secret["x"] = np.arange(3.0)
+    with h5py.File(path, "r+") as file:
+        make(file)
+    for read in (read_result, verified, read_table):
+        with pytest.raises(InputError, match=said) as refusal:
+            read(path)
+        assert str(path) in str(refusal.value)
+    tried("hostile", f"HDF5 with {what}", 3, "refused, unread")
+
+
+def test_what_is_sound_passes_the_guard(sound):
+    """Our own dimension scales are references that nothing follows."""
+    with guarded(sound, "result", "a result") as file:
+        assert "DIMENSION_LIST" in file["history/cam_angle"].attrs
+    assert verified(sound).complete
+
+
+LAUGHS = """<?xml version="1.0"?><!DOCTYPE VTKFile [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">
+<!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;&b;&b;"><!ENTITY d SYSTEM "file:///etc/passwd">]><VTKFile>&c;&d;</VTKFile>"""
+
+
+@pytest.mark.parametrize("name", ["bomb.vtu", "bomb.xdmf", "bomb.pvd", "bomb.vtp", "bomb.dae", "bomb.msh"])
+def test_xml_is_read_nowhere(name, tmp_path, tried):
+    (tmp_path / name).write_text(LAUGHS)
+    with pytest.raises(InputError):
+        read_mesh(tmp_path / name)
+    with pytest.raises(InputError):
+        read_result(tmp_path / name)
+    tried("hostile", f"XML with entities in entities, {name}", 2, "refused, not parsed")
+
+
+READERS = """
+import sys
+from pathlib import Path
+from flexcam import InputError, read_case, read_mesh, read_result, prepare
+prepare(read_case(sys.argv[1]))
+read_mesh(Path(sys.argv[2]))
+read_result(sys.argv[3])
+print(sorted({"pickle", "yaml", "defusedxml", "meshio", "lxml.etree"} & set(sys.modules)))
+"""
+
+
+def test_no_reader_of_other_formats_is_loaded(sound):
+    """The thirty readers of meshio, some of XML, are not loaded to read; numpy itself loads pickle."""
+    words = [sys.executable, "-c", READERS, ROOT / "tests/data/inline.toml", ROOT / "meshes/tayeb-3.msh", sound]
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=60, check=True)
+    assert set(eval(done.stdout)) <= {"pickle"}  # noqa: S307 - our own list
+
+
+class Bomb:
+    def __reduce__(self):
+        return os.mkdir, ("exploded",)
+
+
+def test_nothing_is_unpickled(sound, tmp_path, monkeypatch, tried):
+    """A checkpoint in a partial result is arrays; one of objects is refused."""
+    from flexcam.io.kept_state import read_checkpoint
+
+    monkeypatch.chdir(tmp_path)
+    packed = io.BytesIO()
+    np.savez(packed, state=np.array([Bomb()], dtype=object))
+    assert pickle.dumps(Bomb())
+    with h5py.File(tmp_path / "partial.vtkhdf", "w") as file:
+        file["checkpoint"] = np.frombuffer(packed.getvalue(), dtype=np.uint8)
+        with pytest.raises(ValueError, match="allow_pickle"):
+            read_checkpoint(file)
+    assert not (tmp_path / "exploded").exists()
+    tried("hostile", "a checkpoint of pickled objects", 1, "refused, not unpickled")
+
+
+OUTSIDE = {
+    "mesh": ('[nodes]', 'mesh = "{}"\n[nodes]'),
+    "law": ('law = "shm"', 'law = "{}"'),
+    "lift_table": ('law = "shm"', 'lift_table = "{}"'),
+    "start": ('start = "rest"', 'start = {{ result = "{}" }}'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("key", OUTSIDE)
+@pytest.mark.parametrize("where", ["absolute", "three up", "link"])
+def test_files_far_from_the_case(key, where, tmp_path, monkeypatch, tried):
+    """A case opens no file outside of its surroundings, whatever stands there."""
+    ending = {"mesh": ".msh", "law": ".toml", "lift_table": ".csv", "start": ".vtkhdf"}[key]
+    folder = tmp_path / "a/b/c/d"
+    folder.mkdir(parents=True)
+    secret = tmp_path / f"secret{ending}"
+    secret.write_text("secret")
+    (folder / f"link{ending}").symlink_to(secret)
+    name = {"absolute": str(secret), "three up": f"../../../../secret{ending}", "link": f"link{ending}"}[where]
+    old, new = OUTSIDE[key]
+    text = (ROOT / "tests/data/inline.toml").read_text(encoding="utf-8").replace(old, new.format(name), 1)
+    (folder / "case.toml").write_text(text, encoding="utf-8")
+    monkeypatch.setenv("FLEXCAM_FILES", "")
+    with pytest.raises(InputError, match="two folders above") as refusal:
+        prepare(read_case(folder / "case.toml"))
+    assert "secret'" not in str(refusal.value).replace(secret.name, "")
+    monkeypatch.setenv("FLEXCAM_FILES", str(tmp_path))
+    with pytest.raises(InputError) as refusal:  # allowed, and then it is none of that kind
+        prepare(read_case(folder / "case.toml"))
+    assert "two folders above" not in str(refusal.value)
+    tried("hostile", f"{key} of a case: {where}", 2, "refused, unopened; opened where FLEXCAM_FILES allows it")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no such files on Windows")
+def test_a_pipe_is_no_file(tmp_path, tried):
+    """Reading it would wait for ever."""
+    os.mkfifo(tmp_path / "pipe.csv")
+    text = (
+        (ROOT / "tests/data/inline.toml").read_text(encoding="utf-8").replace('law = "shm"', 'lift_table = "pipe.csv"')
+    )
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="regular file"):
+        read_case(tmp_path / "case.toml")
+    tried("hostile", "a pipe in the place of a table", 1, "refused, unopened")

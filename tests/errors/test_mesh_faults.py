@@ -1,0 +1,93 @@
+"""Faults of Gmsh files, told by the numbers that nodes, elements and groups have in the file."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+
+from flexcam import InputError, read_mesh
+
+NODES = {10: "0 0 0", 20: "1 0 0", 30: "2 0 0", 40: "1 1 0", 50: "1 2 0"}
+NAMES = {(1, 1): "bar", (1, 2): "rod", (0, 3): "tip"}
+
+
+def msh(*elements, nodes=NODES, names=NAMES, count=None, node_count=None):
+    """Return a file of format 2.2; an element is its number and the rest of its line."""
+    head = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(names))]
+    head += [f'{dimension} {number} "{name}"' for (dimension, number), name in names.items()]
+    rows = nodes.items() if isinstance(nodes, dict) else nodes
+    body = ["$EndPhysicalNames", "$Nodes", str(len(nodes) if node_count is None else node_count)]
+    body += [f"{number} {place}" for number, place in rows]
+    tail = ["$EndNodes", "$Elements", str(len(elements) if count is None else count)]
+    return "\n".join([*head, *body, *tail, *elements, "$EndElements", ""])
+
+
+GOOD = ("7 1 2 1 1 10 20", "8 1 2 1 1 20 30", "9 1 2 2 1 20 40", "11 15 2 3 1 40")
+
+FAULTS = {
+    "nodes at one place": (msh(*GOOD, nodes={**NODES, 50: "1 0 0"}), ["nodes 20 and 50", "1, 0, 0", "merge"]),
+    "nodes parted by rounding": (msh(*GOOD, nodes={**NODES, 50: "1.0000000000000002 0 0"}), ["nodes 20 and 50"]),
+    "an element without length": (msh(*GOOD, nodes={**NODES, 30: "1 0 0"}), ["element 8", "nodes 20 and 30", "length"]),
+    "a coordinate that is no number": (msh(*GOOD, nodes={**NODES, 40: "1 nan 0"}), ["node 40", "1, nan, 0", "finite"]),
+    "an infinite coordinate": (msh(*GOOD, nodes={**NODES, 40: "1 1e999 0"}), ["node 40", "inf", "finite"]),
+    "two nodes of one number": (msh(*GOOD, nodes=[*NODES.items(), (20, "5 5 5")]), ["node 20", "several"]),
+    "a node that is not there": (msh(*GOOD, "12 1 2 2 1 40 99"), ["element 12", "node 99", "no such node"]),
+    "node zero": (msh(*GOOD, "12 1 2 2 1 40 0"), ["element 12", "node 0"]),
+    "a triangle": (msh(*GOOD, "12 2 2 1 1 10 20 40"), ["cells of 3 nodes", "elements 12", "members are beams"]),
+    "a line of three nodes": (msh(*GOOD, "12 8 2 1 1 10 30 20"), ["cells of 3 nodes", "elements 12", "order 1"]),
+    "a line in no group": (msh(*GOOD, "12 1 2 0 1 40 50"), ["elements 12", "without a physical group"]),
+    "a line in a group without a name": (msh(*GOOD, "12 1 2 5 1 40 50"), ["elements 12", "without a physical group"]),
+    "a branch": (msh(*GOOD, "12 1 2 1 1 20 40"), ["'bar'", "elements 7, 8, 12", "node 20 has 3 lines"]),
+    "a gap": (msh(*GOOD, "12 1 2 1 1 40 50"), ["'bar'", "ends at nodes 10, 30, 40, 50"]),
+    "a loop": (msh(*GOOD, "12 1 2 1 1 30 10"), ["'bar'", "loop"]),
+    "a line with too few numbers": (msh("7 1 2 1 1 10", *GOOD[1:]), ["$Elements", "announces"]),
+    "more elements announced": (msh(*GOOD, count=5), ["$Elements", "ends before"]),
+    "fewer elements announced": (msh(*GOOD, count=3), ["$Elements", "more"]),
+    "more nodes announced": (msh(*GOOD, node_count=10**15), ["$Nodes", "ends before"]),
+    "words for numbers": (msh(*GOOD, nodes={**NODES, 40: "one 1 0"}), ["$Nodes", "numbers stand there"]),
+    "a half node": (msh(*GOOD, nodes={**NODES, 40.5: "7 7 7"}), ["not whole"]),
+    "an unknown element": (msh(*GOOD, "12 77 2 1 1 10 20"), ["type 77"]),
+    "another version": (msh(*GOOD).replace("2.2 0 8", "4.0 0 8"), ["format 4.0", "4.1"]),
+    "no elements": (msh(*GOOD).replace("$Elements", "$Other"), ["no $Elements"]),
+    "no end": (msh(*GOOD).replace("$EndElements", ""), ["no $EndElements", "cut off"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", FAULTS)
+def test_a_fault_is_told_by_its_numbers(what, tmp_path, tried):
+    text, said = FAULTS[what]
+    (tmp_path / "bad.msh").write_text(text)
+    with pytest.raises(InputError) as refusal:
+        read_mesh(tmp_path / "bad.msh")
+    told = str(refusal.value)
+    assert not [part for part in said if part not in told], told
+    tried("planted", f"mesh: {what}", 1, "refused")
+
+
+def test_the_good_one_is_read(tmp_path):
+    """With numbers that neither begin at one nor follow each other, and a node on no member."""
+    (tmp_path / "good.msh").write_text(msh(*GOOD))
+    mesh = read_mesh(tmp_path / "good.msh")
+    assert mesh.nodes[mesh.lines["bar"]][:, 0].tolist() == [0.0, 1.0, 2.0]
+    assert mesh.nodes[mesh.node("tip")].tolist() == [1.0, 1.0, 0.0]
+
+
+def test_all_faults_come_together(tmp_path):
+    nodes = {**NODES, 40: "1 nan 0"}
+    (tmp_path / "bad.msh").write_text(msh(*GOOD, "12 2 2 1 1 10 20 40", "13 1 2 0 1 40 50", nodes=nodes))
+    with pytest.raises(InputError) as refusal:
+        read_mesh(tmp_path / "bad.msh")
+    assert len(refusal.value.faults) == 3
+
+
+def test_a_binary_file_that_announces_too_much(tmp_path):
+    """Nothing is set aside for what the file does not hold."""
+    head = b"$MeshFormat\n4.1 1 8\n" + struct.pack("<i", 1) + b"\n$EndMeshFormat\n$Entities\n"
+    entities = struct.pack("<4Q", 0, 0, 0, 0) + b"\n$EndEntities\n$Nodes\n"
+    for count in (10**6, 10**12, 2**63 - 1, 2**64 - 1):
+        nodes = struct.pack("<4Q", 1, count, 1, count) + struct.pack("<3i", 1, 1, 0) + struct.pack("<Q", count)
+        (tmp_path / "huge.msh").write_bytes(head + entities + nodes + np.zeros(30).tobytes() + b"\n$EndNodes\n")
+        with pytest.raises(InputError, match="Nodes"):
+            read_mesh(tmp_path / "huge.msh")

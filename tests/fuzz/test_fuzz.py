@@ -1,0 +1,95 @@
+"""Changed input is accepted or refused in flexcam's own words; what the fuzzer found once stays found."""
+
+from __future__ import annotations
+
+from collections import Counter
+from contextlib import suppress
+from random import Random
+
+import pytest
+
+from flexcam import FlexcamError
+from tests.fuzz import damage, targets
+from tests.fuzz.run import fuzz
+
+NORMAL, ALL = 120, 20_000
+WORDS = {"accepted": "accepted and run", "refused": "refused", "failed": "ended with a status"}
+
+
+def _outcome(outcomes):
+    total = Counter()
+    for (_, outcome), count in outcomes.items():
+        total[outcome] += count
+    return ", ".join(f"{total[name]} {words}" for name, words in WORDS.items() if total[name])
+
+
+@pytest.mark.parametrize(
+    ("inputs", "processes"),
+    [pytest.param(NORMAL, 1, id="some"), pytest.param(ALL, 2, id="all", marks=pytest.mark.slow)],
+)
+def test_no_input_breaks_flexcam(inputs, processes, tried):
+    """No traceback, no more than ten seconds of a processor, no more than 3 GB, no wrong number."""
+    found = fuzz(inputs, 2026 if inputs == NORMAL else 1, processes)
+    assert not found.broken
+    done = Counter()
+    for (name, _), count in found.outcomes.items():
+        done[name] += count
+    assert sum(done.values()) == inputs
+    assert set(done) == set(targets.TARGETS), "every kind of input had its share"
+    for name, count in sorted(done.items()):
+        of_it = {key: n for key, n in found.outcomes.items() if key[0] == name}
+        tried("mutated", f"{name}, {inputs} inputs in all", count, _outcome(of_it))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def seeds():
+    """Make the sound binary files once."""
+    targets.make_seeds()
+
+
+@pytest.mark.parametrize("name", targets.TARGETS)
+def test_what_is_sound_is_accepted(name, tmp_path):
+    """Else a refusal of everything would pass."""
+    target = targets.TARGETS[name]
+    for seed in target.seeds:
+        path = targets.copied(seed, tmp_path)
+        assert target.feed(path, Random(1)) == "accepted", seed
+
+
+FOUND = {
+    "a whole number of 50000 digits": ("case", lambda text: text + "\nx = " + "9" * 50_000),
+    "brackets without end": ("case", lambda text: text + "\nx = " + "[" * 50_000),
+    "brackets, closed": ("case", lambda text: text + "\nx = " + "[" * 400 + "]" * 400),
+    "dots without end": ("case", lambda text: text + "\n" + "a." * 400 + "a = 1"),
+    "a point of a profile that is nan": ("profile", lambda text: text.replace("20.000000, 0.000000", "nan, 0")),
+    "a lift without end": ("lift", lambda text: text.replace("0.007308", "inf")),
+}
+
+
+@pytest.mark.parametrize("what", FOUND)
+def test_texts_that_broke_it_once(what, tmp_path):
+    name, change = FOUND[what]
+    seed = targets.TARGETS[name].seeds[0]
+    changed = change(seed.read_text(encoding="utf-8"))
+    (tmp_path / seed.name).write_text(changed, encoding="utf-8")
+    with pytest.raises(FlexcamError):
+        targets.TARGETS[name].feed(tmp_path / seed.name, Random(1))
+
+
+def test_a_body_on_a_spring_without_stiffness_is_checked(tmp_path):
+    """What nothing moves was told by the member it lies on, and it lay on none."""
+    text = (targets.ROOT / "cases/checks/mathieu.toml").read_text(encoding="utf-8").replace("10 kN/m", "0 kN/m")
+    (tmp_path / "mathieu.toml").write_text(text, encoding="utf-8")
+    assert targets.command(tmp_path / "mathieu.toml", Random(4)) in ("accepted", "failed")
+
+
+@pytest.mark.parametrize("change", damage.STRUCTURE)
+@pytest.mark.parametrize("kind", ["result", "table"])
+def test_every_change_of_structure(kind, change, tmp_path):
+    """Each at four places: refused, or what is read is what was written."""
+    target = targets.TARGETS[kind]
+    for i in range(4):
+        path = tmp_path / f"{i}-{target.seeds[0].name}"
+        damage.restructured(target.seeds[0], path, Random(i), change)
+        with suppress(FlexcamError):
+            target.feed(path, Random(i))

@@ -1,0 +1,185 @@
+"""Damaged results: what is read is what was written, or the file is refused, and what is damaged is named."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from random import Random
+
+import h5py
+import numpy as np
+import pytest
+
+from flexcam import InputError, prepare, read_case, read_result
+from flexcam.cli import main
+from flexcam.integrate import solve
+from flexcam.io import verified
+from flexcam.io.guard import datasets
+from flexcam.runner import modes, result_file
+from flexcam.sweep import read_table
+from tests.fuzz import damage
+
+ROOT = Path(__file__).parents[2]
+FLIPS = 60
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Return the folder of a sound result and a sound table."""
+    folder = tmp_path_factory.mktemp("sound")
+    damage.make_seeds(folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "read", "differs"),
+    [("small.vtkhdf", read_result, damage.result_differs), ("small.sweep.h5", read_table, damage.table_differs)],
+)
+def test_flipped_bits(name, read, differs, made, tmp_path, tried):
+    """Anywhere in the file, index and padding included; one at a time."""
+    random, content, sound = Random(7), (made / name).read_bytes(), read(made / name)
+    refused = 0
+    for _ in range(FLIPS):
+        data = bytearray(content)
+        data[random.randrange(len(data))] ^= 1 << random.randrange(8)
+        (tmp_path / name).write_bytes(data)
+        try:
+            read_anew = read(tmp_path / name)
+        except InputError:
+            refused += 1
+        else:
+            assert not differs(read_anew, sound)
+    assert refused > 0.2 * FLIPS
+    outcome = f"{refused} refused, {FLIPS - refused} read as they were written"
+    tried("damaged", f"a bit flipped, {'result' if 'vtk' in name else 'table of a sweep'}", FLIPS, outcome)
+
+
+@pytest.mark.parametrize("name", ["small.vtkhdf", "small.sweep.h5"])
+def test_truncated(name, made, tmp_path, tried):
+    content = (made / name).read_bytes()
+    lengths = [0, 1, 7, 8, 100, 512, *np.linspace(600, len(content) - 1, 30).astype(int).tolist()]
+    for length in lengths:
+        (tmp_path / name).write_bytes(content[:length])
+        for read in (verified, read_result if "vtk" in name else read_table):
+            with pytest.raises(InputError):
+                read(tmp_path / name)
+    tried("damaged", f"cut off, {'result' if 'vtk' in name else 'table of a sweep'}", len(lengths), "refused")
+
+
+def _dataset_bytes(path, name):
+    """Return the first byte in the file of a dataset's numbers."""
+    with h5py.File(path) as file:
+        stored = []
+        file[name].id.chunk_iter(stored.append)
+        return stored[0].byte_offset
+
+
+def test_every_damaged_dataset_is_named(made, tmp_path, tried):
+    path, names = tmp_path / "two.vtkhdf", ("/history/cam_angle", "/VTKHDF/PointData/stress_axial", "/mesh/nodes")
+    data = bytearray((made / "small.vtkhdf").read_bytes())
+    for name in names:
+        data[_dataset_bytes(made / "small.vtkhdf", name) + 3] ^= 64
+    path.write_bytes(data)
+    with pytest.raises(InputError) as refusal:
+        verified(path)
+    assert {fault.where for fault in refusal.value.faults} == {f"{path}, {name}" for name in names}
+    tried("damaged", "numbers of three datasets", 3, "refused, each named by `info --verify`")
+
+
+def test_a_chunk_that_is_lost_is_not_read_as_zeros(made, tmp_path, tried):
+    """HDF5 reads zeros where it finds no chunk, and zeros have a fletcher32 of zero."""
+    path = tmp_path / "lost.vtkhdf"
+    with h5py.File(made / "small.vtkhdf") as old, h5py.File(path, "w") as new:
+        for name in old:
+            old.copy(name, new)
+        new.attrs["seal"] = old.attrs["seal"]
+        time = new["history/time"]
+        kept = dict(time.attrs)
+        del new["history/time"]
+        chunked = {"maxshape": (None,), "chunks": time.chunks, "fletcher32": True}
+        again = new.create_dataset("history/time", time.shape, "f8", **chunked)
+        for key in ("crc32", "units"):
+            again.attrs[key] = kept[key]
+    with pytest.raises(InputError):
+        read_result(path)
+    with pytest.raises(InputError, match=r"history/time|seal"):
+        verified(path)
+    tried("damaged", "a chunk lost, which HDF5 reads as zeros", 1, "refused")
+
+
+TEXTS = {
+    "a probe renamed": lambda file: file.move("history/probes/valve", "history/probes/velve"),
+    "a unit changed": lambda file: file["history/time"].attrs.modify("units", np.bytes_(b"h")),
+    "steps counted down": lambda file: file["history"].attrs.modify("steps", 30),
+    "the case changed": lambda file: file["about/case"].write_direct(np.array(b"format = 1", file["about/case"].dtype)),
+    "the cause changed": lambda file: file["status/cause"].write_direct(np.array(b"dnne", file["status/cause"].dtype)),
+    "a dataset cut": lambda file: file["history/cam_angle"].resize((10,)),
+    "one number changed": lambda file: file["history/time"].__setitem__(3, 0.5),
+    "the seal gone": lambda file: file.attrs.__delitem__("seal"),
+    "a newer format": lambda file: file["about/format"].write_direct(np.array(b"9", file["about/format"].dtype)),
+}
+
+
+@pytest.mark.parametrize("what", TEXTS)
+def test_what_is_changed_by_hand(what, made, tmp_path, tried):
+    """By HDF5 itself, which makes its own checksums anew."""
+    path = tmp_path / "changed.vtkhdf"
+    path.write_bytes((made / "small.vtkhdf").read_bytes())
+    with h5py.File(path, "r+") as file:
+        TEXTS[what](file)
+    for read in (read_result, verified):
+        with pytest.raises(InputError, match="changed"):
+            read(path)
+    tried("damaged", f"result: {what}", 1, "refused")
+
+
+@pytest.mark.parametrize(
+    "words", [b"", b"\x89HDF\r\n\x1a\n", b"\x89HDF\r\n\x1a\n" + bytes(5000), b"PK\x03\x04", b"[run]\n"]
+)
+def test_other_files(words, tmp_path, tried):
+    (tmp_path / "other.vtkhdf").write_bytes(words)
+    for read in (read_result, read_table, verified):
+        with pytest.raises(InputError, match="other"):
+            read(tmp_path / "other.vtkhdf")
+    tried("damaged", f"a file that begins with {words[:8]!r}", 3, "refused")
+
+
+def _said(words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(list(map(str, words)))
+    told = capsys.readouterr()
+    return int(ended.value.code or 0), told.out, told.err
+
+
+def test_the_command(made, tmp_path, capsys):
+    """0 and a sentence for a sound file; 2 and a line per damaged dataset for another."""
+    code, out, _ = _said(["info", made / "small.vtkhdf", "--verify"], capsys)
+    assert code == 0
+    assert "is sound" in out
+    code, out, _ = _said(["info", made / "small.sweep.h5", "--verify", "--json"], capsys)
+    assert json.loads(out)["status"] == "ok"
+    data = bytearray((made / "small.vtkhdf").read_bytes())
+    data[_dataset_bytes(made / "small.vtkhdf", "/history/cam_angle")] ^= 1
+    (tmp_path / "bad.vtkhdf").write_bytes(data)
+    code, _, err = _said(["info", tmp_path / "bad.vtkhdf", "--verify"], capsys)
+    assert code == 2
+    assert "/history/cam_angle" in err
+    assert "Traceback" not in err
+
+
+def test_modes_and_partial_results_are_verified_too(tmp_path):
+    case = read_case(ROOT / "tests/data/inline.toml", ["run.revolutions=0.2"])
+    ready = prepare(case)
+    sink = result_file(ready, tmp_path)
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink], stop=lambda: True)
+    assert not verified(sink.partial).complete
+    assert len(modes(case, 2).modes.frequencies) == 2
+
+
+def test_every_dataset_has_a_checksum(made):
+    """Of its chunks, or, where it is a text or empty, the seal's own."""
+    with h5py.File(made / "small.vtkhdf") as file:
+        named = {one.name: one for one in datasets(file)}
+        bare = [one for one in named.values() if not one.fletcher32]
+        assert all(one.dtype.kind == "S" or not one.size for one in bare)
+        assert len(named) > 2 * len(bare)
