@@ -84,7 +84,9 @@ class Prepared:
         return revolution_of(self.case, self.problem.drive)
 
 
-def prepare(case: Case, *, rigid: bool = False, model: Model | None = None) -> Prepared:
+def prepare(
+    case: Case, *, rigid: bool = False, model: Model | None = None, until: float | None = None
+) -> Prepared:  # fmt: skip
     """Build what a case describes, up to the point where time begins.
 
     Parameters
@@ -95,6 +97,8 @@ def prepare(case: Case, *, rigid: bool = False, model: Model | None = None) -> P
         The same mechanism with rigid members.
     model
         That of the case, where it is built already, such as for another speed.
+    until
+        When the search for a periodic start ends at the latest, s of `time.monotonic`; None for no limit.
 
     Returns
     -------
@@ -121,7 +125,7 @@ def prepare(case: Case, *, rigid: bool = False, model: Model | None = None) -> P
         raise _placed(case, refusal) from None
     save = SaveAt(field_every=case.record.output.field_every)
     problem, scheme = _problem(case, model, system), case.record.run.integrator.made()
-    problem = started(case, model, problem)
+    problem = started(case, model, problem, until=until)
     problem = replace(problem, basis=_basis(case, model, problem, kind))
     if refusal := refused(problem, scheme):
         raise _placed(case, refusal)

@@ -78,7 +78,7 @@ def revolution_of(case: Case, drive: Drive) -> float:
     return drive.period if isinstance(drive, SpeedByAngle) else _REVOLUTION / case.speed
 
 
-def started(case: Case, model: Model, problem: Problem) -> Problem:
+def started(case: Case, model: Model, problem: Problem, *, until: float | None = None) -> Problem:
     """Return a problem from the start its case asks for.
 
     Parameters
@@ -87,6 +87,8 @@ def started(case: Case, model: Model, problem: Problem) -> Problem:
         A case and its model.
     problem
         System, drive and steps; a restart goes on at the result's cam angle, also at another speed.
+    until
+        When the search for a periodic start ends at the latest, s of `time.monotonic`; None for no limit.
 
     Returns
     -------
@@ -98,7 +100,7 @@ def started(case: Case, model: Model, problem: Problem) -> Problem:
     InputError
         If the start does not fit the model.
     RunFailedError
-        If there is no equilibrium to start from.
+        If there is no equilibrium to start from, or the time is over before a periodic start is found.
     """
     system = problem.system
     match case.record.run.start:
@@ -107,7 +109,7 @@ def started(case: Case, model: Model, problem: Problem) -> Problem:
         case "equilibrium":
             return replace(problem, start=_carried(problem))
         case "periodic":
-            return _periodic(case, replace(problem, start=_carried(problem)))
+            return _periodic(case, replace(problem, start=_carried(problem)), until)
         case ResultStartRecord(result=name):
             state, angle = _last_state(case, model, system, name)
             taken = round(state.time / problem.step)
@@ -123,7 +125,7 @@ def _carried(problem: Problem) -> State:
     return carried_equilibrium(problem.system, problem.drive) if problem.system.size else State.rest(0)
 
 
-def _periodic(case: Case, problem: Problem) -> Problem:
+def _periodic(case: Case, problem: Problem, until: float | None) -> Problem:
     """Return the problem from its periodic state."""
     if not problem.system.size:
         return replace(problem, start=replace(State.rest(0), periodicity=0.0))
@@ -133,7 +135,7 @@ def _periodic(case: Case, problem: Problem) -> Problem:
         given, why = f"a step of {problem.step:g} s", "the periodic state is that after a whole revolution"
         raise refuse("run.step", given, "a whole number of steps per revolution", why, "use steps_per_revolution")
     one = replace(problem, steps=per_revolution)
-    return replace(problem, start=periodic(one, case.record.run.integrator.made()))
+    return replace(problem, start=periodic(one, case.record.run.integrator.made(), until=until))
 
 
 def _given(case: Case, system: System, values: Mapping[str, float], kind: str) -> FloatArray:

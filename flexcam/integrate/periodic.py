@@ -16,10 +16,15 @@ from flexcam.integrate.method import Method
 from flexcam.integrate.problem import Problem, State
 from flexcam.integrate.solve import solve
 from flexcam.linalg import FloatArray
-from flexcam.response import Response, SaveAt
+from flexcam.response import Cause, Response, RunFailedError, SaveAt, Status
 
 _NOTHING = 1e-6
 """Part of the first guess's motion below which the periodic state is rest."""
+
+_LATE = Status(
+    Cause.TIME_LIMIT, "the time given to the run was over while its periodic start was sought", "allow more time"
+)
+"""How a run ends that never began."""
 
 _MEMORY = 40
 _MOST_REVOLUTIONS = 100
@@ -27,7 +32,7 @@ _PATIENCE = 12
 """Revolutions without halving the miss after which the search ends: contacts that open and close leave a floor."""
 
 
-def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9) -> State:
+def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9, until: float | None = None) -> State:
     """Return the state that comes back after one revolution.
 
     Parameters
@@ -38,12 +43,19 @@ def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9) -> St
         Of the time integration: the state is periodic for its discrete motion.
     tolerance
         How far it may miss, as a part of the largest distance from the start within the revolution, in the energy norm.
+    until
+        When the search ends at the latest, s of `time.monotonic`; None for no limit.
 
     Returns
     -------
     State
         With the periodicity reached: where nothing periodic is found (impacts that never repeat, an undamped
         resonance), the best state and how far it misses.
+
+    Raises
+    ------
+    RunFailedError
+        If its time is over before.
 
     Examples
     --------
@@ -56,7 +68,9 @@ def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9) -> St
     misses: list[FloatArray] = []
     least, level, since, first = np.inf, np.inf, 0, 0.0
     for _ in range(_MOST_REVOLUTIONS):
-        response, end = _revolved(problem, scheme, _unpacked(problem, x))
+        response, end = _revolved(problem, scheme, _unpacked(problem, x), until)
+        if response.status.cause is Cause.TIME_LIMIT:
+            raise RunFailedError(_LATE)
         if not response.status.ok or end is None:
             break
         miss = end - x
@@ -85,9 +99,11 @@ def _unpacked(problem: Problem, x: FloatArray) -> State:
     return State(x[:n], x[n : 2 * n], time, x[2 * n :] if len(x) > 2 * n else None)
 
 
-def _revolved(problem: Problem, scheme: Method, start: State) -> tuple[Response, FloatArray | None]:
+def _revolved(
+    problem: Problem, scheme: Method, start: State, until: float | None
+) -> tuple[Response, FloatArray | None]:  # fmt: skip
     every = max(problem.steps // 64, 1)
-    response = solve(replace(problem, start=start), scheme, save=SaveAt(field_every=every))
+    response = solve(replace(problem, start=start), scheme, save=SaveAt(field_every=every), until=until)
     if not response.status.ok:
         return response, None
     ends = [series[-1] for series in (response.fields.displacement, response.fields.velocity)]

@@ -78,6 +78,14 @@ def test_a_run_ends_when_its_time_is_over(flexcam, case, path):
     assert 0.1 < kept.stats.seconds < longest
 
 
+def test_the_search_for_a_start_ends_too(flexcam, case):
+    ended = flexcam("run", case, "--set", "run.start=periodic", "--time-limit", "1 ms", "--json")
+    assert ended.code == 3
+    assert ended.json["status"] == "time-limit"
+    assert "periodic start" in ended.json["message"]
+    assert not list(Path().rglob("*.vtkhdf"))
+
+
 def test_a_short_run_has_time(flexcam, case):
     assert flexcam("run", case, "--time-limit", "10 min").code == 0
 

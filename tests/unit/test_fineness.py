@@ -97,21 +97,14 @@ class Found:
 def test_what_is_coarse_is_told():
     ready, seen, response = watched(CASE)
     coarse = Fineness(400.0, 10.0, {"shaft": 30.0, "pushrod": 1.9}, {"seat": 4, "tip": 5, "play": 1})
-    words = run_doubts(ready, replace(seen, fineness=Found(coarse)), [], response.stats)
-    assert words == [
+    told = run_doubts(ready, replace(seen, fineness=Found(coarse)), [], response.stats)
+    longer = "take more steps per revolution, or a softer contact"
+    bend = "a wave of bending of member pushrod has 1.9 of its elements at the 400 Hz of the accelerations"
+    assert told == [
         "Warning: a period has 10 steps at the 400 Hz of the accelerations; take 2 times as many",
-        (
-            "Warning: a wave of bending of member pushrod has 1.9 of its elements at the 400 Hz of the accelerations; "
-            "take 3 times as many"
-        ),
-        (
-            "Warning: the largest force of contact seat is that of an impact of 4 steps: take more steps per revolution, "
-            "or a softer contact"
-        ),
-        (
-            "Warning: the largest force of contact play is that of an impact of 1 step: take more steps per revolution, "
-            "or a softer contact"
-        ),
+        f"Warning: {bend}; take 3 times as many",
+        f"Warning: the largest force of contact seat is that of an impact of 4 steps: {longer}",
+        f"Warning: the largest force of contact play is that of an impact of 1 step: {longer}",
     ]
 
 
