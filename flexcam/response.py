@@ -122,6 +122,8 @@ class Stats:
         The way through time that was taken, see `flexcam.integrate.paths`.
     steps
         Steps done.
+    size
+        Unknowns of the whole mechanism; zero in results that do not tell it.
     unknowns
         Unknowns integrated; those that nothing can move are left out.
     iterations
@@ -140,6 +142,7 @@ class Stats:
 
     path: str = "general"
     steps: int = 0
+    size: int = 0
     unknowns: int = 0
     iterations: int = 0
     events: int = 0

@@ -255,7 +255,7 @@ def compare(
     Parameters
     ----------
     probe
-        Point or component to compare at; by default the probe that is a rocker's point, or the first one.
+        Point or component to compare at; by default a rocker's point, else the first probe that a cam moves.
     """
     if against is not None:
         return _two(case, against, probe, overrides, as_json)
@@ -306,8 +306,10 @@ def _estimated(case: Case, probe: str) -> tuple[list[fidelity.Error], list[str]]
 def _two(case: Path, against: str, probe: str | None, overrides: Overrides, as_json: bool) -> Status:
     """Compare two models of a case, two cases or two results."""
     if case.suffix == _RESULT:
+        from flexcam.commands.sources import Source
+
         one, read = read_result(case).response, None
-        at = probe or one.outline.probes[0][0]
+        at = probe or scalar_probe(Source(case).ready)
     else:
         read = load(case, overrides)
         one, at = solve_case(read), probe or scalar_probe(prepare(read))

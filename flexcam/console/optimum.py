@@ -83,7 +83,7 @@ def told_front(design: Design, found: Evaluations) -> Told:
 
 
 def _key(key: str, unit: str) -> str:
-    return f"{key}, {unit or 'SI'}"
+    return f"{key}, {unit}" if unit else key
 
 
 def _unit(units: Mapping[str, str], name: str) -> str:

@@ -117,7 +117,7 @@ def unknowns(response: Response) -> str:
     str
         Such as ``47 unknowns, 24 integrated, in their natural motions``.
     """
-    every, integrated = len(response.outline.unknowns), response.stats.unknowns
+    every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
     count = f"{every} unknowns" + (f", {integrated} integrated" if integrated != every else "")
     return count + _PATHS.get(response.stats.path, "")
 

@@ -30,7 +30,7 @@ class Variable:
     low, high
         Its ends, in its unit.
     unit
-        As written; empty for SI.
+        As written, else that of SI; empty for a plain number.
     stands
         Where the case stands, as a part of the interval; None where that is not known.
 
@@ -90,14 +90,14 @@ def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Vari
 
 def _variable(case: Case, setting: str, where: str) -> Variable:
     key, _, spec = (part.strip() for part in setting.partition("="))
-    number_of(case, key, where)  # or there is no such key
+    number = number_of(case, key, where)  # or there is no such key
     ends = axis(key, spec, where=where)
     low, *_, high = ends.values[0], ends.values[-1]
     if not ends.interval or low.number is None or high.number is None:
         raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "anything between may be taken")
     first, last = (_number_at(case, key, end.text, where) for end in (low, high))
-    stands = (number_of(case, key, where).value - first) / (last - first) if last != first else None
-    return Variable(key, low.number, high.number, ends.unit, stands)
+    stands = (number.value - first) / (last - first) if last != first else None
+    return Variable(key, low.number, high.number, ends.unit or number.unit.removeprefix("SI"), stands)
 
 
 def _number_at(case: Case, key: str, text: str, where: str) -> float:

@@ -15,6 +15,7 @@ import pytest
 
 from flexcam.case import read_case
 from flexcam.runner import modes
+from flexcam.study import number_of
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -58,6 +59,29 @@ def test_frequency_of_a_mass_on_a_spring(flexcam, oscillator):
     assert by_m["derivative"] == pytest.approx(-f / (2.0 * 0.1), rel=1e-9)
     assert (by_k["logarithmic"], by_m["logarithmic"]) == pytest.approx((0.5, -0.5), rel=1e-9)
     assert by_k["analytic"]
+
+
+@pytest.mark.parametrize(
+    ("path", "key", "unit"),
+    [
+        ("oscillator.toml", "springs.one.stiffness", "N/m"),
+        (ROOT / "tests/data/every-key.toml", "springs.coupling.stiffness", "N m/rad"),
+        (ROOT / "tests/data/every-key.toml", "springs.coupling.damping", "N m s/rad"),
+        (ROOT / "tests/data/every-key.toml", "loads.belt.force", "N"),
+        (ROOT / "tests/data/every-key.toml", "cams.intake.lift", "m"),
+        (ROOT / "tests/data/every-key.toml", "cams.intake.return_law.c", ""),
+    ],
+)
+def test_numbers_have_the_unit_of_their_own_table(oscillator, monkeypatch, path, key, unit):
+    """A stiffness is one along a line or about an axis: what stands beside it tells."""
+    monkeypatch.chdir(oscillator.parent)
+    assert number_of(read_case(path), key, "--to").unit == unit
+
+
+def test_derivatives_are_told_with_their_unit(flexcam, oscillator):
+    told = flexcam("sensitivity", oscillator, "--of", "frequency.1", "--to", "springs.one.stiffness")
+    assert "Hz per N/m" in told.out
+    assert "SI" not in told.out
 
 
 @pytest.mark.parametrize("key", ["rockers.rocker.arms.1", "materials.steel.E", "sections.tube.outer_diameter"])
