@@ -18,7 +18,7 @@ from flexcam.integrate import Problem, equilibrium, solve
 from flexcam.linalg import FloatArray
 from flexcam.motion import event_extremes
 from flexcam.response import Response, heed
-from flexcam.runner import Prepared, prepare
+from flexcam.runner import Prepared, described, prepare
 from flexcam.system import ConstantSpeed
 from flexcam.train import CamContact, Model, Seat, main_lift, seating, separation
 from flexcam.units import RPM
@@ -183,12 +183,7 @@ def bracketed_limits(case: Case, search: Search, among: Collection[str] | None =
         If the case has no unilateral contact, or the speeds are out of order.
     """
     lowest, highest = search.lowest, search.highest
-    model = prepare(case.at_speed(lowest)).model
-    if not any(isinstance(one, CamContact) and one.unilateral for one in model.contacts.values()):
-        why = "only a follower that may leave its cam can lose it"
-        raise refuse(
-            "contacts", "no unilateral contact", 'a contact with model = "unilateral"', why, "change the model"
-        )
+    model = _may_part(case)
     seen: dict[float, Answers] = {}
     questions = {
         name: one for name, one in _questions(model, search.bounce_height).items() if among is None or name in among
@@ -207,6 +202,40 @@ def bracketed_limits(case: Case, search: Search, among: Collection[str] | None =
 
     speeds = np.geomspace(lowest, highest, max(search.count, 2)).tolist()
     return {name: _bracketed(name, words, speeds, ask, search.tolerance) for name, (_, words) in questions.items()}
+
+
+def limits_of(case: Case) -> tuple[str, ...]:
+    """Return the names of the limits that a case can meet.
+
+    Parameters
+    ----------
+    case
+        A case with a true (unilateral) contact.
+
+    Returns
+    -------
+    tuple
+        Of those of `LIMITS`; a limit whose part it lacks is left out.
+
+    Raises
+    ------
+    InputError
+        If the case has no unilateral contact.
+
+    Examples
+    --------
+    ``limits_of(case)`` lacks ``"bounce"`` where no valve has a seat.
+    """
+    return tuple(_questions(_may_part(case), 0.0))
+
+
+def _may_part(case: Case) -> Model:
+    """Return the model of a case whose follower may leave its cam; refuse another."""
+    model = described(case)[0]
+    if not any(isinstance(one, CamContact) and one.unilateral for one in model.contacts.values()):
+        why, allowed = "only a follower that may leave its cam can lose it", 'a contact with model = "unilateral"'
+        raise refuse("contacts", "no unilateral contact", allowed, why, "change the model")
+    return model
 
 
 @dataclass(frozen=True)

@@ -112,20 +112,51 @@ def prepare(case: Case, *, rigid: bool = False, model: Model | None = None) -> P
     --------
     ``prepare(case).problem.system`` is the `System` of a case, for one's own studies.
     """
-    model, kind = model or build_model(case), "rigid" if rigid else case.record.fidelity.model
-    model = straight(model) if kind in _CHAINS else model
-    make = build_rigid if kind == "rigid" else build_system
-    try:
-        system = make(model, case.speed)
-    except InputError as refusal:
-        raise _placed(case, refusal) from None
+    model, system = described(case, rigid=rigid, model=model)
     save = SaveAt(field_every=case.record.output.field_every)
     problem, scheme = _problem(case, model, system), case.record.run.integrator.made()
     problem = started(case, model, problem)
-    problem = replace(problem, basis=_basis(case, model, problem, kind))
+    problem = replace(problem, basis=_basis(case, model, problem, _kind(case, rigid=rigid)))
     if refusal := refused(problem, scheme):
         raise _placed(case, refusal)
     return Prepared(case, model, problem, scheme, save)
+
+
+def described(case: Case, *, rigid: bool = False, model: Model | None = None) -> tuple[Model, System]:
+    """Return the model of a case and its equations, before any start is looked for.
+
+    Parameters
+    ----------
+    case, rigid, model
+        As for `prepare`.
+
+    Returns
+    -------
+    tuple
+        Model and system.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+
+    Examples
+    --------
+    ``described(case)[1].names`` are the unknowns of a case.
+    """
+    kind = _kind(case, rigid=rigid)
+    model = model or build_model(case)
+    model = straight(model) if kind in _CHAINS else model
+    make = build_rigid if kind == "rigid" else build_system
+    try:
+        return model, make(model, case.speed)
+    except InputError as refusal:
+        raise _placed(case, refusal) from None
+
+
+def _kind(case: Case, *, rigid: bool) -> str:
+    """Return which model of a case is meant."""
+    return "rigid" if rigid else case.record.fidelity.model
 
 
 _CHAINS = {"sdof": 1, "chain": None}

@@ -90,7 +90,9 @@ def sensitivity(
         raise refuse("sensitivity", given, "--to KEY, or --tolerance KEY=±SPEC")
     _ignored("--count", count, "--tolerance", wanted=tolerances is not None)
     _ignored("--relative-step", relative_step, "derivatives", wanted=tolerances is None and sobol is None)
-    asked = _Asked(case, overrides, names, lowest, highest, within, workers=workers, allow_large=allow_large)
+    asked = _Asked(
+        case, overrides, names, lowest, highest, within, option="--of", workers=workers, allow_large=allow_large
+    )
     if tolerances is not None:
         answer = _scatter(asked, tolerances, 100 if count is None else count, seed, workers)
     elif sobol is not None:
@@ -111,15 +113,16 @@ class _Asked:
 
     def __init__(
         self, path: Path, overrides: Sequence[str] | None, names: Sequence[str],
-        lowest: str | None, highest: str | None, within: str, *, workers: int, allow_large: bool,
+        lowest: str | None, highest: str | None, within: str, *, option: str, workers: int, allow_large: bool,
     ) -> None:  # fmt: skip
         self.file, self.fixed = CaseFile.opened(path), tuple(overrides or ())
         self.case = self.file.read(self.fixed)
         self.names = tuple(dict.fromkeys(names))
         of_limits = any(name.startswith("limits.") for name in names)
-        for option, given in (("--lowest", lowest), ("--highest", highest)):
-            _ignored(option, given, "limits.NAME", wanted=of_limits)
+        for end, given in (("--lowest", lowest), ("--highest", highest)):
+            _ignored(end, given, "limits.NAME", wanted=of_limits)
         self.search = search_of(self.case, lowest, highest, within)
+        study.check_names(self.case, self.names, option)
         if not allow_large and any(study.frequency_number(name) is None for name in names):
             afford_case(self.case, together=workers)
 
@@ -233,7 +236,10 @@ def optimize(
         raise refuse("goals", f"{len(goals)} of --least and --most", "one, or two for a front")
     bounds = study.constraints_of(subject or ())
     names = [*(goal.name for goal in goals), *(bound.name for bound in bounds)]
-    asked = _Asked(case, overrides, names, lowest, highest, within, workers=workers, allow_large=allow_large)
+    options = "--least, --most or --subject"
+    asked = _Asked(
+        case, overrides, names, lowest, highest, within, option=options, workers=workers, allow_large=allow_large
+    )
     variables = study.variables_of(asked.case, vary, "--vary")
     with suppress(RunFailedError):  # a case that fails as it stands may have better variants
         asked.checked()

@@ -11,7 +11,7 @@ from flexcam.study.objective import Constraint, Goal, active, constraint, constr
 from flexcam.study.optimize import Design, Evaluations, optimize
 from flexcam.study.pareto import front, pareto
 from flexcam.study.points import Points, Variable, column, serial, variables_of
-from flexcam.study.quantities import Quantity, complete, frequency_number, measured, quantities
+from flexcam.study.quantities import Quantity, check_names, complete, frequency_number, measured, quantities
 from flexcam.study.scatter import QUANTILES, Scatter, Spread, sampled, scatters_of, spread
 from flexcam.study.sensitivity import Sensitivity, numbers_of, sensitivities
 from flexcam.study.sobol import SobolIndices, checked_count, sobol_indices
@@ -34,6 +34,7 @@ __all__ = [
     "Variable",
     "active",
     "case_text",
+    "check_names",
     "checked_count",
     "column",
     "complete",

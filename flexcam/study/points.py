@@ -95,13 +95,39 @@ def _variable(case: Case, setting: str, where: str) -> Variable:
     low, *_, high = ends.values[0], ends.values[-1]
     if not ends.interval or low.number is None or high.number is None:
         raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "anything between may be taken")
-    first, last = (_number_at(case, key, end.text, where) for end in (low, high))
+    first, last = (number_at(case, key, end.text, where) for end in (low, high))
     stands = (number.value - first) / (last - first) if last != first else None
     return Variable(key, low.number, high.number, ends.unit or number.unit.removeprefix("SI"), stands)
 
 
-def _number_at(case: Case, key: str, text: str, where: str) -> float:
-    """Return the number, SI, that a case has with a text in its place; refuse a text it cannot take."""
+def number_at(case: Case, key: str, text: str, where: str) -> float:
+    """Return the number that a case has with a text in its place.
+
+    Parameters
+    ----------
+    case
+        The case.
+    key
+        Of the number.
+    text
+        Such as ``45kN/m``.
+    where
+        What asks for it, for the message.
+
+    Returns
+    -------
+    float
+        SI.
+
+    Raises
+    ------
+    InputError
+        If the case cannot take it.
+
+    Examples
+    --------
+    ``number_at(case, "springs.valve.stiffness", "45kN/m", "--vary")`` is 45000.0.
+    """
     try:
         there = read_case(case.path, (*case.overrides, *overrides_of(case, {key: text})))
     except InputError as refusal:
