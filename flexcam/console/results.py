@@ -11,6 +11,7 @@ from rich.table import Table
 
 from flexcam.case import Case
 from flexcam.console.cases import rpm
+from flexcam.console.words import fixed
 from flexcam.io import Result, Verified
 from flexcam.memory import Extremes
 from flexcam.response import Response
@@ -40,7 +41,7 @@ def run_table(case: Case, extremes: Extremes) -> Table:
             full = name if len(components) == 1 else f"{name}.{component}"
             unit = "mrad" if component in ("rx", "ry", "rz") else "mm"
             if round(1e3 * float(np.abs(bounds).max()), 4) > 0.0:
-                rows.append((full, *(f"{round(1e3 * x, 4) + 0.0:.4f} {unit}" for x in bounds)))
+                rows.append((full, *(f"{fixed(1e3 * float(x), 4)} {unit}" for x in bounds)))
     title = f"{case.record.title or case.name}, {rpm(case):g} rpm"
     return table(title, ("probe", "least", "largest"), rows or [("no probe moves", "", "")])
 
