@@ -184,6 +184,7 @@ def bracketed_limits(case: Case, search: Search, among: Collection[str] | None =
     """
     lowest, highest = search.lowest, search.highest
     model = _may_part(case)
+    speeds = np.geomspace(lowest, highest, max(search.count, 2)).tolist()
     seen: dict[float, Answers] = {}
     questions = {
         name: one for name, one in _questions(model, search.bounce_height).items() if among is None or name in among
@@ -192,7 +193,7 @@ def bracketed_limits(case: Case, search: Search, among: Collection[str] | None =
     def ask(speed: float) -> Answers:
         if speed not in seen:
             ready = prepare(case.at_speed(speed, _REVOLUTIONS))
-            response = solve(ready.problem, ready.scheme, save=ready.save)
+            response = solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=ready.save)
             heed(response.status)
             if response.status.ok:
                 seen[speed] = {name: question(response, ready) for name, (question, _) in questions.items()}
@@ -200,7 +201,6 @@ def bracketed_limits(case: Case, search: Search, among: Collection[str] | None =
                 seen[speed] = f"the run at {speed / RPM:.6g} camshaft rpm ended: {response.status.text}"
         return seen[speed]
 
-    speeds = np.geomspace(lowest, highest, max(search.count, 2)).tolist()
     return {name: _bracketed(name, words, speeds, ask, search.tolerance) for name, (_, words) in questions.items()}
 
 
