@@ -17,7 +17,7 @@ from flexcam.checks import positive, refuse
 from flexcam.integrate import Problem, equilibrium, solve
 from flexcam.linalg import FloatArray
 from flexcam.motion import event_extremes
-from flexcam.response import Response, heed
+from flexcam.response import Advance, Response, heed
 from flexcam.runner import Prepared, described, prepare
 from flexcam.system import ConstantSpeed
 from flexcam.train import CamContact, Model, Seat, main_lift, seating, separation
@@ -127,8 +127,9 @@ Answers = dict[str, bool] | str
 
 
 def find_limits(
-    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = 1e-4, count: int = 25
-) -> Limits:
+    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = 1e-4, count: int = 25,
+    advance: Advance | None = None,
+) -> Limits:  # fmt: skip
     """Find the speeds at which a train loses contact, its valve bounces, its coils clash and its pushrod buckles.
 
     Parameters
@@ -143,6 +144,8 @@ def find_limits(
         Height above the seat from which a valve that has closed counts as bouncing, m.
     count
         Speeds looked at before a bracket is halved.
+    advance
+        Told after each run that one more is finished.
 
     Returns
     -------
@@ -155,12 +158,14 @@ def find_limits(
         If the case has no unilateral contact, or the speeds are out of order.
     """
     search = Search(lowest, highest, tolerance, bounce_height, count)
-    found = bracketed_limits(case, search)
+    found = bracketed_limits(case, search, advance=advance)
     left = margins(case)
     return Limits(found, lowest / RPM, highest / RPM, left.rigid_rpm, left.spring, left.buckling)
 
 
-def bracketed_limits(case: Case, search: Search, among: Collection[str] | None = None) -> dict[str, Limit]:
+def bracketed_limits(
+    case: Case, search: Search, among: Collection[str] | None = None, *, advance: Advance | None = None
+) -> dict[str, Limit]:
     """Find the speeds at which something gives way, without what can be told of the case at rest.
 
     Parameters
@@ -171,6 +176,8 @@ def bracketed_limits(case: Case, search: Search, among: Collection[str] | None =
         Where to look, and how closely.
     among
         Which limits, of those of `LIMITS`; all that the case can meet by default.
+    advance
+        Told after each run that one more is finished.
 
     Returns
     -------
@@ -195,6 +202,8 @@ def bracketed_limits(case: Case, search: Search, among: Collection[str] | None =
             ready = prepare(case.at_speed(speed, _REVOLUTIONS))
             response = solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=ready.save)
             heed(response.status)
+            if advance is not None:
+                advance(1)
             if response.status.ok:
                 seen[speed] = {name: question(response, ready) for name, (question, _) in questions.items()}
             else:

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -447,6 +447,39 @@ class Response:
             for values in (self.probes.displacement, self.probes.velocity, self.probes.acceleration)
         ]
         return History(name, components, *picked)
+
+
+Advance = Callable[[int], None]
+"""Told how many more of many things are finished."""
+
+Thing = TypeVar("Thing")
+
+
+def counted(things: Iterable[Thing], advance: Advance | None) -> Iterator[Thing]:
+    """Yield things one after the other, and tell after each that one more is finished.
+
+    Parameters
+    ----------
+    things
+        Any.
+    advance
+        Is told; None for nobody.
+
+    Yields
+    ------
+    object
+        The things.
+
+    Examples
+    --------
+    >>> told = []
+    >>> [2 * one for one in counted([1, 2], told.append)], told
+    ([2, 4], [1, 1])
+    """
+    for one in things:
+        yield one
+        if advance is not None:
+            advance(1)
 
 
 def heed(status: Status) -> None:

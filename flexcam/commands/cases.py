@@ -44,7 +44,7 @@ from flexcam.console.results import operation_table, periodicity, run_table, str
 from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, read_result, write_modes
 from flexcam.memory import Extremes
-from flexcam.response import Cause, Response, RunFailedError, Status
+from flexcam.response import Cause, Response, RunFailedError, Status, heed
 from flexcam.runner import (
     budget_of,
     geometry_of,
@@ -330,12 +330,18 @@ def _other(against: str, read: Case | None, overrides: Overrides) -> Response:
     if path.suffix == _RESULT:
         return read_result(path).response
     if path.suffix == ".toml":
-        return solve_case(load(path, overrides))
+        return _whole(solve_case(load(path, overrides)))
     rungs = {} if read is None else {rung.name: rung for rung in fidelity.ladder(read)}
     if against not in rungs:
         allowed = f"a case, a result, or one of {', '.join(rungs)}" if rungs else "a case or a result"
         raise refuse("--against", repr(against), allowed, "", did_you_mean(against, list(rungs)))
-    return rungs[against].run()
+    return _whole(rungs[against].run())
+
+
+def _whole(response: Response) -> Response:
+    """Return a run that is compared with; a Ctrl-C in it ends the command."""
+    heed(response.status)
+    return response
 
 
 def _speed_rpm(response: Response) -> float:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -33,8 +33,9 @@ from flexcam.io import free_to_write, write_text
 from flexcam.limits import Search
 from flexcam.linalg import FloatArray
 from flexcam.response import Cause, RunFailedError, Status
+from flexcam.study.differences import STEPS
 from flexcam.sweep import afford_case
-from flexcam.terminal import out
+from flexcam.terminal import counting, out
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -130,6 +131,16 @@ class _Asked:
         """Return what is asked of the case as it stands; names that it does not have are refused."""
         return study.measured(self.case, self.names, self.search)
 
+    @contextmanager
+    def evaluators(self, count: int, workers: int, names: Sequence[str] | None = None) -> Generator[study.Runs]:
+        """Give what evaluates about so many variants, and show how many are finished."""
+        asked = self.names if names is None else names
+        with (
+            counting(count if asked else 0, "variants") as shown,
+            study.evaluators(self.file, self.fixed, asked, self.search, workers=workers, advance=shown) as runs,
+        ):
+            yield runs
+
 
 def search_of(case: Case, lowest: str | None, highest: str | None, within: str) -> Search:
     """Return where limits are looked for; from half to twice the case's speed by default."""
@@ -143,7 +154,7 @@ def _derivatives(asked: _Asked, keys: list[str], relative_step: float, workers: 
     responses = [name for name in asked.names if not study.frequency_number(name)]
     study.numbers_of(asked.case, keys)
     asked.checked()
-    with study.evaluators(asked.file, asked.fixed, responses, asked.search, workers=workers) as runs:
+    with asked.evaluators(1 + len(STEPS) * len(keys), workers, responses) as runs:
         found = study.sensitivities(asked.file, asked.fixed, asked.names, keys, runs, relative_step=relative_step)
 
     def draw() -> Figure:
@@ -161,7 +172,7 @@ def _shares(asked: _Asked, keys: list[str], count: int, seed: int, workers: int)
     study.checked_count(count)
     asked.checked()
     low, high = (np.array([getattr(one, end) for one in variables]) for end in ("low", "high"))
-    with study.evaluators(asked.file, asked.fixed, asked.names, asked.search, workers=workers) as runs:
+    with asked.evaluators(count * (len(variables) + 2), workers) as runs:
         points = study.Points(asked.case, variables, runs)
 
         def values(parts: FloatArray) -> FloatArray:
@@ -188,7 +199,7 @@ def _scatter(asked: _Asked, tolerances: list[str], count: int, seed: int, worker
     parts = study.sampled(scatters, count, seed)
     middle = asked.checked()
     variables = tuple(study.Variable(one.key, one.middle - one.half, one.middle + one.half) for one in scatters)
-    with study.evaluators(asked.file, asked.fixed, asked.names, asked.search, workers=workers) as runs:
+    with asked.evaluators(count, workers) as runs:
         rows = study.Points(asked.case, variables, runs).rows(parts)
 
     def draw() -> Figure:
@@ -243,7 +254,7 @@ def optimize(
     variables = study.variables_of(asked.case, vary, "--vary")
     with suppress(RunFailedError):  # a case that fails as it stands may have better variants
         asked.checked()
-    with study.evaluators(asked.file, asked.fixed, asked.names, asked.search, workers=workers) as runs:
+    with asked.evaluators(evaluations, workers) as runs:
         points = study.Points(asked.case, variables, runs)
         search = study.optimize if len(goals) == 1 else study.pareto
         design = study.Design(points, goals, bounds)

@@ -11,6 +11,7 @@ from flexcam.case import Case, CaseFile, read_case
 from flexcam.checks import Fault, InputError, refuse
 from flexcam.limits import Search
 from flexcam.linalg import FloatArray
+from flexcam.response import Advance, counted
 from flexcam.study.keys import number_of, overrides_of
 from flexcam.study.quantities import quantities
 from flexcam.sweep import Row, axis
@@ -180,7 +181,10 @@ class Points:
         return len(self._known)
 
 
-def serial(file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None) -> Runs:
+def serial(
+    file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
+    *, advance: Advance | None = None,
+) -> Runs:  # fmt: skip
     """Return what evaluates variants one after the other.
 
     Parameters
@@ -193,6 +197,8 @@ def serial(file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: S
         The quantities asked for (`flexcam.study.quantities`).
     search
         Where limits are looked for.
+    advance
+        Told after each variant that one more is finished.
 
     Returns
     -------
@@ -201,7 +207,7 @@ def serial(file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: S
     """
 
     def run(variants: Sequence[tuple[str, ...]]) -> list[Row]:
-        return [variant_row(file, (*fixed, *one), names, search) for one in variants]
+        return [variant_row(file, (*fixed, *one), names, search) for one in counted(variants, advance)]
 
     return run
 
