@@ -58,7 +58,7 @@ def _crashed(words: Sequence[str], as_json: bool) -> int:
     return FAULT
 
 
-_INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before anything was computed")
+_INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before it was finished: nothing is kept")
 
 
 def _on_signal(signum: int, frame: FrameType | None) -> None:

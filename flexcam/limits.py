@@ -17,8 +17,8 @@ from flexcam.checks import positive, refuse
 from flexcam.integrate import Problem, equilibrium, solve
 from flexcam.linalg import FloatArray
 from flexcam.motion import event_extremes
-from flexcam.response import Response, heed
-from flexcam.runner import Prepared, prepare
+from flexcam.response import Advance, Response, heed
+from flexcam.runner import Prepared, described, prepare
 from flexcam.system import ConstantSpeed
 from flexcam.train import CamContact, Model, Seat, main_lift, seating, separation
 from flexcam.units import RPM
@@ -127,8 +127,9 @@ Answers = dict[str, bool] | str
 
 
 def find_limits(
-    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = 1e-4, count: int = 25
-) -> Limits:
+    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = 1e-4, count: int = 25,
+    advance: Advance | None = None,
+) -> Limits:  # fmt: skip
     """Find the speeds at which a train loses contact, its valve bounces, its coils clash and its pushrod buckles.
 
     Parameters
@@ -143,6 +144,8 @@ def find_limits(
         Height above the seat from which a valve that has closed counts as bouncing, m.
     count
         Speeds looked at before a bracket is halved.
+    advance
+        Told after each run that one more is finished.
 
     Returns
     -------
@@ -155,12 +158,14 @@ def find_limits(
         If the case has no unilateral contact, or the speeds are out of order.
     """
     search = Search(lowest, highest, tolerance, bounce_height, count)
-    found = bracketed_limits(case, search)
+    found = bracketed_limits(case, search, advance=advance)
     left = margins(case)
     return Limits(found, lowest / RPM, highest / RPM, left.rigid_rpm, left.spring, left.buckling)
 
 
-def bracketed_limits(case: Case, search: Search, among: Collection[str] | None = None) -> dict[str, Limit]:
+def bracketed_limits(
+    case: Case, search: Search, among: Collection[str] | None = None, *, advance: Advance | None = None
+) -> dict[str, Limit]:
     """Find the speeds at which something gives way, without what can be told of the case at rest.
 
     Parameters
@@ -171,6 +176,8 @@ def bracketed_limits(case: Case, search: Search, among: Collection[str] | None =
         Where to look, and how closely.
     among
         Which limits, of those of `LIMITS`; all that the case can meet by default.
+    advance
+        Told after each run that one more is finished.
 
     Returns
     -------
@@ -183,12 +190,8 @@ def bracketed_limits(case: Case, search: Search, among: Collection[str] | None =
         If the case has no unilateral contact, or the speeds are out of order.
     """
     lowest, highest = search.lowest, search.highest
-    model = prepare(case.at_speed(lowest)).model
-    if not any(isinstance(one, CamContact) and one.unilateral for one in model.contacts.values()):
-        why = "only a follower that may leave its cam can lose it"
-        raise refuse(
-            "contacts", "no unilateral contact", 'a contact with model = "unilateral"', why, "change the model"
-        )
+    model = _may_part(case)
+    speeds = np.geomspace(lowest, highest, max(search.count, 2)).tolist()
     seen: dict[float, Answers] = {}
     questions = {
         name: one for name, one in _questions(model, search.bounce_height).items() if among is None or name in among
@@ -197,16 +200,51 @@ def bracketed_limits(case: Case, search: Search, among: Collection[str] | None =
     def ask(speed: float) -> Answers:
         if speed not in seen:
             ready = prepare(case.at_speed(speed, _REVOLUTIONS))
-            response = solve(ready.problem, ready.scheme, save=ready.save)
+            response = solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=ready.save)
             heed(response.status)
+            if advance is not None:
+                advance(1)
             if response.status.ok:
                 seen[speed] = {name: question(response, ready) for name, (question, _) in questions.items()}
             else:
                 seen[speed] = f"the run at {speed / RPM:.6g} camshaft rpm ended: {response.status.text}"
         return seen[speed]
 
-    speeds = np.geomspace(lowest, highest, max(search.count, 2)).tolist()
     return {name: _bracketed(name, words, speeds, ask, search.tolerance) for name, (_, words) in questions.items()}
+
+
+def limits_of(case: Case) -> tuple[str, ...]:
+    """Return the names of the limits that a case can meet.
+
+    Parameters
+    ----------
+    case
+        A case with a true (unilateral) contact.
+
+    Returns
+    -------
+    tuple
+        Of those of `LIMITS`; a limit whose part it lacks is left out.
+
+    Raises
+    ------
+    InputError
+        If the case has no unilateral contact.
+
+    Examples
+    --------
+    ``limits_of(case)`` lacks ``"bounce"`` where no valve has a seat.
+    """
+    return tuple(_questions(_may_part(case), 0.0))
+
+
+def _may_part(case: Case) -> Model:
+    """Return the model of a case whose follower may leave its cam; refuse another."""
+    model = described(case)[0]
+    if not any(isinstance(one, CamContact) and one.unilateral for one in model.contacts.values()):
+        why, allowed = "only a follower that may leave its cam can lose it", 'a contact with model = "unilateral"'
+        raise refuse("contacts", "no unilateral contact", allowed, why, "change the model")
+    return model
 
 
 @dataclass(frozen=True)

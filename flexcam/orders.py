@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from flexcam.integrate import solve
 from flexcam.io.csv import component_unit
 from flexcam.linalg import FloatArray
 from flexcam.motion import OrderSpectrum, order_spectrum
-from flexcam.response import Response, RunFailedError, Status, heed
+from flexcam.response import Advance, Response, RunFailedError, Status, counted, heed
 from flexcam.runner import prepare
 from flexcam.units import RPM
 
@@ -151,7 +151,9 @@ def _beginning(response: Response) -> int:
     return int(np.searchsorted(response.angle, begins))
 
 
-def waterfall(case: Case, speeds: Sequence[float], signals: Sequence[Signal], count: int) -> list[Waterfall]:
+def waterfall(
+    case: Case, speeds: Sequence[float], signals: Sequence[Signal], count: int, *, advance: Advance | None = None
+) -> list[Waterfall]:
     """Return the orders of histories over speed.
 
     Parameters
@@ -164,6 +166,8 @@ def waterfall(case: Case, speeds: Sequence[float], signals: Sequence[Signal], co
         The histories.
     count
         Highest order.
+    advance
+        Told after each speed that one more is finished.
 
     Returns
     -------
@@ -179,8 +183,8 @@ def waterfall(case: Case, speeds: Sequence[float], signals: Sequence[Signal], co
     found: dict[Signal, list[OrderSpectrum | None]] = {one: [] for one in signals}
     statuses: list[Status] = []
     units: dict[Signal, str] = {}
-    for speed in speeds:
-        response = _run(case.at_speed(speed))
+    for speed in counted(speeds, advance):
+        response = _run(case.at_speed(speed), len(speeds))
         heed(response if isinstance(response, Status) else response.status)
         statuses.append(response if isinstance(response, Status) else response.status)
         for one, its in found.items():
@@ -192,13 +196,13 @@ def waterfall(case: Case, speeds: Sequence[float], signals: Sequence[Signal], co
     return [_joined(one, units.get(one, ""), rpm, its, tuple(statuses), count) for one, its in found.items()]
 
 
-def _run(case: Case) -> Response | Status:
-    """Return a run, or why there is none."""
+def _run(case: Case, runs: int) -> Response | Status:
+    """Return one of several runs, or why there is none."""
     try:
         ready = prepare(case)
     except RunFailedError as failure:
         return failure.status
-    return solve(ready.problem, ready.scheme, save=ready.save)
+    return solve(replace(ready.problem, runs=runs), ready.scheme, save=ready.save)
 
 
 def _joined(

@@ -15,7 +15,7 @@ from flexcam.checks import refuse
 from flexcam.integrate import equilibrium, solve
 from flexcam.linalg import FloatArray
 from flexcam.motion import event_extremes
-from flexcam.response import Response
+from flexcam.response import Advance, Response, counted, heed
 from flexcam.runner import Prepared, prepare
 from flexcam.train import CamContact, Model, build_structure, build_system, hertz_line, main_lift
 from flexcam.units import RPM
@@ -61,7 +61,9 @@ class Speed:
         return max(abs(one.largest - other.largest), abs(one.least - other.least)) > tolerance * size
 
 
-def parting(case: Case, speeds: Sequence[float], *, contact: str | None = None) -> list[Speed]:
+def parting(
+    case: Case, speeds: Sequence[float], *, contact: str | None = None, advance: Advance | None = None
+) -> list[Speed]:
     """Run a case over speeds with a rigid train, with a contact that cannot part, and with one that can.
 
     Parameters
@@ -72,6 +74,8 @@ def parting(case: Case, speeds: Sequence[float], *, contact: str | None = None) 
         Camshaft speeds, rad/s.
     contact
         Name of the contact; the first unilateral one by default.
+    advance
+        Told after each speed that one more is finished.
 
     Returns
     -------
@@ -89,7 +93,7 @@ def parting(case: Case, speeds: Sequence[float], *, contact: str | None = None) 
     if not known or (contact is not None and contact not in known):
         given = "no unilateral contact" if contact is None else repr(contact)
         raise refuse("contacts", given, f"one of {', '.join(known)}" if known else "a unilateral contact")
-    return [_at(case, speed, contact or known[0]) for speed in speeds]
+    return [_at(case, speed, contact or known[0], len(speeds)) for speed in counted(speeds, advance)]
 
 
 def parts_at(found: Sequence[Speed], first: str, second: str, tolerance: float = 0.05) -> float | None:
@@ -112,16 +116,21 @@ def parts_at(found: Sequence[Speed], first: str, second: str, tolerance: float =
     return next((one.rpm for one in found if one.differs(first, second, tolerance)), None)
 
 
-def _at(case: Case, speed: float, contact: str) -> Speed:
+def _at(case: Case, speed: float, contact: str, runs: int) -> Speed:
     one = case.at_speed(speed)
     rigid, free = prepare(one, rigid=True), prepare(one)
-    still = _forces(solve(rigid.problem, rigid.scheme), free, contact)
+    still = _forces(_solved(rigid, runs), free, contact)
     held = _held(free, contact, still.largest if still else 0.0)
-    responses = {
-        name: solve(ready.problem, ready.scheme) for name, ready in (("bilateral", held), ("unilateral", free))
-    }
+    responses = {name: _solved(ready, runs) for name, ready in (("bilateral", held), ("unilateral", free))}
     forces = {name: _forces(response, free, contact) for name, response in responses.items()}
     return Speed(speed / RPM, {"rigid": still, **forces})
+
+
+def _solved(ready: Prepared, runs: int) -> Response:
+    """Return one of several runs; what is stopped stops all."""
+    response = solve(replace(ready.problem, runs=runs), ready.scheme)
+    heed(response.status)
+    return response
 
 
 def _forces(response: Response, ready: Prepared, contact: str) -> Forces | None:

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,6 +122,8 @@ class Stats:
         The way through time that was taken, see `flexcam.integrate.paths`.
     steps
         Steps done.
+    size
+        Unknowns of the whole mechanism; zero in results that do not tell it.
     unknowns
         Unknowns integrated; those that nothing can move are left out.
     iterations
@@ -142,6 +144,7 @@ class Stats:
 
     path: str = "general"
     steps: int = 0
+    size: int = 0
     unknowns: int = 0
     iterations: int = 0
     events: int = 0
@@ -447,6 +450,39 @@ class Response:
             for values in (self.probes.displacement, self.probes.velocity, self.probes.acceleration)
         ]
         return History(name, components, *picked)
+
+
+Advance = Callable[[int], None]
+"""Told how many more of many things are finished."""
+
+Thing = TypeVar("Thing")
+
+
+def counted(things: Iterable[Thing], advance: Advance | None) -> Iterator[Thing]:
+    """Yield things one after the other, and tell after each that one more is finished.
+
+    Parameters
+    ----------
+    things
+        Any.
+    advance
+        Is told; None for nobody.
+
+    Yields
+    ------
+    object
+        The things.
+
+    Examples
+    --------
+    >>> told = []
+    >>> [2 * one for one in counted([1, 2], told.append)], told
+    ([2, 4], [1, 1])
+    """
+    for one in things:
+        yield one
+        if advance is not None:
+            advance(1)
 
 
 def heed(status: Status) -> None:

@@ -37,7 +37,7 @@ from flexcam.memory import Recent
 from flexcam.modal import mac
 from flexcam.response import Response, SaveAt, Sink, Stats
 from flexcam.starting import drive_of, revolution_of, started
-from flexcam.system import Basis, Shapes, System
+from flexcam.system import Basis, Probe, Shapes, System
 from flexcam.train import (
     Model,
     ModelModes,
@@ -116,20 +116,51 @@ def prepare(
     --------
     ``prepare(case).problem.system`` is the `System` of a case, for one's own studies.
     """
-    model, kind = model or build_model(case), "rigid" if rigid else case.record.fidelity.model
-    model = straight(model) if kind in _CHAINS else model
-    make = build_rigid if kind == "rigid" else build_system
-    try:
-        system = make(model, case.speed)
-    except InputError as refusal:
-        raise _placed(case, refusal) from None
+    model, system = described(case, rigid=rigid, model=model)
     save = SaveAt(field_every=case.record.output.field_every)
     problem, scheme = _problem(case, model, system), case.record.run.integrator.made()
     problem = started(case, model, problem, until=until)
-    problem = replace(problem, basis=_basis(case, model, problem, kind))
+    problem = replace(problem, basis=_basis(case, model, problem, _kind(case, rigid=rigid)))
     if refusal := refused(problem, scheme):
         raise _placed(case, refusal)
     return Prepared(case, model, problem, scheme, save)
+
+
+def described(case: Case, *, rigid: bool = False, model: Model | None = None) -> tuple[Model, System]:
+    """Return the model of a case and its equations, before any start is looked for.
+
+    Parameters
+    ----------
+    case, rigid, model
+        As for `prepare`.
+
+    Returns
+    -------
+    tuple
+        Model and system.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+
+    Examples
+    --------
+    ``described(case)[1].names`` are the unknowns of a case.
+    """
+    kind = _kind(case, rigid=rigid)
+    model = model or build_model(case)
+    model = straight(model) if kind in _CHAINS else model
+    make = build_rigid if kind == "rigid" else build_system
+    try:
+        return model, make(model, case.speed)
+    except InputError as refusal:
+        raise _placed(case, refusal) from None
+
+
+def _kind(case: Case, *, rigid: bool) -> str:
+    """Return which model of a case is meant."""
+    return "rigid" if rigid else case.record.fidelity.model
 
 
 _CHAINS = {"sdof": 1, "chain": None}
@@ -174,33 +205,8 @@ def _problem(case: Case, model: Model, system: System) -> Problem:
     return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, path=run.path)
 
 
-def default_probe(case: Case) -> str:
-    """Return the probe that is a rocker's point, or the first one.
-
-    Parameters
-    ----------
-    case
-        The case.
-
-    Returns
-    -------
-    str
-        Its name.
-
-    Raises
-    ------
-    InputError
-        If the case has no probe.
-    """
-    rockers = [rocker.to for rocker in case.record.rockers.values()]
-    known = [*(p for p in case.record.output.probes if p in rockers), *case.record.output.probes]
-    if not known:
-        raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
-    return known[0]
-
-
 def scalar_probe(ready: Prepared) -> str:
-    """Return the default probe, or its component along the follower's direction where it has several.
+    """Return the probe that stands for a case: a rocker's point, else the first that a cam moves, else the first.
 
     Parameters
     ----------
@@ -210,20 +216,53 @@ def scalar_probe(ready: Prepared) -> str:
     Returns
     -------
     str
-        Such as ``"valve"`` or ``"tappet.uy"``.
+        Such as ``"valve"``; of a probe with several components that which the cam moves most: ``"tappet.uy"``.
 
     Raises
     ------
     InputError
         If the case has no probe.
+
+    Examples
+    --------
+    ``scalar_probe(prepare(case))`` is where `flexcam compare` looks, unless it is told another place.
     """
-    name = default_probe(ready.case)
-    components = next(probe.components for probe in ready.problem.system.probes if probe.name == name)
-    if len(components) == 1:
-        return name
+    points = [rocker.point for rocker in ready.model.rockers.values()]
+    probes = [probe for probe in ready.problem.system.probes if probe.name in ready.model.probes]
+    if not probes:
+        raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
+    ordered = sorted(probes, key=lambda probe: probe.name not in points)
+    moved = _moved_by_cams(ready)
+    return next((moved[probe.name] for probe in ordered if probe.name in moved), _along_follower(ready, ordered[0]))
+
+
+def _moved_by_cams(ready: Prepared) -> dict[str, str]:
+    """Return the probes that the rigid train moves, each with the component that it moves most."""
+    if not ready.model.driven:
+        return {}
+    try:
+        rigid = build_rigid(ready.model, ready.case.speed)
+    except InputError:  # no rigid train can be made of it: then the first probe will do
+        return {}
+    strokes = {probe: [0.0 if one is None else float(np.ptp(one(_ROUND, 0))) for one in probe.offset]
+               for probe in rigid.probes}  # fmt: skip
+    return {probe.name: _named(probe, int(np.argmax(path))) for probe, path in strokes.items() if max(path) > 0.0}
+
+
+_ROUND = np.linspace(0.0, 2.0 * np.pi, 361)
+"""Angles of a revolution; a lift between two of them would be none."""
+
+
+def _along_follower(ready: Prepared, probe: Probe) -> str:
+    """Return the component of a probe along the first follower's direction, or its first one."""
     contact = next(iter(ready.model.driven.values()), None)
     along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
-    return f"{name}.{along if along in components else components[0]}"
+    return _named(probe, probe.components.index(along) if along in probe.components else 0)
+
+
+def _named(probe: Probe, component: int) -> str:
+    """Return what a component of a probe is called; a probe of one has its own name."""
+    return probe.name if len(probe.components) == 1 else f"{probe.name}.{probe.components[component]}"
 
 
 def recent(ready: Prepared) -> Recent:

@@ -76,13 +76,13 @@ def progress(steps: int) -> Generator[list[Sink]]:
 
 
 @contextmanager
-def counting(total: int, what: str) -> Generator[Callable[[int], None]]:
+def counting(total: int | None, what: str) -> Generator[Callable[[int], None]]:
     """Show how many of many things are finished, their rate and the time left, if somebody sees it.
 
     Parameters
     ----------
     total
-        How many there are.
+        How many there are; None where only the end will tell.
     what
         They are.
 
@@ -91,7 +91,7 @@ def counting(total: int, what: str) -> Generator[Callable[[int], None]]:
     callable
         To be told how many more are finished; the first call says how many were before.
     """
-    if not sys.stderr.isatty():
+    if total == 0 or not sys.stderr.isatty():
         yield lambda _: None
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn

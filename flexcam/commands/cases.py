@@ -44,7 +44,7 @@ from flexcam.console.results import operation_table, periodicity, run_table, str
 from flexcam.console.watched import Watched
 from flexcam.integrate import integrated, solve
 from flexcam.io import made_folder, read_result, write_modes
-from flexcam.response import Cause, Response, RunFailedError, Stats, Status
+from flexcam.response import Cause, Response, RunFailedError, Stats, Status, heed
 from flexcam.runner import (
     budget_of,
     geometry_of,
@@ -261,7 +261,7 @@ def compare(
     Parameters
     ----------
     probe
-        Point or component to compare at; by default the probe that is a rocker's point, or the first one.
+        Point or component to compare at; by default a rocker's point, else the first probe that a cam moves.
     """
     if against is not None:
         return _two(case, against, probe, overrides, as_json)
@@ -312,8 +312,10 @@ def _estimated(case: Case, probe: str) -> tuple[list[fidelity.Error], list[str]]
 def _two(case: Path, against: str, probe: str | None, overrides: Overrides, as_json: bool) -> Status:
     """Compare two models of a case, two cases or two results."""
     if case.suffix == _RESULT:
+        from flexcam.commands.sources import Source
+
         one, read = read_result(case).response, None
-        at = probe or one.outline.probes[0][0]
+        at = probe or scalar_probe(Source(case).ready)
     else:
         read = load(case, overrides)
         one, at = solve_case(read), probe or scalar_probe(prepare(read))
@@ -334,12 +336,18 @@ def _other(against: str, read: Case | None, overrides: Overrides) -> Response:
     if path.suffix == _RESULT:
         return read_result(path).response
     if path.suffix == ".toml":
-        return solve_case(load(path, overrides))
+        return _whole(solve_case(load(path, overrides)))
     rungs = {} if read is None else {rung.name: rung for rung in fidelity.ladder(read)}
     if against not in rungs:
         allowed = f"a case, a result, or one of {', '.join(rungs)}" if rungs else "a case or a result"
         raise refuse("--against", repr(against), allowed, "", did_you_mean(against, list(rungs)))
-    return rungs[against].run()
+    return _whole(rungs[against].run())
+
+
+def _whole(response: Response) -> Response:
+    """Return a run that is compared with; a Ctrl-C in it ends the command."""
+    heed(response.status)
+    return response
 
 
 def _speed_rpm(response: Response) -> float:

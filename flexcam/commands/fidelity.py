@@ -13,7 +13,7 @@ from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load
 from flexcam.console.fidelity import trade_csv, trade_json, trade_table
 from flexcam.io import free_to_write, write_text
 from flexcam.runner import prepare, scalar_probe
-from flexcam.terminal import out, print_json
+from flexcam.terminal import counting, out, print_json
 
 
 @app.command(
@@ -40,7 +40,9 @@ def trade(
         from flexcam.view import free_for_picture
 
         free_for_picture(plot, overwrite=overwrite)
-    against, found = fidelity.trade(read, probe or scalar_probe(prepare(read)), repeats=repeats)
+    at = probe or scalar_probe(prepare(read))
+    with counting(None, "models") as shown:
+        against, found = fidelity.trade(read, at, repeats=repeats, advance=shown)
     if csv is not None:
         write_text(csv, trade_csv(against, found), overwrite=overwrite)
     if plot is not None:

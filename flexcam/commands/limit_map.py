@@ -19,6 +19,7 @@ from flexcam.io import free_to_write
 from flexcam.limits import Search
 from flexcam.sweep import Axis, axis
 from flexcam.sweep.validate import validated
+from flexcam.terminal import counting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,7 +40,11 @@ def map_limits(
     file = CaseFile.opened(path)
     plan = study.grid_plan(_axis("--over", over), _axis("--and", beside), overrides or ())
     shaft = shaft_name(turns(validated(file, plan)))
-    with study.evaluators(file, (), [f"limits.{name}" for name in names], search, workers=workers) as runs:
+    asked = [f"limits.{name}" for name in names]
+    with (
+        counting(len(plan), "variants") as shown,
+        study.evaluators(file, (), asked, search, workers=workers, advance=shown) as runs,
+    ):
         found = study.limit_map(plan, names, runs)
 
     def draw() -> Figure:

@@ -28,7 +28,7 @@ from flexcam.limits import Search, find_limits
 from flexcam.parting import parting as compare_models
 from flexcam.stability import over_speeds
 from flexcam.stability import stability as find_causes
-from flexcam.terminal import out, print_json
+from flexcam.terminal import counting, out, print_json
 from flexcam.units import parse
 
 
@@ -73,7 +73,8 @@ def limits(
         settings, count = (over, beside), 1 if workers is None else workers
         map_limits(case, overrides, settings, names, search, count, csv, plot, overwrite=overwrite, as_json=as_json)
         return
-    found = find_limits(read, lowest=low, highest=high, tolerance=width, bounce_height=height)
+    with counting(None, "runs") as shown:
+        found = find_limits(read, lowest=low, highest=high, tolerance=width, bounce_height=height, advance=shown)
     if as_json:
         print_json({"status": "ok", **limits_json(found, scale)})
     else:
@@ -104,7 +105,8 @@ def parting(
     scale = turns(read)
     low, high = speed_range(lowest, highest, count, read.speed, scale)
     part = parse(tolerance, "number")
-    found = compare_models(read, np.linspace(low, high, count).tolist(), contact=contact)
+    with counting(count, "speeds") as shown:
+        found = compare_models(read, np.linspace(low, high, count).tolist(), contact=contact, advance=shown)
     shaft = shaft_name(scale)
     if plot is not None:
         from flexcam.view import force_figure, save_figure
@@ -146,7 +148,8 @@ def stability(
             out().print(stability_table(found, scale))
         return
     low, high = speed_range(lowest, highest, count, read.speed, scale)
-    every = over_speeds(read, np.linspace(low, high, count).tolist())
+    with counting(count, "speeds") as shown:
+        every = over_speeds(read, np.linspace(low, high, count).tolist(), advance=shown)
     if plot is not None:
         from flexcam.view import growth_figure, save_figure
 

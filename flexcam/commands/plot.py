@@ -18,7 +18,7 @@ from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity, spee
 from flexcam.commands.sources import Source, named, opened
 from flexcam.console.words import shaft_name
 from flexcam.response import Response, Status
-from flexcam.terminal import out, print_json
+from flexcam.terminal import counting, out, print_json
 from flexcam.train import Cam, build_structure
 
 if TYPE_CHECKING:
@@ -207,7 +207,10 @@ def _campbell(asked: Asked) -> Figure:
 
     case = _single(asked, "campbell").case
     scale = turns(case)
-    return campbell_figure(campbell(case, _speeds(asked, case), orders=range(1, _ORDERS + 1)), scale, shaft_name(scale))
+    speeds = _speeds(asked, case)
+    with counting(len(speeds), "speeds") as shown:
+        found = campbell(case, speeds, orders=range(1, _ORDERS + 1), advance=shown)
+    return campbell_figure(found, scale, shaft_name(scale))
 
 
 def _waterfall(asked: Asked) -> Figure:
@@ -218,8 +221,10 @@ def _waterfall(asked: Asked) -> Figure:
 
     case = _single(asked, "waterfall").case
     seen = signals(case, asked.channels, None if asked.probe is None else [asked.probe])
-    scale = turns(case)
-    return waterfall_figure(waterfall(case, _speeds(asked, case), seen, _ORDERS), scale, shaft_name(scale))
+    scale, speeds = turns(case), _speeds(asked, case)
+    with counting(len(speeds), "speeds") as shown:
+        found = waterfall(case, speeds, seen, _ORDERS, advance=shown)
+    return waterfall_figure(found, scale, shaft_name(scale))
 
 
 _ORDERS = 24

@@ -15,7 +15,7 @@ from flexcam.console.words import told_apart
 from flexcam.integrate import solve
 from flexcam.io import Result, read_result
 from flexcam.reopened import reopened
-from flexcam.response import Response
+from flexcam.response import Response, heed
 from flexcam.runner import Prepared, prepare
 from flexcam.terminal import progress
 
@@ -75,7 +75,9 @@ class Source:
 
 def _solved(ready: Prepared) -> Response:
     with progress(ready.problem.steps) as bar:
-        return solve(ready.problem, ready.scheme, save=ready.save, sinks=bar)
+        response = solve(ready.problem, ready.scheme, save=ready.save, sinks=bar)
+    heed(response.status)
+    return response
 
 
 def opened(paths: Sequence[Path], overrides: Sequence[str] | None) -> list[Source]:

@@ -31,7 +31,7 @@ from flexcam.io import free_to_write, write_text
 from flexcam.orders import Signal, waterfall
 from flexcam.runner import prepare, scalar_probe
 from flexcam.stability import campbell as find_crossings
-from flexcam.terminal import out, print_json
+from flexcam.terminal import counting, out, print_json
 
 Lowest = Annotated[str | None, Parameter("--lowest", help="Lowest speed; half the case's by default.")]
 Highest = Annotated[str | None, Parameter("--highest", help="Highest speed; one and a half of the case's by default.")]
@@ -61,7 +61,9 @@ def campbell(
     low, high = speed_range(lowest, highest, count, read.speed, scale)
     free_picture(plot, overwrite)
     speeds = np.linspace(low, high, count).tolist()
-    found = find_crossings(read, speeds, orders=_whole_numbers("--orders", orders), modes=modes, contact=contact)
+    numbers = _whole_numbers("--orders", orders)
+    with counting(count, "speeds") as shown:
+        found = find_crossings(read, speeds, orders=numbers, modes=modes, contact=contact, advance=shown)
     if plot is not None:
         from flexcam.view import campbell_figure, save_figure
 
@@ -109,7 +111,8 @@ def orders(
     if csv is not None:
         free_to_write("output", csv, overwrite=overwrite)
     speeds = np.linspace(low, high, count).tolist()
-    found = waterfall(read, speeds, signals(read, channels, probes), highest_order)
+    with counting(count, "speeds") as shown:
+        found = waterfall(read, speeds, signals(read, channels, probes), highest_order, advance=shown)
     if csv is not None:
         write_text(csv, orders_csv(found, scale), overwrite=overwrite)
     if plot is not None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -33,8 +33,9 @@ from flexcam.io import free_to_write, write_text
 from flexcam.limits import Search
 from flexcam.linalg import FloatArray
 from flexcam.response import Cause, RunFailedError, Status
+from flexcam.study.differences import STEPS
 from flexcam.sweep import afford_case
-from flexcam.terminal import out
+from flexcam.terminal import counting, out
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -90,7 +91,9 @@ def sensitivity(
         raise refuse("sensitivity", given, "--to KEY, or --tolerance KEY=±SPEC")
     _ignored("--count", count, "--tolerance", wanted=tolerances is not None)
     _ignored("--relative-step", relative_step, "derivatives", wanted=tolerances is None and sobol is None)
-    asked = _Asked(case, overrides, names, lowest, highest, within, workers=workers, allow_large=allow_large)
+    asked = _Asked(
+        case, overrides, names, lowest, highest, within, option="--of", workers=workers, allow_large=allow_large
+    )
     if tolerances is not None:
         answer = _scatter(asked, tolerances, 100 if count is None else count, seed, workers)
     elif sobol is not None:
@@ -111,21 +114,32 @@ class _Asked:
 
     def __init__(
         self, path: Path, overrides: Sequence[str] | None, names: Sequence[str],
-        lowest: str | None, highest: str | None, within: str, *, workers: int, allow_large: bool,
+        lowest: str | None, highest: str | None, within: str, *, option: str, workers: int, allow_large: bool,
     ) -> None:  # fmt: skip
         self.file, self.fixed = CaseFile.opened(path), tuple(overrides or ())
         self.case = self.file.read(self.fixed)
         self.names = tuple(dict.fromkeys(names))
         of_limits = any(name.startswith("limits.") for name in names)
-        for option, given in (("--lowest", lowest), ("--highest", highest)):
-            _ignored(option, given, "limits.NAME", wanted=of_limits)
+        for end, given in (("--lowest", lowest), ("--highest", highest)):
+            _ignored(end, given, "limits.NAME", wanted=of_limits)
         self.search = search_of(self.case, lowest, highest, within)
+        study.check_names(self.case, self.names, option)
         if not allow_large and any(study.frequency_number(name) is None for name in names):
             afford_case(self.case, together=workers)
 
     def checked(self) -> dict[str, study.Quantity]:
         """Return what is asked of the case as it stands; names that it does not have are refused."""
         return study.measured(self.case, self.names, self.search)
+
+    @contextmanager
+    def evaluators(self, count: int, workers: int, names: Sequence[str] | None = None) -> Generator[study.Runs]:
+        """Give what evaluates about so many variants, and show how many are finished."""
+        asked = self.names if names is None else names
+        with (
+            counting(count if asked else 0, "variants") as shown,
+            study.evaluators(self.file, self.fixed, asked, self.search, workers=workers, advance=shown) as runs,
+        ):
+            yield runs
 
 
 def search_of(case: Case, lowest: str | None, highest: str | None, within: str) -> Search:
@@ -140,7 +154,7 @@ def _derivatives(asked: _Asked, keys: list[str], relative_step: float, workers: 
     responses = [name for name in asked.names if not study.frequency_number(name)]
     study.numbers_of(asked.case, keys)
     asked.checked()
-    with study.evaluators(asked.file, asked.fixed, responses, asked.search, workers=workers) as runs:
+    with asked.evaluators(1 + len(STEPS) * len(keys), workers, responses) as runs:
         found = study.sensitivities(asked.file, asked.fixed, asked.names, keys, runs, relative_step=relative_step)
 
     def draw() -> Figure:
@@ -158,7 +172,7 @@ def _shares(asked: _Asked, keys: list[str], count: int, seed: int, workers: int)
     study.checked_count(count)
     asked.checked()
     low, high = (np.array([getattr(one, end) for one in variables]) for end in ("low", "high"))
-    with study.evaluators(asked.file, asked.fixed, asked.names, asked.search, workers=workers) as runs:
+    with asked.evaluators(count * (len(variables) + 2), workers) as runs:
         points = study.Points(asked.case, variables, runs)
 
         def values(parts: FloatArray) -> FloatArray:
@@ -185,7 +199,7 @@ def _scatter(asked: _Asked, tolerances: list[str], count: int, seed: int, worker
     parts = study.sampled(scatters, count, seed)
     middle = asked.checked()
     variables = tuple(study.Variable(one.key, one.middle - one.half, one.middle + one.half) for one in scatters)
-    with study.evaluators(asked.file, asked.fixed, asked.names, asked.search, workers=workers) as runs:
+    with asked.evaluators(count, workers) as runs:
         rows = study.Points(asked.case, variables, runs).rows(parts)
 
     def draw() -> Figure:
@@ -233,11 +247,14 @@ def optimize(
         raise refuse("goals", f"{len(goals)} of --least and --most", "one, or two for a front")
     bounds = study.constraints_of(subject or ())
     names = [*(goal.name for goal in goals), *(bound.name for bound in bounds)]
-    asked = _Asked(case, overrides, names, lowest, highest, within, workers=workers, allow_large=allow_large)
+    options = "--least, --most or --subject"
+    asked = _Asked(
+        case, overrides, names, lowest, highest, within, option=options, workers=workers, allow_large=allow_large
+    )
     variables = study.variables_of(asked.case, vary, "--vary")
     with suppress(RunFailedError):  # a case that fails as it stands may have better variants
         asked.checked()
-    with study.evaluators(asked.file, asked.fixed, asked.names, asked.search, workers=workers) as runs:
+    with asked.evaluators(evaluations, workers) as runs:
         points = study.Points(asked.case, variables, runs)
         search = study.optimize if len(goals) == 1 else study.pareto
         design = study.Design(points, goals, bounds)

@@ -13,6 +13,7 @@ from rich.table import Table
 from flexcam.budget import Budget, size
 from flexcam.case import Case
 from flexcam.case.report import filled
+from flexcam.console.words import fixed
 from flexcam.fidelity import Claim, Comparison
 from flexcam.integrate import reached
 from flexcam.linalg import FloatArray
@@ -238,7 +239,7 @@ def comparison_table(comparison: Comparison) -> Table:
     for one in comparison.deviations:
         unit, scale = units[one.quantity]
         figures = [f"{scale * v:.4g}" for v in (one.rigid_peak, one.flexible_peak, one.peak, one.rms)]
-        rows.append((f"{one.quantity}, {unit}", *figures, f"{one.of_rigid:.3f}", f"{one.angle_deg:.1f}"))
+        rows.append((f"{one.quantity}, {unit}", *figures, fixed(one.of_rigid, 3), f"{one.angle_deg:.1f}"))
     one, other = comparison.names
     head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"of {other} peak", "at cam deg")
     return table(
@@ -283,8 +284,9 @@ def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]
         Sentences.
     """
     deviation = (
-        f"The {comparison.probe} deviates by up to {comparison.peak_deviation:.3f} of its lift "
-        f"(rms {comparison.rms_deviation:.3f}); its peak acceleration is {comparison.peak_acceleration_ratio:.2f} "
+        f"The {comparison.probe} deviates by up to {fixed(comparison.peak_deviation, 3)} of its lift "
+        f"(rms {fixed(comparison.rms_deviation, 3)}); its peak acceleration is "
+        f"{fixed(comparison.peak_acceleration_ratio, 2)} "
         f"times the {comparison.names[1]} one."
     )
     if mode_hz is None:

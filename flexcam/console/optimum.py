@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from rich.table import Table
 
 from flexcam.console.told import Told, csv_of, or_none, shown
+from flexcam.console.words import fixed
 from flexcam.study import Design, Evaluations, active, feasible, front, value_of
 from flexcam.terminal import facts, table
 
@@ -83,7 +84,7 @@ def told_front(design: Design, found: Evaluations) -> Told:
 
 
 def _key(key: str, unit: str) -> str:
-    return f"{key}, {unit or 'SI'}"
+    return f"{key}, {unit}" if unit else key
 
 
 def _unit(units: Mapping[str, str], name: str) -> str:
@@ -107,7 +108,7 @@ def _bounds(design: Design, found: Evaluations, at: int) -> Table:
 
 def _closeness(passed: float, outside: float) -> str:
     if passed > _ROUNDING:
-        return f"passed by {passed:.2%}"
+        return f"passed by {fixed(100.0 * passed, 2)} %"
     return f"decides: {-passed:.2%} away" if active(passed) or outside <= _NEAR else f"{-passed:.1%} away"
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from rich.table import Table
 
+from flexcam.console.words import fixed
 from flexcam.linalg import FloatArray
 from flexcam.parting import MODELS, Forces, Speed, parts_at
 from flexcam.terminal import table
@@ -37,7 +38,7 @@ def parting_table(found: Sequence[Speed], scale: float, tolerance: float) -> Tab
 
 
 def _told(forces: Forces | None) -> str:
-    return "did not finish" if forces is None else f"{forces.least:.0f} to {forces.largest:.0f}"
+    return "did not finish" if forces is None else f"{fixed(forces.least, 0)} to {fixed(forces.largest, 0)}"
 
 
 def _where(found: Sequence[Speed], scale: float, tolerance: float) -> str:

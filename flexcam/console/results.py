@@ -12,6 +12,7 @@ from rich.table import Table
 from flexcam.case import Case
 from flexcam.console.cases import rpm
 from flexcam.console.doubts import balances
+from flexcam.console.words import fixed
 from flexcam.io import Result, Verified
 from flexcam.memory import Extremes
 from flexcam.response import Response
@@ -41,7 +42,7 @@ def run_table(case: Case, extremes: Extremes) -> Table:
             full = name if len(components) == 1 else f"{name}.{component}"
             unit = "mrad" if component in ("rx", "ry", "rz") else "mm"
             if round(1e3 * float(np.abs(bounds).max()), 4) > 0.0:
-                rows.append((full, *(f"{round(1e3 * x, 4) + 0.0:.4f} {unit}" for x in bounds)))
+                rows.append((full, *(f"{fixed(1e3 * float(x), 4)} {unit}" for x in bounds)))
     title = f"{case.record.title or case.name}, {rpm(case):g} rpm"
     return table(title, ("probe", "least", "largest"), rows or [("no probe moves", "", "")])
 
@@ -118,7 +119,7 @@ def unknowns(response: Response) -> str:
     str
         Such as ``47 unknowns, 24 integrated, in their natural motions``.
     """
-    every, integrated = len(response.outline.unknowns), response.stats.unknowns
+    every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
     count = f"{every} unknowns" + (f", {integrated} integrated" if integrated != every else "")
     return count + _PATHS.get(response.stats.path, "")
 

@@ -42,14 +42,23 @@ def told_derivatives(found: Sequence[Sensitivity]) -> Told:
 def _derivatives(name: str, found: Sequence[Sensitivity]):  # noqa: ANN202 - a table of rich
     ordered = sorted(found, key=lambda one: -abs(one.logarithmic) if not math.isnan(one.logarithmic) else math.inf)
     rows = [
-        (one.by.key, f"{shown(one.by.value)} {one.by.unit}".strip(), shown(one.derivative),
+        (one.by.key, f"{shown(one.by.value)} {one.by.unit}".strip(), f"{shown(one.derivative)} {_per(one)}".strip(),
          "analytic" if one.error is None and not math.isnan(one.derivative) else shown(_error(one), 2),
          _percent(one.logarithmic), "" if one.smooth else _doubt(one))
         for one in ordered
     ]  # fmt: skip
-    unit = found[0].unit
-    title = f"{name} = {shown(found[0].value)} {'' if unit == '1' else unit}".rstrip()
-    return table(title, ("by", "at", "derivative, SI", "error", "% per %", ""), rows)
+    title = f"{name} = {shown(found[0].value)} {_unit(found[0])}".rstrip()
+    return table(title, ("by", "at", "derivative", "error", "% per %", ""), rows)
+
+
+def _unit(one: Sensitivity) -> str:
+    """Return the unit of what was asked for; nothing for a plain number."""
+    return "" if one.unit == "1" else one.unit
+
+
+def _per(one: Sensitivity) -> str:
+    """Return the unit of a derivative."""
+    return f"{_unit(one)} per {one.by.unit}" if one.by.unit else _unit(one)
 
 
 def _error(one: Sensitivity) -> float:

@@ -35,6 +35,33 @@ def mm(value: float, digits: int = 6) -> str:
     return f"{0.0 if abs(value) < _NOTHING else 1e3 * value:.{digits}g}"
 
 
+def fixed(value: float, decimals: int) -> str:
+    """Return a number with as many decimals as others in its column; a huge one, of a run that diverged, in few digits.
+
+    Parameters
+    ----------
+    value
+        Any.
+    decimals
+        Behind the point.
+
+    Returns
+    -------
+    str
+        A zero without a sign.
+
+    Examples
+    --------
+    >>> fixed(8.87654, 4), fixed(-1e-9, 2), fixed(-1.23456e80, 4)
+    ('8.8765', '0.00', '-1.235e+80')
+    """
+    return f"{round(value, decimals) + 0.0:.{decimals}f}" if abs(value) < _HUGE else f"{value:.4g}"
+
+
+_HUGE = 1e7
+"""Size from which decimals say nothing."""
+
+
 def degrees(angle: float) -> str:
     """Return an angle in degrees; what is only the rounding of a zero is one.
 

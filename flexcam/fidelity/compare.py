@@ -120,7 +120,8 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
         raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in moved.components))
     lift = float(np.ptp(still.displacement))
     if lift == 0.0:
-        raise refuse("probe", repr(probe), "a point that the cam moves", "nothing moves it in what is compared with")
+        why, remedy = "nothing moves it in what is compared with", "add a follower's point to output.probes"
+        raise refuse("probe", repr(probe), "a point that the cam moves", why, remedy)
     pairs = ("displacement", "velocity", "acceleration")
     found = [_deviation(name, getattr(moved, name), getattr(still, name)[:count], flexible.angle) for name in pairs]
     return Comparison(probe, speed_rpm, lift, (found[0], found[1], found[2]), flexible.status)

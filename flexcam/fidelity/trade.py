@@ -12,7 +12,7 @@ from flexcam.case import Case
 from flexcam.fidelity.measure import Measured, distance, measured
 from flexcam.fidelity.rungs import Rung, as_beams, ladder, measured_run, steps_of, with_elements
 from flexcam.integrate import integrated, solve
-from flexcam.response import Response, Status
+from flexcam.response import Advance, Response, Status, counted, heed
 from flexcam.runner import Prepared
 
 _REFINED = 4
@@ -177,10 +177,14 @@ def tried(rung: Rung, probe: str, against: Reference, *, repeats: int = 1) -> Tr
 def _timed(ready: Prepared) -> tuple[Response, float]:
     """Return a run and the processor time it took, s."""
     begun = time.process_time()
-    return solve(ready.problem, ready.scheme, save=ready.save), time.process_time() - begun
+    response = solve(ready.problem, ready.scheme, save=ready.save)
+    heed(response.status)
+    return response, time.process_time() - begun
 
 
-def trade(case: Case, probe: str, *, repeats: int = 3) -> tuple[Reference, list[Traded]]:
+def trade(
+    case: Case, probe: str, *, repeats: int = 3, advance: Advance | None = None
+) -> tuple[Reference, list[Traded]]:
     """Return what every rung of a case's ladder costs and by how much it errs.
 
     Parameters
@@ -191,6 +195,8 @@ def trade(case: Case, probe: str, *, repeats: int = 3) -> tuple[Reference, list[
         A probe of one scalar.
     repeats
         Runs of every rung whose processor times the median is taken of.
+    advance
+        Told after each model that one more is finished.
 
     Returns
     -------
@@ -205,7 +211,8 @@ def trade(case: Case, probe: str, *, repeats: int = 3) -> tuple[Reference, list[
         If the reference ends early.
     """
     against = reference(case, probe)
-    return against, front([tried(rung, probe, against, repeats=repeats) for rung in candidates(case)])
+    rungs = counted(candidates(case), advance)
+    return against, front([tried(rung, probe, against, repeats=repeats) for rung in rungs])
 
 
 def front(found: Sequence[Traded]) -> list[Traded]:

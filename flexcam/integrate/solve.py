@@ -123,7 +123,8 @@ def solve(
     True
     """
     keep = save or SaveAt()
-    memory = memory or Memory(outline(problem.system, channels=keep.channels))
+    names = outline(problem.system, channels=keep.channels)
+    memory = memory or Memory(names)
     takers = (memory, *sinks)
     clock = _Clock(stop or _never, until)
     keepers = [sink for sink in sinks if isinstance(sink, CheckpointSink)]
@@ -132,7 +133,8 @@ def solve(
     returns = problem.start.periodicity if problem.start else None
     way = way_of(problem, scheme, keep)
     inside = way.problem
-    stats = Stats(path=way.path, unknowns=inside.system.size, periodicity=-1.0 if returns is None else returns)
+    sizes = len(names.unknowns), inside.system.size
+    stats = Stats(path=way.path, size=sizes[0], unknowns=sizes[1], periodicity=-1.0 if returns is None else returns)
     status = Status()
     try:
         forces = LocalForces(inside.system)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from flexcam.case.tables.contacts import CamContactRecord
 from flexcam.checks import did_you_mean, refuse
 from flexcam.integrate import solve
 from flexcam.linalg import FloatArray, Triplets
-from flexcam.response import Status, heed
+from flexcam.response import Advance, Status, counted, heed
 from flexcam.runner import prepare
 from flexcam.stability.reached import ReachedModes, force_harmonics, reached_modes
 from flexcam.stability.resonance import Resonance, lift_harmonics
@@ -90,8 +90,9 @@ class _Line:
 
 
 def campbell(
-    case: Case, speeds: Sequence[float], *, orders: Sequence[int], modes: int = 8, contact: str | None = None
-) -> Campbell:
+    case: Case, speeds: Sequence[float], *, orders: Sequence[int], modes: int = 8, contact: str | None = None,
+    advance: Advance | None = None,
+) -> Campbell:  # fmt: skip
     """Return natural frequencies over speed, and where orders of a cam meet them.
 
     Parameters
@@ -107,6 +108,8 @@ def campbell(
         How many of the lowest that are no free motions.
     contact
         Name of the contact; the first one by default.
+    advance
+        Told after each speed that one more is finished.
 
     Returns
     -------
@@ -132,9 +135,9 @@ def campbell(
     wanted = np.array(list(lifts), dtype=int)
     loads, statuses = np.full((len(rpm), len(lifts)), math.nan), list[Status]()
     lines: list[_Line] = []
-    for i, speed in enumerate(speeds):
+    for i, speed in enumerate(counted(speeds, advance)):
         ready = prepare(case.at_speed(speed))
-        response = solve(ready.problem, ready.scheme, save=ready.save)
+        response = solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=ready.save)
         heed(response.status)
         statuses.append(response.status)
         if response.status.ok:

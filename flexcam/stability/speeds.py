@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from flexcam.case import Case
+from flexcam.response import Advance, counted
 from flexcam.stability.verdict import Stability, stability
 
 
-def over_speeds(case: Case, speeds: Iterable[float]) -> list[Stability]:
+def over_speeds(case: Case, speeds: Iterable[float], *, advance: Advance | None = None) -> list[Stability]:
     """Return what endangers a case at several speeds: growth rates as a map, causes beside them.
 
     Parameters
@@ -17,6 +18,8 @@ def over_speeds(case: Case, speeds: Iterable[float]) -> list[Stability]:
         The case; its own speed does not count.
     speeds
         Of the camshaft, rad/s.
+    advance
+        Told after each speed that one more is finished.
 
     Returns
     -------
@@ -34,4 +37,4 @@ def over_speeds(case: Case, speeds: Iterable[float]) -> list[Stability]:
     --------
     ``[one.verdict for one in over_speeds(case, [100.0, 200.0])]``
     """
-    return [stability(case.at_speed(speed)) for speed in speeds]
+    return [stability(case.at_speed(speed)) for speed in counted(speeds, advance)]

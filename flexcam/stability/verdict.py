@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from flexcam.case import Case
 from flexcam.checks import InputError
 from flexcam.integrate import Floquet, floquet, periodic, solve
-from flexcam.response import Response, RunFailedError, Status
+from flexcam.response import Response, RunFailedError, Status, heed
 from flexcam.runner import Prepared, prepare
 from flexcam.stability.discrete import Discrete, discrete
 from flexcam.stability.resonance import Resonance, resonances
@@ -113,6 +113,7 @@ def stability(case: Case) -> Stability:
     whole = math.ceil(ready.revolution / ready.problem.step)
     problem = replace(ready.problem, steps=max(ready.problem.steps, whole))  # causes are asked of whole revolutions
     response = solve(problem, ready.scheme, save=ready.save)
+    heed(response.status)
     opened = _open(ready, response)
     why_not = "the follower leaves its cam, and what impacts follow need not repeat"
     multipliers, why_not = _multipliers(ready) if opened == 0.0 else (None, why_not)

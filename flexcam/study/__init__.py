@@ -10,8 +10,8 @@ from flexcam.study.limit_map import LimitMap, grid_plan, limit_map
 from flexcam.study.objective import Constraint, Goal, active, constraint, constraints_of, feasible, value_of
 from flexcam.study.optimize import Design, Evaluations, optimize
 from flexcam.study.pareto import front, pareto
-from flexcam.study.points import Points, Variable, column, serial, variables_of
-from flexcam.study.quantities import Quantity, complete, frequency_number, measured, quantities
+from flexcam.study.points import Points, Runs, Variable, column, serial, variables_of
+from flexcam.study.quantities import Quantity, check_names, complete, frequency_number, measured, quantities
 from flexcam.study.scatter import QUANTILES, Scatter, Spread, sampled, scatters_of, spread
 from flexcam.study.sensitivity import Sensitivity, numbers_of, sensitivities
 from flexcam.study.sobol import SobolIndices, checked_count, sobol_indices
@@ -27,6 +27,7 @@ __all__ = [
     "Number",
     "Points",
     "Quantity",
+    "Runs",
     "Scatter",
     "Sensitivity",
     "SobolIndices",
@@ -34,6 +35,7 @@ __all__ = [
     "Variable",
     "active",
     "case_text",
+    "check_names",
     "checked_count",
     "column",
     "complete",

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from flexcam.case import CaseFile
 from flexcam.checks import refuse
 from flexcam.limits import Search
-from flexcam.response import Cause, RunFailedError, Status
+from flexcam.response import Advance, Cause, RunFailedError, Status, counted
 from flexcam.study.points import Runs, serial, variant_row
 from flexcam.sweep import Row
 from flexcam.sweep.workers import end_with_parent, ended, one_thread, undisturbed
@@ -29,8 +29,9 @@ _LOST = Status(
 
 @contextmanager
 def evaluators(
-    file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None, *, workers: int = 1
-) -> Generator[Runs]:
+    file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
+    *, workers: int = 1, advance: Advance | None = None,
+) -> Generator[Runs]:  # fmt: skip
     """Give what evaluates variants, for as long as a study goes on.
 
     Parameters
@@ -45,6 +46,8 @@ def evaluators(
         Where limits are looked for.
     workers
         Processes; with one, this process does it.
+    advance
+        Told after each variant that one more is finished.
 
     Yields
     ------
@@ -61,7 +64,7 @@ def evaluators(
     if workers < 1:
         raise refuse("--workers", workers, "a whole number from 1")
     if workers == 1:
-        yield serial(file, fixed, names, search)
+        yield serial(file, fixed, names, search, advance=advance)
         return
     bare = CaseFile(file.path, file.text, file.raw)  # meshes do not travel; every process reads its own
     asked = bare, tuple(fixed), tuple(names), search
@@ -75,7 +78,7 @@ def evaluators(
             try:
                 with undisturbed():
                     rows = [pool.submit(_row, one) for one in variants]
-                return [row.result() for row in rows]
+                return [row.result() for row in counted(rows, advance)]
             except BrokenProcessPool:
                 raise RunFailedError(_LOST) from None
 

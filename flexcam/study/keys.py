@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from flexcam.case import Case
-from flexcam.case.report import si_unit
+from flexcam.case.own_unit import own_unit
 from flexcam.checks import did_you_mean, refuse
 
 
@@ -23,7 +23,7 @@ class Number:
     value
         SI.
     unit
-        SI unit; empty for a plain number, ``SI`` where it depends on what else stands there.
+        SI unit; empty for a plain number, ``SI`` where it cannot be told.
     """
 
     key: str
@@ -72,7 +72,7 @@ def number_of(case: Case, key: str, where: str) -> Number:
         raise refuse(
             where, given, "the key of a number with a fraction", why, "give it a number" if value is None else ""
         )
-    unit = si_unit(tuple(key.split(".")))
+    unit = own_unit(case.record, key.split("."))
     return Number(key, value, "SI" if unit is None else unit)
 
 

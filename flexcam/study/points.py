@@ -11,6 +11,7 @@ from flexcam.case import Case, CaseFile, read_case
 from flexcam.checks import Fault, InputError, refuse
 from flexcam.limits import Search
 from flexcam.linalg import FloatArray
+from flexcam.response import Advance, counted
 from flexcam.study.keys import number_of, overrides_of
 from flexcam.study.quantities import quantities
 from flexcam.sweep import Row, axis
@@ -30,7 +31,7 @@ class Variable:
     low, high
         Its ends, in its unit.
     unit
-        As written; empty for SI.
+        As written, else that of SI; empty for a plain number.
     stands
         Where the case stands, as a part of the interval; None where that is not known.
 
@@ -90,18 +91,44 @@ def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Vari
 
 def _variable(case: Case, setting: str, where: str) -> Variable:
     key, _, spec = (part.strip() for part in setting.partition("="))
-    number_of(case, key, where)  # or there is no such key
+    number = number_of(case, key, where)  # or there is no such key
     ends = axis(key, spec, where=where)
     low, *_, high = ends.values[0], ends.values[-1]
     if not ends.interval or low.number is None or high.number is None:
         raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "anything between may be taken")
-    first, last = (_number_at(case, key, end.text, where) for end in (low, high))
-    stands = (number_of(case, key, where).value - first) / (last - first) if last != first else None
-    return Variable(key, low.number, high.number, ends.unit, stands)
+    first, last = (number_at(case, key, end.text, where) for end in (low, high))
+    stands = (number.value - first) / (last - first) if last != first else None
+    return Variable(key, low.number, high.number, ends.unit or number.unit.removeprefix("SI"), stands)
 
 
-def _number_at(case: Case, key: str, text: str, where: str) -> float:
-    """Return the number, SI, that a case has with a text in its place; refuse a text it cannot take."""
+def number_at(case: Case, key: str, text: str, where: str) -> float:
+    """Return the number that a case has with a text in its place.
+
+    Parameters
+    ----------
+    case
+        The case.
+    key
+        Of the number.
+    text
+        Such as ``45kN/m``.
+    where
+        What asks for it, for the message.
+
+    Returns
+    -------
+    float
+        SI.
+
+    Raises
+    ------
+    InputError
+        If the case cannot take it.
+
+    Examples
+    --------
+    ``number_at(case, "springs.valve.stiffness", "45kN/m", "--vary")`` is 45000.0.
+    """
     try:
         there = read_case(case.path, (*case.overrides, *overrides_of(case, {key: text})))
     except InputError as refusal:
@@ -154,7 +181,10 @@ class Points:
         return len(self._known)
 
 
-def serial(file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None) -> Runs:
+def serial(
+    file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
+    *, advance: Advance | None = None,
+) -> Runs:  # fmt: skip
     """Return what evaluates variants one after the other.
 
     Parameters
@@ -167,6 +197,8 @@ def serial(file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: S
         The quantities asked for (`flexcam.study.quantities`).
     search
         Where limits are looked for.
+    advance
+        Told after each variant that one more is finished.
 
     Returns
     -------
@@ -175,7 +207,7 @@ def serial(file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: S
     """
 
     def run(variants: Sequence[tuple[str, ...]]) -> list[Row]:
-        return [variant_row(file, (*fixed, *one), names, search) for one in variants]
+        return [variant_row(file, (*fixed, *one), names, search) for one in counted(variants, advance)]
 
     return run
 

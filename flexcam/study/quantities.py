@@ -17,17 +17,19 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 from flexcam.case import Case, build_model
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
-from flexcam.limits import LIMITS, Search, bracketed_limits
+from flexcam.limits import LIMITS, Search, bracketed_limits, limits_of
 from flexcam.motion import Event, event_extremes, harmonics, joints
 from flexcam.response import Cause, RunFailedError, Status
 from flexcam.study.keys import Number, number_of
 from flexcam.sweep import Row, evaluate
 from flexcam.sweep.evaluate import refused
+from flexcam.sweep.scalars import scalar_names
+from flexcam.sweep.table import unknown_scalar
 from flexcam.train import build_structure, model_modes
 from flexcam.units import RPM
 
@@ -137,13 +139,59 @@ def measured(case: Case, names: Sequence[str], search: Search | None = None) -> 
         return found
     row = complete(evaluate(case))
     if lacking := [name for name in of_a_run if name not in row.scalars]:
-        raise InputError(_unknown(name, row.scalars) for name in lacking)
+        raise InputError(_unknown(name, row.scalars, case.record.cams) for name in lacking)
     return found | {name: Quantity(row.scalars[name], row.units[name]) for name in of_a_run}
 
 
-def _unknown(name: str, known: Mapping[str, object]) -> Fault:
-    allowed = f"{', '.join(known)}; frequency.N, limits.NAME, cams.NAME.area and its like, or the key of a number"
-    return Fault("scalar", repr(name), allowed, "a run of this case has no other", did_you_mean(name, known))
+def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None:
+    """Refuse what a case cannot be asked, before anything is run.
+
+    Parameters
+    ----------
+    case
+        The case.
+    names
+        As above.
+    where
+        What gave them, for messages.
+
+    Raises
+    ------
+    InputError
+        With a fault per name: one that no run of the case has, or a limit whose part it lacks.
+
+    Examples
+    --------
+    ``check_names(case, ["frequency.1", "contacts.intake.force.largest"])``
+    """
+    limits, runs = _split(name for name in names if not _known_at_once(case, name))
+    known = scalar_names(case) if runs else []
+    faults = [_unknown(name, known, case.record.cams) for name in runs if name not in known]
+    met = [_LIMIT + one for one in limits_of(case)] if limits else []
+    faults += [Fault("scalar", repr(name), ", ".join(met), "the case lacks the part", did_you_mean(name, met))
+               for name in limits if name not in met]  # fmt: skip
+    if faults:
+        raise InputError(replace(fault, where=where) for fault in faults)
+
+
+def _known_at_once(case: Case, name: str) -> bool:
+    """Tell whether a name is that of a frequency, a cam's number or a number of the case."""
+    cam = _CAM.match(name)
+    return bool(frequency_number(name) or (cam and cam[1] in case.record.cams) or _number(case, name))
+
+
+def _split(names: Iterable[str]) -> tuple[list[str], list[str]]:
+    """Return limits, and scalars of a run."""
+    every = list(names)
+    return [n for n in every if n.startswith(_LIMIT)], [n for n in every if not n.startswith(_LIMIT)]
+
+
+def _unknown(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
+    of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_UNITS]
+    near = did_you_mean(name, [*known, "frequency.1", *(_LIMIT + one for one in LIMITS), *of_cams])
+    others = "frequency.N, limits.NAME, cams.NAME.area and its like, or the key of a number"
+    allowed = f"{unknown_scalar(name, known).allowed}; {others}"
+    return Fault("scalar", repr(name), allowed, "the case has no other", near)
 
 
 def complete(row: Row) -> Row:

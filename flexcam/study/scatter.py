@@ -14,11 +14,15 @@ from flexcam.case import Case
 from flexcam.checks import Fault, InputError, refuse
 from flexcam.linalg import FloatArray
 from flexcam.study.keys import number_of
+from flexcam.study.points import number_at
 from flexcam.units import DIMENSIONS, parse
 
 _SPEC = re.compile(r"\s*(?:(normal|uniform)\s*:)?\s*(?:±|\+-|\+/-)\s*(\S.*?)\s*$")
 _SIGMAS = 3.0
 """Standard deviations from the middle to the end of a normal scatter: 99.7 % of the parts lie between."""
+
+_CUT = 5.0
+"""Standard deviations at which a normal scatter is cut: one part in two millions lies beyond."""
 
 QUANTILES = (0.01, 0.05, 0.5, 0.95, 0.99)
 FORMS = "±2%, ±0.05mm, or normal:±2%"
@@ -54,7 +58,8 @@ class Scatter:
             return self.middle + self.half * (2.0 * part - 1.0)
         from statistics import NormalDist
 
-        return self.middle + self.half / _SIGMAS * NormalDist().inv_cdf(min(max(part, 3e-7), 1.0 - 3e-7))
+        beyond = NormalDist().cdf(-_CUT)
+        return self.middle + self.half / _SIGMAS * NormalDist().inv_cdf(min(max(part, beyond), 1.0 - beyond))
 
 
 def scatters_of(case: Case, settings: Sequence[str], option: str = "--tolerance") -> tuple[Scatter, ...]:
@@ -100,7 +105,14 @@ def _scatter(case: Case, setting: str, where: str) -> Scatter:
     half = _half(match[2], number.value, number.unit, where)
     if not half > 0.0:
         raise refuse(where, repr(spec), "a width above zero", "nothing scatters")
-    return Scatter(number.key, number.value, half, kind)
+    found = Scatter(number.key, number.value, half, kind)
+    widest = 100.0 if kind == "uniform" else 100.0 * _SIGMAS / _CUT
+    if match[2].endswith("%") and half >= 0.01 * widest * abs(number.value):
+        why = "some parts would have a number of zero or of the other sign"
+        raise refuse(where, repr(spec), f"less than ±{widest:g} %", why, f"such as {key}=±5%")
+    for end in (0.0, 1.0):
+        number_at(case, number.key, repr(found.value(end)), where)  # or the case cannot take such a part
+    return found
 
 
 def _half(text: str, middle: float, unit: str, where: str) -> float:

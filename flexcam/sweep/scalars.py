@@ -8,19 +8,20 @@ add up. All others are the figures of `flexcam.train.operation`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from flexcam.case import Case
 from flexcam.checks import InputError
 from flexcam.fidelity import compare
 from flexcam.integrate import carried_by_cam, outline
 from flexcam.io.csv import component_unit
 from flexcam.io.vtkhdf import SERIES
 from flexcam.response import Response
-from flexcam.runner import Prepared, scalar_probe
-from flexcam.train import Figure, build_rigid, operation
+from flexcam.runner import Prepared, described, scalar_probe
+from flexcam.train import Figure, build_rigid, operation, operation_names
 from flexcam.units import RPM
 
 
@@ -52,12 +53,51 @@ def scalars_of(ready: Prepared, response: Response) -> list[Figure]:
     return [figure for figure in figures if np.isfinite(figure.value)]
 
 
+def scalar_names(case: Case) -> list[str]:
+    """Return the names of all scalars that a run of a case may have, without running it.
+
+    Parameters
+    ----------
+    case
+        The case.
+
+    Returns
+    -------
+    list
+        In the order of `scalars_of`, whose names are among them.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+
+    Examples
+    --------
+    ``"deviation.peak" in scalar_names(case)`` is true of a case with a cam and a probe, unless its members are rigid.
+    """
+    model, system = described(case)
+    named = outline(system)
+    names = operation_names(model, [name for name, _ in named.channels])
+    probes = [component for name, components in named.probes for component in _components(name, components)]
+    names += [f"probes.{probe}.{series}.largest" for probe in probes for series in SERIES]
+    compared = case.record.fidelity.model != "rigid" and bool(case.record.output.probes) and bool(model.driven)
+    return [*names, *(_DEVIATIONS if compared else ()), _RESIDUAL]
+
+
+_DEVIATIONS = ("deviation.peak", "deviation.rms")
+_RESIDUAL = "energy.residual.largest"
+
+
+def _components(probe: str, components: Sequence[str]) -> list[str]:
+    """Return what the components of a probe are called; a probe of one has its own name."""
+    return [probe] if len(components) == 1 else [f"{probe}.{component}" for component in components]
+
+
 def _motions(response: Response, period: float) -> Iterator[Figure]:
     """Yield the largest motions of every probe's components in the last revolution."""
     last = response.latest(period)
     for probe, components in response.outline.probes:
-        for component in components:
-            name = probe if len(components) == 1 else f"{probe}.{component}"
+        for component, name in zip(components, _components(probe, components), strict=True):
             history = response[name]
             for series, unit in SERIES.items():
                 largest = float(np.abs(getattr(history, series)[last]).max(initial=0.0))
@@ -72,8 +112,8 @@ def _deviations(ready: Prepared, response: Response) -> Iterator[Figure]:
         found = compare(response, _rigid(ready, response), scalar_probe(ready), ready.case.speed / RPM)
     except InputError:
         return
-    yield Figure("deviation.peak", found.peak_deviation, "1")
-    yield Figure("deviation.rms", found.rms_deviation, "1")
+    for name, part in zip(_DEVIATIONS, (found.peak_deviation, found.rms_deviation), strict=True):
+        yield Figure(name, part, "1")
 
 
 def _rigid(ready: Prepared, response: Response) -> Response:
@@ -85,4 +125,4 @@ def _rigid(ready: Prepared, response: Response) -> Response:
 def _residual(response: Response) -> Iterator[Figure]:
     if "energy.residual" in response.channels:
         residual = response.channels["energy.residual"]
-        yield Figure("energy.residual.largest", float(np.abs(residual).max(initial=0.0)), "J")
+        yield Figure(_RESIDUAL, float(np.abs(residual).max(initial=0.0)), "J")

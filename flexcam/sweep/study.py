@@ -16,6 +16,7 @@ from flexcam.checks import Fault, InputError, refuse
 from flexcam.sweep.axis import LIMIT, Axis, axes, axis
 from flexcam.sweep.bundle import Bundle, bundle_of
 from flexcam.sweep.chunks import Chunk, chunk_size, chunks_of
+from flexcam.sweep.named import check_names
 from flexcam.sweep.plan import Plan, made_plan, sample
 from flexcam.sweep.validate import validated
 
@@ -110,7 +111,7 @@ def study(
     Raises
     ------
     InputError
-        With all faults of keys and values, or of the variants.
+        With all faults of keys and values, of the variants, or of scalars that none of them can have.
 
     Examples
     --------
@@ -127,6 +128,7 @@ def study(
         where, why = first.place(("fidelity", "estimate")), "a sweep keeps what was computed, without estimates"
         raise refuse(where, "true", "false", why, "--set fidelity.estimate=false")
     kept = tuple(scalars or (own.scalars if own else ()))
+    check_names(file, plan, kept)
     return Study(first.name, first.record.title, plan, bundle_of(file, plan), chunk_size(plan, first), kept)
 
 

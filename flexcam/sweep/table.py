@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -70,7 +70,7 @@ class Table:
     def __getitem__(self, name: str) -> FloatArray:
         """Return a scalar of all variants, shape (variants,); NaN where there is none."""
         if name not in self.scalars:
-            raise _unknown(name, self.scalars)
+            raise InputError([unknown_scalar(name, self.scalars)])
         return self.scalars[name]
 
     @property
@@ -119,9 +119,8 @@ class Table:
             If there is no such scalar.
         """
         kept: dict[str, FloatArray] = {}
-        unknown = [name for name in names if not any(_under(one, name) for one in self.scalars)]
-        if unknown and self.scalars:
-            raise InputError(fault for name in unknown for fault in _unknown(name, self.scalars).faults)
+        if self.scalars and (unknown := [name for name in names if not begins_one(name, self.scalars)]):
+            raise InputError(unknown_scalar(name, self.scalars) for name in unknown)
         for name in names:
             kept |= {one: values for one, values in self.scalars.items() if _under(one, name)}
         units = {name: self.units[name] for name in kept}
@@ -174,6 +173,57 @@ def _under(name: str, asked: str) -> bool:
     return name == asked or name.startswith(f"{asked}.")
 
 
-def _unknown(name: str, known: Mapping[str, object]) -> InputError:
-    allowed = ", ".join(known) or "(no run was completed)"
-    return InputError([Fault("scalars", repr(name), allowed, "", did_you_mean(name, known))])
+def begins_one(name: str, known: Iterable[str]) -> bool:
+    """Tell whether a name is that of a scalar, or the beginning of one.
+
+    Parameters
+    ----------
+    name
+        Such as ``deviation``.
+    known
+        Names of scalars.
+
+    Returns
+    -------
+    bool
+        Whether it chooses any.
+
+    Examples
+    --------
+    >>> begins_one("deviation", ["deviation.peak"]), begins_one("dev", ["deviation.peak"])
+    (True, False)
+    """
+    return any(_under(one, name) for one in known)
+
+
+_LISTED = 24
+"""Scalars that a message names one by one; of more it names the beginnings."""
+
+
+def unknown_scalar(name: str, known: Iterable[str]) -> Fault:
+    """Return the fault of a scalar that no variant can have.
+
+    Parameters
+    ----------
+    name
+        As it was asked for.
+    known
+        Names of those there are.
+
+    Returns
+    -------
+    Fault
+        With the nearest name.
+
+    Examples
+    --------
+    >>> unknown_scalar("deviaton", ["deviation.peak"]).remedy
+    "did you mean 'deviation'?"
+    """
+    names = list(known)
+    parts = [one.split(".") for one in names]
+    begins = list(dict.fromkeys(".".join(part[:i]) for part in parts for i in range(1, len(part))))
+    groups = list(dict.fromkeys(".".join(part[:2]) for part in parts))
+    allowed = ", ".join(names if len(names) <= _LISTED else groups) or "(no run was completed)"
+    head = "a name that begins with " if len(names) > _LISTED else ""
+    return Fault("scalars", repr(name), head + allowed, "", did_you_mean(name, [*begins, *names]))

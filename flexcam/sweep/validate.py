@@ -49,7 +49,7 @@ def validated(file: CaseFile, plan: Plan) -> Case:
     """
     variants = plan.variants
     if len(variants) > _MANY:  # an unknown key or a wrong unit shows before thousands of variants repeat it
-        _check(file, plan, _ends(plan))
+        _check(file, plan, ends(plan))
     _check(file, plan, range(len(variants)))
     return file.read(variants[0])
 
@@ -62,8 +62,19 @@ def _check(file: CaseFile, plan: Plan, some: Sequence[int]) -> None:
         raise InputError(_summed(group, len(some)) for group in groups.values())
 
 
-def _ends(plan: Plan) -> list[int]:
-    """Return the variants with the first and the last value of every axis; those of a sample are its first and last."""
+def ends(plan: Plan) -> list[int]:
+    """Return the variants with the first and the last value of every axis; those of a sample are its first and last.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+
+    Returns
+    -------
+    list
+        Their positions, rising.
+    """
     if plan.sample is not None:
         return sorted({0, len(plan) - 1})
     found, stride = {0}, len(plan)

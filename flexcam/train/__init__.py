@@ -32,7 +32,7 @@ from flexcam.train.model import (
     Wire,
 )
 from flexcam.train.modes import ModelModes, model_modes
-from flexcam.train.operation import Figure, Seating, main_lift, operation, seating, separation
+from flexcam.train.operation import Figure, Seating, main_lift, operation, operation_names, seating, separation
 from flexcam.train.published import follower_train
 from flexcam.train.resolution import CoarseCam, coarse_cams
 from flexcam.train.rigid import build_rigid
@@ -84,6 +84,7 @@ __all__ = [
     "modal_basis",
     "model_modes",
     "operation",
+    "operation_names",
     "seating",
     "separation",
     "straight",

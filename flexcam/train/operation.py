@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -130,10 +131,52 @@ def operation(model: Model, response: Response, period: float) -> list[Figure]:
             figures.append(Figure(f"{channel}.largest", float(size.max()), unit))
         if end in _LEAST:
             figures.append(Figure(f"{channel}.least", float(values.min()), unit))
-        if end == "buckling_use" and float(values.max()) > 0.0:
-            figures.append(Figure(channel.replace("use", "margin"), 1.0 / float(values.max()), "1"))
+        if end == _USE and float(values.max()) > 0.0:
+            figures.append(Figure(_margin(channel), 1.0 / float(values.max()), "1"))
     return figures
 
+
+def operation_names(model: Model, channels: Iterable[str]) -> list[str]:
+    """Return the names of all figures that `operation` may give, whatever a run does.
+
+    Parameters
+    ----------
+    model
+        The model.
+    channels
+        Names of the channels of a run of it.
+
+    Returns
+    -------
+    list
+        Names; a run of which a valve never closes lacks those of its seating.
+
+    Examples
+    --------
+    ``operation_names(model, ["contacts.intake.force"])`` holds ``"contacts.intake.force.largest"``.
+    """
+    known = list(channels)
+    free = [name for name, one in model.driven.items() if isinstance(one, CamContact) and one.unilateral]
+    seats = [name for name, one in model.contacts.items() if isinstance(one, Seat) and f"contacts.{name}.gap" in known]
+    names = [f"contacts.{name}.open_on_the_lift" for name in free]
+    names += [f"contacts.{name}.{one}" for name in seats for one in _SEATING]
+    for channel in known:
+        end = channel.rpartition(".")[2]
+        names += [f"{channel}.largest"] * (end in _LARGEST) + [f"{channel}.least"] * (end in _LEAST)
+        names += [_margin(channel)] * (end == _USE)
+    return names
+
+
+_USE = "buckling_use"
+"""End of the name of a channel: compression by the load at which a member buckles."""
+
+
+def _margin(channel: str) -> str:
+    return channel.replace("use", "margin")
+
+
+_SEATING = ("seating_velocity", "bounces", "bounce_height")
+"""Figures of a seat."""
 
 _LARGEST = (
     "force", "torque", "pressure", "sliding", "friction", "surge", "stress", "compression", "twist", "deflection",
@@ -152,11 +195,8 @@ def _seat(response: Response, where: str, last: Bools) -> list[Figure]:
     came = seating(gap, velocity, response.angle[last])
     if came is None:
         return []
-    return [
-        Figure(f"{where}.seating_velocity", came.velocity, "m/s"),
-        Figure(f"{where}.bounces", float(came.bounces), "1"),
-        Figure(f"{where}.bounce_height", came.height, "m"),
-    ]
+    told = (came.velocity, "m/s"), (float(came.bounces), "1"), (came.height, "m")
+    return [Figure(f"{where}.{name}", *one) for name, one in zip(_SEATING, told, strict=True)]
 
 
 def separation(model: Model, response: Response, contact: str, instants: Bools) -> float:

@@ -50,6 +50,13 @@ def test_the_same_case_with_nodes_of_its_own(flexcam, case, tayeb):
     assert own == pytest.approx(mesh, rel=1e-6, abs=1e-3)
 
 
+def test_info_counts_the_unknowns_as_run_does(flexcam, tmp_path, tayeb):
+    """Supports and a camshaft's nodes without a beam take unknowns away: nodes times six would be more."""
+    ran = flexcam("run", tayeb(1), "--set", "run.revolutions=0.01", "-o", tmp_path).out
+    counted = next(line for line in ran.splitlines() if " unknowns" in line).partition(";")[0]
+    assert counted.split(" of ")[1] in flexcam("info", tmp_path / "model-1-shm.vtkhdf").out
+
+
 def test_run_writes_what_it_says(flexcam, case, tmp_path):
     told = flexcam("run", "case.toml", "-o", "out", "--json").json
     assert told["status"] == "done"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -96,6 +97,12 @@ def test_a_diverging_run_fails_and_is_kept(spawned, case, tmp_path):
     response = read_result(tmp_path / "out/case.partial.vtkhdf").response
     assert response.status.cause is Cause.NOT_FINITE
     assert 0 < len(response.time) < 7200
+
+
+def test_a_diverging_run_in_few_digits(flexcam, case):
+    told = flexcam("run", "case.toml", *DIVERGING).out
+    assert "e+" in told, "what has grown beyond all measure is shown"
+    assert not re.search(r"\d{10}", told)
 
 
 @pytest.mark.parametrize("verb", ["run", "compare"])

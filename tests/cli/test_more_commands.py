@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import math
+import re
+import sys
 import tomllib
 from importlib.metadata import version
 
@@ -217,6 +219,22 @@ def test_no_bar_where_nobody_looks(flexcam, case):
     done = flexcam("run", "case.toml", "-o", "out")
     assert done.err == ""
     assert "\x1b" not in done.out
+
+
+COUNTED = {
+    "orders": ("--count", "2"),
+    "campbell": ("--count", "2"),
+    "sensitivity": ("--of", "deviation.peak", "--to", "masses.valve.mass"),
+    "optimize": ("--vary", "masses.valve.mass=80:90g", "--least", "frequency.1", "--evaluations", "24"),
+}
+
+
+@pytest.mark.parametrize("verb", COUNTED)
+def test_many_runs_are_counted_where_somebody_looks(verb, flexcam, case, monkeypatch):
+    monkeypatch.setattr(sys.stderr.__class__, "isatty", lambda _: True)
+    done = flexcam(verb, case, *COUNTED[verb], "--set", "run.steps_per_revolution=360")
+    assert done.code == 0
+    assert re.search(r"(speeds|variants) .*\d+/\d+", done.err)
 
 
 def test_laws_side_by_side(flexcam):

@@ -15,6 +15,7 @@ import pytest
 
 from flexcam.case import read_case
 from flexcam.runner import modes
+from flexcam.study import number_of
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -58,6 +59,29 @@ def test_frequency_of_a_mass_on_a_spring(flexcam, oscillator):
     assert by_m["derivative"] == pytest.approx(-f / (2.0 * 0.1), rel=1e-9)
     assert (by_k["logarithmic"], by_m["logarithmic"]) == pytest.approx((0.5, -0.5), rel=1e-9)
     assert by_k["analytic"]
+
+
+@pytest.mark.parametrize(
+    ("path", "key", "unit"),
+    [
+        ("oscillator.toml", "springs.one.stiffness", "N/m"),
+        (ROOT / "tests/data/every-key.toml", "springs.coupling.stiffness", "N m/rad"),
+        (ROOT / "tests/data/every-key.toml", "springs.coupling.damping", "N m s/rad"),
+        (ROOT / "tests/data/every-key.toml", "loads.belt.force", "N"),
+        (ROOT / "tests/data/every-key.toml", "cams.intake.lift", "m"),
+        (ROOT / "tests/data/every-key.toml", "cams.intake.return_law.c", ""),
+    ],
+)
+def test_numbers_have_the_unit_of_their_own_table(oscillator, monkeypatch, path, key, unit):
+    """A stiffness is one along a line or about an axis: what stands beside it tells."""
+    monkeypatch.chdir(oscillator.parent)
+    assert number_of(read_case(path), key, "--to").unit == unit
+
+
+def test_derivatives_are_told_with_their_unit(flexcam, oscillator):
+    told = flexcam("sensitivity", oscillator, "--of", "frequency.1", "--to", "springs.one.stiffness")
+    assert "Hz per N/m" in told.out
+    assert "SI" not in told.out
 
 
 @pytest.mark.parametrize("key", ["rockers.rocker.arms.1", "materials.steel.E", "sections.tube.outer_diameter"])
@@ -200,6 +224,33 @@ def test_front_of_two_goals(flexcam, oscillator, tmp_path):
     assert f == sorted(f)
 
 
+def test_scatter_of_a_stiffness_in_its_own_unit(flexcam, oscillator):
+    told = ("--of", "frequency.1", "--tolerance", "springs.one.stiffness=±2kN/m", "--count", "8", "--json")
+    relative = (*told[:3], "springs.one.stiffness=±5%", *told[4:])
+    assert flexcam("sensitivity", oscillator, *told).json == flexcam("sensitivity", oscillator, *relative).json
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        (ENGINE, ("sensitivity", "--of", "limits.bounce", "--of", "contacts.intake.force.larges", "--to", "a.b")),
+        (PUBLISHED, ("sensitivity", "--of", "deviation.peek", "--to", "masses.valve.mass")),
+        (ENGINE, ("optimize", "--vary", "masses.valve.mass=80:90g", "--least", "limits.bounc")),
+        (ENGINE, ("optimize", "--vary", "masses.valve.mass=80:90g", "--most", "cams.intake.are")),
+    ],
+)  # fmt: skip
+def test_names_are_refused_before_anything_runs(flexcam, path, words, monkeypatch):
+    def never(*_):
+        pytest.fail("something was run")
+
+    for what in ("evaluate", "bracketed_limits"):
+        monkeypatch.setattr(sys.modules["flexcam.study.quantities"], what, never)
+    refused = flexcam(words[0], path, *words[1:])
+    assert refused.code == 2
+    assert refused.err.startswith(("--of: ", "--least, --most or --subject: "))
+    assert "did you mean" in refused.err
+
+
 def test_runs_on_several_processes_are_the_same(flexcam, oscillator):
     told = (
         "--of",
@@ -234,6 +285,9 @@ REFUSED = {
     "no width": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=±0%"),
     "no scatter": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=5"),
     "other unit": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=±5mm"),
+    "more than all of it": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=±150%"),
+    "too wide a normal": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=normal:±70%"),
+    "a part that cannot be": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=±5kg"),
     "too few": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=±5%", "--count", "3"),
     "ignored": ("sensitivity", "--of", "frequency.1", "--to", "masses.valve.mass", "--count", "20"),
     "speeds of no limit": ("sensitivity", "--of", "frequency.1", "--to", "masses.valve.mass", "--lowest", "100rpm"),

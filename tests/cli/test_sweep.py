@@ -18,6 +18,8 @@ import pytest
 from flexcam import read_result
 from flexcam.sweep import read_table
 
+ROOT = Path(__file__).resolve().parents[2]
+
 QUICK = ("--set", "run.revolutions=0.25", "--set", "run.steps_per_revolution=720")
 SPEEDS = ("--set", "run.speed=1000:2500:500rpm")
 NAMES = ("case.sweep.h5", "case.sweep.csv")
@@ -82,13 +84,33 @@ def test_existing_files_are_kept_unless_asked(flexcam, case, tmp_path):
     assert flexcam(*words, "--set", "cams.intake.lift=7mm", "--overwrite").code == 0
 
 
-def test_scalars_that_no_variant_has_can_be_mended_without_running_again(flexcam, case, tmp_path):
+def test_misspelt_scalars_are_refused_before_anything_runs(flexcam, case, tmp_path):
     words = ("sweep", case, *QUICK, "--set", "run.speed=1000,2000rpm", "--workers", "0")
-    wrong = flexcam(*words, "--scalars", "deviaton")
+    wrong = flexcam(*words, "--scalars", "deviaton,probes.valve.acceleration.larges,energy")
+    assert wrong.code == 2
+    assert "did you mean 'deviation'?" in wrong.err
+    assert "did you mean 'probes.valve.acceleration.largest'?" in wrong.err
+    assert len(wrong.err.splitlines()) == 2
+    assert not (tmp_path / "results").exists()
+
+
+def test_scalars_that_one_variant_alone_can_have(flexcam, case):
+    """A rigid train has no deviation from itself, and a chain has one; whichever comes first."""
+    words = ("sweep", case, *QUICK, "--workers", "0", "--scalars", "deviation", "--json", "--overwrite")
+    for models in ("rigid,beams", "beams,rigid"):
+        done = flexcam(*words, "--set", f"fidelity.model={models}")
+        assert list(done.json["scalars"]) == ["deviation.peak", "deviation.rms"]
+    assert flexcam(*words, "--set", "fidelity.model=rigid", "--set", "run.revolutions=1,2").code == 2
+
+
+def test_scalars_that_no_run_had_can_be_mended_without_running_again(flexcam, tmp_path):
+    """The member is never compressed, so it has no margin: that is seen only when all is done."""
+    words = ("sweep", ROOT / "cases/checks/cantilever.toml", "--set", "loads.push.force=100,200N", "--workers", "0")
+    wrong = flexcam(*words, "--scalars", "members.beam.buckling_margin")
     assert wrong.code == 2
     assert "--resume" in wrong.err
     before = journal(tmp_path / "results")
-    assert flexcam(*words, "--scalars", "deviation", "--resume").code == 0
+    assert flexcam(*words, "--scalars", "probes.tip", "--resume").code == 0
     assert journal(tmp_path / "results") == before
 
 

@@ -1,4 +1,4 @@
-"""A Ctrl-C inside one of many runs ends all of them."""
+"""Many runs of one case: each is told of as it ends, and a Ctrl-C inside one of them ends all of them."""
 
 from __future__ import annotations
 
@@ -9,24 +9,34 @@ from pathlib import Path
 import pytest
 
 from flexcam import read_case
+from flexcam.fidelity import trade
 from flexcam.integrate import solve
-from flexcam.limits import find_limits
+from flexcam.limits import Search, bracketed_limits
+from flexcam.orders import Signal, waterfall
+from flexcam.parting import parting
 from flexcam.response import Cause, Status
-from flexcam.stability import campbell
+from flexcam.stability import campbell, over_speeds
 
-ENGINE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
-QUICK = ("run.steps_per_revolution=180", "run.revolutions=1")
+ROOT = Path(__file__).resolve().parents[2]
+ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
+TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"
+SHORT = ("run.revolutions=1",)
+SPEEDS = [200.0, 300.0]
+BROAD = Search(200.0, 300.0, tolerance=1e3, count=2)
+FORCE = Signal("contacts.intake.force")
+
+STUDIES = {
+    "flexcam.limits": (ENGINE, lambda case, **o: bracketed_limits(case, BROAD, ["buckling"], **o)),
+    "flexcam.stability.campbell": (ENGINE, lambda case, **o: campbell(case, SPEEDS, orders=[1], **o)),
+    "flexcam.orders": (ENGINE, lambda case, **o: waterfall(case, SPEEDS, [FORCE], 4, **o)),
+    "flexcam.parting": (ENGINE, lambda case, **o: parting(case, SPEEDS, **o)),
+    "flexcam.stability.verdict": (TAYEB, lambda case, **o: over_speeds(case, SPEEDS, **o)),
+    "flexcam.fidelity.trade": (TAYEB, lambda case, **o: trade(case, "valve", repeats=1, **o)),
+}
 
 
-@pytest.mark.parametrize(
-    ("where", "ask"),
-    [
-        ("flexcam.limits", lambda case: find_limits(case, lowest=200.0, highest=300.0)),
-        ("flexcam.stability.campbell", lambda case: campbell(case, [200.0, 300.0], orders=[1])),
-    ],
-    ids=["limits", "campbell"],
-)
-def test_a_stopped_run_stops_what_asked_for_it(where, ask, monkeypatch):
+@pytest.mark.parametrize("where", STUDIES)
+def test_a_stopped_run_stops_what_asked_for_it(where, monkeypatch):
     calls = []
 
     def stopped(*given, **options):
@@ -34,6 +44,31 @@ def test_a_stopped_run_stops_what_asked_for_it(where, ask, monkeypatch):
         return replace(solve(*given, **options), status=Status(Cause.INTERRUPTED, "stopped by the user"))
 
     monkeypatch.setattr(sys.modules[where], "solve", stopped)
+    path, ask = STUDIES[where]
     with pytest.raises(KeyboardInterrupt):
-        ask(read_case(ENGINE, QUICK))
+        ask(read_case(path, SHORT))
     assert len(calls) == 1
+
+
+@pytest.mark.parametrize("where", STUDIES)
+def test_each_is_told_of(where):
+    path, ask = STUDIES[where]
+    told = []
+    found = ask(read_case(path, SHORT), advance=told.append)
+    assert told == [1] * (len(found[1]) if where == "flexcam.fidelity.trade" else 2)
+
+
+@pytest.mark.parametrize("where", ["flexcam.limits", "flexcam.orders", "flexcam.parting", "flexcam.stability.campbell"])
+def test_the_runs_to_come_count(where, monkeypatch):
+    """Machine code pays for many short runs where it would not for one."""
+    runs = []
+
+    def counted(problem, *_, **__):
+        runs.append(problem.runs)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys.modules[where], "solve", counted)
+    path, ask = STUDIES[where]
+    with pytest.raises(KeyboardInterrupt):
+        ask(read_case(path, SHORT))
+    assert runs == [2]

@@ -12,6 +12,7 @@ from flexcam.fidelity import deviation
 from flexcam.response import Cause
 from flexcam.runner import scalar_probe
 from flexcam.sweep import evaluate
+from flexcam.sweep.scalars import scalar_names
 from flexcam.train import operation
 
 CASES = {
@@ -28,6 +29,7 @@ def test_a_row_is_what_run_and_compare_say(path):
     row, ready = evaluate(case), prepare(case)
     assert row.status.ok
     assert set(row.units) == set(row.scalars)
+    assert set(row.scalars) <= set(scalar_names(case))
     response = solve(ready.problem, ready.scheme, save=ready.save)
     assert {f.name: f.value for f in operation(ready.model, response, ready.revolution)}.items() <= row.scalars.items()
     probe = scalar_probe(ready)

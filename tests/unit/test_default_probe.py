@@ -1,0 +1,33 @@
+"""The probe that stands for a case is one that a cam moves, along the way it moves it."""
+
+from __future__ import annotations
+
+import pytest
+
+from flexcam import prepare, read_case
+from flexcam.checks import InputError
+from flexcam.runner import scalar_probe
+
+CAMSHAFT, BUCKET = "cases/camshaft-4cyl/camshaft.toml", "cases/direct-acting/bucket.toml"
+ENGINE = "cases/pushrod-engine/intake.toml"
+
+
+@pytest.mark.parametrize(
+    ("path", "probes", "wanted"),
+    [
+        (CAMSHAFT, '["sprocket", "intake-4", "intake-4-follower"]', "intake-4-follower.uy"),
+        (CAMSHAFT, '["sprocket", "intake-4"]', "sprocket.uy"),
+        (BUCKET, '["cam", "head"]', "head.uy"),
+        (ENGINE, '["cam", "tappet", "valve"]', "valve"),
+        (ENGINE, '["cam", "tappet"]', "tappet.uy"),
+        ("cases/checks/cantilever.toml", '["tip"]', "tip.ux"),
+    ],
+)
+def test_the_probe_that_stands_for_a_case(path, probes, wanted):
+    """A rocker's point, else what a cam moves; where no cam moves any, the first."""
+    assert scalar_probe(prepare(read_case(path, [f"output.probes={probes}"]))) == wanted
+
+
+def test_a_case_without_probes_has_none():
+    with pytest.raises(InputError, match="at least one point"):
+        scalar_probe(prepare(read_case(ENGINE, ["output.probes=[]"])))
