@@ -78,10 +78,10 @@ bench-smoke: $(VENV)/.dev
 test-slow-rotation: $(VENV)/.dev
 	$(BIN)/python tests/slow_rotation.py 480
 
-# The verification page, from the rows that the tests record.
+# The verification manual, from the rows that the tests record.
 verification: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(JOBS) -m "slow or not slow" tests/verification
-	$(BIN)/python docs/make_verification.py
+	$(BIN)/python docs/make_verification.py --take
 
 # The page of extremes, from the rows that the tests record; `make test` and this script keep the rows of slow ones.
 extremes: $(VENV)/.dev
