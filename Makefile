@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke bench-peers performance verification extremes trust docs-pages clean
+.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke bench-peers performance verification extremes trust docs-pages wheel-check clean
 .DEFAULT_GOAL := demo
 
 # The matrices are small: threads of the linear algebra would only hinder each other.
@@ -64,6 +64,10 @@ bench-peers: $(VENV)/.dev
 # The page of speed, measured anew on this machine.
 performance: $(VENV)/.dev
 	$(BIN)/python docs/make_performance.py --measure
+
+# Wheel and source archive, and the wheel used in an empty environment outside the tree.
+wheel-check: $(VENV)/.dev
+	$(BIN)/python tests/wheel_check.py dist
 
 meshes: $(VENV)/.dev
 	$(BIN)/python meshes/generate.py
