@@ -12,7 +12,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-COPIED = ("flexcam", "tests", "docs", "meshes", "cases", "examples", "README.md", "pyproject.toml")
+COPIED = (
+    "flexcam", "tests", "docs", "meshes", "cases", "examples", "benchmarks", "README.md", "CONTRIBUTING.md", "CITATION.cff", "Makefile",
+    "pyproject.toml", ".pre-commit-config.yaml",
+)  # fmt: skip
 FAULTS = tomllib.loads((ROOT / "tests/planted/faults.toml").read_text(encoding="utf-8"))["fault"]
 
 
