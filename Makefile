@@ -65,15 +65,15 @@ bench-peers: $(VENV)/.dev
 performance: $(VENV)/.dev
 	$(BIN)/python docs/make_performance.py --measure
 
-# Wheel and source archive, and the wheel used in an empty environment outside the tree.
-wheel-check: $(VENV)/.dev
-	$(BIN)/python tests/wheel_check.py dist
-
 meshes: $(VENV)/.dev
 	$(BIN)/python meshes/generate.py
 
 clean:
 	rm -rf $(VENV) build dist results .pytest_cache .ruff_cache .hypothesis
+
+# Wheel and source archive, and the wheel used in an empty environment outside the tree.
+wheel-check: $(VENV)/.dev
+	$(BIN)/python tests/wheel_check.py dist
 
 # Each benchmark once, so that none rots.
 bench-smoke: $(VENV)/.dev
