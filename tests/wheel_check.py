@@ -84,7 +84,7 @@ def used(wheel: Path, away: Path) -> None:
     for name in (CASE, MESH):
         (away / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, away / name)
-    for words in (("--version",), *DEMO):
+    for words in (("--version",), ("selftest",), *DEMO):
         sys.stdout.write(f"flexcam {' '.join(words)}\n{call(scripts / 'flexcam', *words, folder=away)}\n")
 
 

@@ -1,8 +1,8 @@
 """Case files: TOML text to checked records in SI, and from them the model.
 
 May import `train`, `io` and everything below them; owns pydantic.
-A new key is a field of a record in `tables`, acted on in `build` (keys of a run in `starting` and `runner`); the page of
-the format is made from the records.
+A new key is a field of a record in `tables`, acted on in `build`, or in `starting` and `runner` where it is one of a
+run; the page of the format is made from the records.
 """
 
 from flexcam.case.build import build_model
