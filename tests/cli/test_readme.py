@@ -28,7 +28,7 @@ FEWER = {
 }
 """What a command that takes long gets besides its own words, to take less."""
 
-LONG = ("limits",)
+LONG = ("limits", "selftest")
 """Commands that nothing shortens: the slow test runs them, and CI runs that."""
 
 
