@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke bench-peers performance verification extremes trust docs-pages clean
+.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke bench-peers performance verification extremes trust docs-pages wheel-check clean
 .DEFAULT_GOAL := demo
 
 # The matrices are small: threads of the linear algebra would only hinder each other.
@@ -71,6 +71,10 @@ meshes: $(VENV)/.dev
 clean:
 	rm -rf $(VENV) build dist results .pytest_cache .ruff_cache .hypothesis
 
+# Wheel and source archive, and the wheel used in an empty environment outside the tree.
+wheel-check: $(VENV)/.dev
+	$(BIN)/python tests/wheel_check.py dist
+
 # Each benchmark once, so that none rots.
 bench-smoke: $(VENV)/.dev
 	$(BIN)/python -m pytest benchmarks --benchmark-disable -q
@@ -78,10 +82,10 @@ bench-smoke: $(VENV)/.dev
 test-slow-rotation: $(VENV)/.dev
 	$(BIN)/python tests/slow_rotation.py 480
 
-# The verification page, from the rows that the tests record.
+# The verification manual, from the rows that the tests record.
 verification: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(JOBS) -m "slow or not slow" tests/verification
-	$(BIN)/python docs/make_verification.py
+	$(BIN)/python docs/make_verification.py --take
 
 # The page of extremes, from the rows that the tests record; `make test` and this script keep the rows of slow ones.
 extremes: $(VENV)/.dev

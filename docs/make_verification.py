@@ -1,51 +1,56 @@
-"""Make ``docs/verification.md`` from the rows that the tests recorded: ``python docs/make_verification.py``."""
+"""Make the verification manual, ``docs/verification/``, from the rows kept in ``docs/verification.json``.
+
+``python docs/make_verification.py`` writes pages and figures; ``--take`` first takes in the rows of the last test run
+(``build/verification.json``; rows of tests that did not run are kept, those of tests that no longer exist dropped);
+``--check`` writes nothing and fails if that test run says otherwise than the manual.
+"""
 
 from __future__ import annotations
 
-import itertools
-import json
+import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-RECORDED = ROOT / "build/verification.json"
-PAGE = ROOT / "docs/verification.md"
+from manual.rows import KEPT, RECORDED, Row, differences, failed, merged, read, write
 
-HEAD = """# Verification
-
-Made from the last full test run by `make verification`; every row is an assertion of the test named above its table.
-Deviations are relative unless a unit stands with the tolerance. The reason of every tolerance stands in the test.
-"""
+FOLDER = Path(__file__).parent / "verification"
 
 
-def rounded(row: dict) -> str:
-    """Return the deviation to one digit, as its last digits differ between machines."""
-    difference = abs(row["computed"] - row["reference"])
-    if not row["absolute"] and row["reference"]:
-        difference /= abs(row["reference"])
-    return "< 1e-9" if difference < 1e-9 else f"{difference:.0e}"
+def take() -> None:
+    """Bring the kept rows up to date from the last test run."""
+    rows = merged(read(KEPT), read(RECORDED))
+    if names := failed(rows):
+        message = f"these tests failed; the manual shows assertions that hold: {names}"
+        raise SystemExit(message)
+    write(rows)
 
 
-def cells(row: dict) -> list[str]:
-    unit = "" if row["unit"] == "1" else row["unit"]
-    tolerance = f"{row['tolerance']:.2g}" + (f" {unit}".rstrip() if row["absolute"] else "")
-    figures = [f"{row['reference']:.8g}", f"{row['computed']:.8g}"]
-    return [row["case"], row["quantity"], unit, *figures, rounded(row), tolerance]
+def check() -> None:
+    """Fail if the last test run says otherwise than the manual."""
+    recorded = read(RECORDED)
+    if not recorded:
+        message = f"{RECORDED} has no rows: run the tests first"
+        raise SystemExit(message)
+    if found := differences(read(KEPT), recorded):
+        message = "\n".join([*found, "the manual is not that of this test run: `make verification` makes it anew"])
+        raise SystemExit(message)
 
 
-def tables(rows: list[dict]) -> list[str]:
-    parts = [HEAD]
-    for (source, file), group in itertools.groupby(rows, key=lambda r: (r["source"], r["test"].partition("::")[0])):
-        head = "| case | quantity | unit | reference | computed | deviation | tolerance |"
-        parts += [f"## {source}", "", f"`{file}`", "", head, "|---|---|---|---|---|---|---|"]
-        parts += ["| " + " | ".join(cell.replace("|", "\\|") for cell in cells(row)) + " |" for row in group]
-        parts.append("")
-    return parts
+def make(rows: list[Row], folder: Path = FOLDER) -> None:
+    """Write all pages and figures."""
+    from manual.figures import FIGURES, svg
+    from manual.pages import pages
+
+    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    for name, text in pages(rows).items():
+        (folder / name).write_text(text, encoding="utf-8")
+    for name, draw in FIGURES.items():
+        (folder / "figures" / f"{name}.svg").write_text(svg(draw), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    recorded = json.loads(RECORDED.read_text(encoding="utf-8"))
-    if failed := [row["test"] for row in recorded if not row["passed"]]:
-        message = f"these tests failed; the page shows assertions that hold: {failed}"
-        raise SystemExit(message)
-    recorded.sort(key=lambda r: (r["source"], r["test"].partition("::")[0]))
-    PAGE.write_text("\n".join(tables(recorded)), encoding="utf-8")
+    if "--check" in sys.argv[1:]:
+        check()
+    else:
+        if "--take" in sys.argv[1:]:
+            take()
+        make(read(KEPT))

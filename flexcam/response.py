@@ -264,7 +264,20 @@ class SaveAt:
         return self.field_every * min(fields, _MOST // self.field_every) or _MOST
 
     def fields(self, steps: IntArray, last: int) -> NDArray[np.bool_]:
-        """Tell after which of some steps, shape (b,), all unknowns are kept; `last` is the last of the run."""
+        """Tell after which of some steps all unknowns are kept.
+
+        Parameters
+        ----------
+        steps
+            Numbers of steps, shape (b,).
+        last
+            Number of the last step of the run.
+
+        Returns
+        -------
+        ndarray
+            Shape (b,), bool.
+        """
         return (steps % self.field_every == 0) | (steps == last)
 
     def __post_init__(self) -> None:

@@ -1,6 +1,7 @@
 """What a run takes, in memory and on disk, before it begins, and what there is of both.
 
 May import `case`, `io`, `train` and everything below them; `runner` stands above.
+Another thing that a run keeps is a new term of the estimate; `flexcam check` prints it.
 """
 
 from flexcam.budget.needs import Budget, budget

@@ -1,7 +1,8 @@
 """Case files: TOML text to checked records in SI, and from them the model.
 
-May import `train`, `io`, `fem`, `motion`, `units` and `checks`; owns pydantic.
-A new key is a field in `records`, acted on in `build` (or in `flexcam.run`), and a line in the format's page.
+May import `train`, `io` and everything below them; owns pydantic.
+A new key is a field of a record in `tables`, acted on in `build`, or in `starting` and `runner` where it is one of a
+run; the page of the format is made from the records.
 """
 
 from flexcam.case.build import build_model

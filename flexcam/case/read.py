@@ -124,7 +124,18 @@ class Case:
         return replace(self, record=self.record.model_copy(update={"fidelity": fidelity}))
 
     def place(self, path: KeyPath) -> str:
-        """Return a key path with the line or override it was given by."""
+        """Return a key path with the line or override it was given by.
+
+        Parameters
+        ----------
+        path
+            Keys and indices from the top of the file.
+
+        Returns
+        -------
+        str
+            Such as ``run.speed (line 62)``.
+        """
         return self.places.place(path)
 
 

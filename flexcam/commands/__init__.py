@@ -1,6 +1,7 @@
 """The commands: read, call, print. Nothing is computed here; each returns the status of its run, or None.
 
-May import everything below the command line. A new command is a function in the file of its kind and a name in `FILES`.
+May import `report` and everything below it.
+A new command is a function in the file of its kind and a name in `FILES`; its tables are a file of `console`.
 """
 
 from collections.abc import Sequence

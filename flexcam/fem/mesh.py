@@ -67,6 +67,18 @@ class Mesh:
     def node(self, name: str, where: str = "point") -> int:
         """Return the number of the one node that a point name stands for.
 
+        Parameters
+        ----------
+        name
+            Of the point.
+        where
+            What asks for it, for the message.
+
+        Returns
+        -------
+        int
+            Row of `nodes`.
+
         Raises
         ------
         InputError
@@ -78,7 +90,19 @@ class Mesh:
         return int(index[0])
 
     def select(self, name: str, where: str = "point") -> IntArray:
-        """Return the node numbers of a named point, shape (k,).
+        """Return the node numbers of a named point.
+
+        Parameters
+        ----------
+        name
+            Of the point.
+        where
+            What asks for it, for the message.
+
+        Returns
+        -------
+        ndarray
+            Rows of `nodes`, shape (k,).
 
         Raises
         ------
@@ -91,7 +115,18 @@ class Mesh:
         raise refuse(where, repr(name), f"a point of the mesh: {known}", remedy=did_you_mean(name, self.points))
 
     def node_name(self, node: int) -> str:
-        """Return the name of a node: that of a point of its own, or its number."""
+        """Return the name of a node: that of a point of its own, or its number.
+
+        Parameters
+        ----------
+        node
+            Row of `nodes`.
+
+        Returns
+        -------
+        str
+            Such as ``cam`` or ``node 7``.
+        """
         for name, index in self.points.items():
             if len(index) == 1 and index[0] == node:
                 return name
@@ -122,7 +157,18 @@ class Mesh:
         return [joined[group] for group in by_group(labels[joined])]
 
     def connected(self, node: int) -> IntArray:
-        """Return the nodes that members connect to a node, itself included, shape (k,), ascending."""
+        """Return the nodes that members connect to a node, itself included.
+
+        Parameters
+        ----------
+        node
+            Row of `nodes`.
+
+        Returns
+        -------
+        ndarray
+            Rows of `nodes`, ascending, shape (k,).
+        """
         return next((part for part in self.parts if (part == node).any()), np.array([node], dtype=np.intp))
 
 

@@ -88,12 +88,44 @@ class Section:
 
     @classmethod
     def circle(cls, diameter: float) -> Self:
-        """Return a solid round section of the given diameter, m."""
+        """Return a solid round section.
+
+        Parameters
+        ----------
+        diameter
+            m.
+
+        Returns
+        -------
+        Section
+            With the shear factor of Cowper (1966) for a round bar.
+
+        Raises
+        ------
+        InputError
+            If the diameter is not above zero.
+        """
         return cls.tube(diameter, 0.0)
 
     @classmethod
     def tube(cls, outer_diameter: float, inner_diameter: float) -> Self:
-        """Return a round tube, diameters in m."""
+        """Return a round tube.
+
+        Parameters
+        ----------
+        outer_diameter, inner_diameter
+            m; an inner one of zero makes a solid bar.
+
+        Returns
+        -------
+        Section
+            With the shear factor of Cowper (1966) for a round tube.
+
+        Raises
+        ------
+        InputError
+            If the inner diameter is not below the outer one.
+        """
         outer = positive("outer_diameter", outer_diameter, "m") / 2.0
         inner = positive("inner_diameter", inner_diameter, "m", zero=True) / 2.0
         if inner >= outer:
@@ -108,7 +140,23 @@ class Section:
 
     @classmethod
     def rectangle(cls, width_y: float, width_z: float) -> Self:
-        """Return a rectangle with sides along local y and z, m."""
+        """Return a rectangle.
+
+        Parameters
+        ----------
+        width_y, width_z
+            Sides along local y and z, m.
+
+        Returns
+        -------
+        Section
+            With the shear factor 5/6.
+
+        Raises
+        ------
+        InputError
+            If a side is not above zero.
+        """
         h, b = positive("width_y", width_y, "m"), positive("width_z", width_z, "m")
         return cls(
             A=b * h, Iy=h * b**3 / 12.0, Iz=b * h**3 / 12.0, J=_rectangle_torsion(b, h),
@@ -117,7 +165,20 @@ class Section:
         )  # fmt: skip
 
     def given(self, *, J: float | None = None, kappa_y: float | None = None, kappa_z: float | None = None) -> Section:
-        """Return the section with some of its defaults replaced by given values."""
+        """Return the section with some of its defaults replaced.
+
+        Parameters
+        ----------
+        J
+            Torsion constant, m^4.
+        kappa_y, kappa_z
+            Shear factors for forces along local y and z.
+
+        Returns
+        -------
+        Section
+            Another one; this one stays as it is.
+        """
         return replace(
             self,
             J=self.J if J is None else J,

@@ -1,6 +1,6 @@
 """How good a model is: measures of deviation, claims and closed forms of papers, and chains of few masses.
 
-May import `run` and everything below it.
+May import `runner` and everything below it.
 A new measure is a file here; the claims of another paper are a file like `claims`.
 """
 

@@ -1,7 +1,7 @@
 """Time integration and static equilibrium of any `System`, results in blocks.
 
-Knows no beam and no cam; may import `system`, `response`, `linalg` and `checks`.
-A new scheme of the family is a constructor in `scheme`; another kind of integrator is a file beside `step`.
+Knows no beam and no cam; may import `system`, `response`, `checkpoint`, `memory`, `linalg` and `checks`.
+A new scheme of the family is a constructor in `scheme`; another kind of integrator is a file beside `central`.
 """
 
 from flexcam.integrate.central import CentralDifference, central_difference, highest_frequency

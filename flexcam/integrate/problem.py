@@ -143,7 +143,18 @@ class Problem:
     runs: int = 1
 
     def times(self, steps: IntArray) -> FloatArray:
-        """Return the times after so many steps, s; a run that goes on counts from where the first one began."""
+        """Return the times after so many steps; a run that goes on counts from where the first one began.
+
+        Parameters
+        ----------
+        steps
+            Numbers of steps, shape (b,).
+
+        Returns
+        -------
+        ndarray
+            s, shape (b,).
+        """
         begin, taken = (self.start.time, self.start.taken) if self.start else (0.0, 0)
         return np.asarray((begin - taken * self.step) + (taken + steps) * self.step, dtype=float)
 

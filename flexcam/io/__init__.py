@@ -1,6 +1,6 @@
 """Files: meshes in, results out.
 
-May import `fem`, `response`, `linalg` and `checks`; owns h5py and meshio.
+May import `fem`, `motion`, `response`, `checkpoint`, `linalg` and `checks`; owns h5py and meshio.
 A new format is one file here with one read or write function.
 """
 

@@ -1,6 +1,6 @@
 """Matrices as coordinate triplets, their factorization and their null space.
 
-Imports numpy and, above a few hundred unknowns, scipy; nothing of flexcam but `checks`.
+May import `checks` and, above a few hundred unknowns, scipy.
 Another matrix form or solver goes here, behind `factorize`.
 """
 

@@ -1,6 +1,6 @@
 """Natural modes: frequencies, shapes and effective masses.
 
-Knows matrices only; may import `linalg` and `response` (for a status).
+Knows matrices only; may import `linalg`, `checks` and `response` (for a status).
 Another eigensolver goes into `modes`, another measure of modes is a file beside it.
 """
 

@@ -1,6 +1,7 @@
 """Why a speed goes unstable, and at which speeds it does.
 
-May import `runner` and everything below it; each cause is a file of its own, `verdict` puts them together.
+May import `runner` and everything below it; `view` draws and `console` prints what stands here.
+Each cause is a file of its own, and a new one is another; `verdict` puts them together.
 """
 
 from flexcam.stability.campbell import Campbell, campbell

@@ -1,6 +1,6 @@
 """Synthesis: better laws and lifts, each with how far it is from the best there can be.
 
-May import `motion`, `linalg` and `checks`; knows no beam. scipy's optimizers are loaded when they are used.
+May import `motion`, `linalg`, `units` and `checks`; knows no beam. scipy's optimizers are loaded when they are used.
 A new family of laws is a dataclass in `family`; minimax and the Pareto front then work with it.
 """
 

@@ -1,4 +1,9 @@
-"""The seam between the physics and everything that works on it: see `equations`."""
+"""The seam between the physics and everything that works on it: matrices, separable loads, local forces (`equations`).
+
+Knows no beam and no integrator; may import `linalg` and `checks`.
+A new kind of load or force that fits the equations needs nothing here; another form of a law for the compiled way is a
+`Kind` in `formula`, another drive of the camshaft a class in `drive`, another basis one in `basis`.
+"""
 
 from flexcam.system.basis import Basis, Selection, Shapes, projected
 from flexcam.system.channel import Channel, Observable, Observed, force_sum, load_sum, row_of, total

@@ -59,7 +59,18 @@ class ConstantSpeed:
         positive("speed", self.speed, "rad/s")
 
     def at(self, time: FloatArray) -> CamMotion:
-        """Return angle, speed and a zero rate at the given times, s."""
+        """Return angle, speed and a zero rate.
+
+        Parameters
+        ----------
+        time
+            s, shape (n,).
+
+        Returns
+        -------
+        CamMotion
+            rad, rad/s and rad/s^2, shape (n,) each.
+        """
         time = np.asarray(time, dtype=float)
         return CamMotion(self.start + self.speed * time, np.full_like(time, self.speed), np.zeros_like(time))
 

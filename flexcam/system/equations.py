@@ -136,15 +136,36 @@ class System:
         return self.mass.size
 
     def load_histories(self, motion: CamMotion) -> FloatArray:
-        """Return the scalar histories of all loads, shape (times, loads)."""
+        """Return the scalar histories of all loads.
+
+        Parameters
+        ----------
+        motion
+            Of the cam, at some instants.
+
+        Returns
+        -------
+        ndarray
+            Shape (times, loads); with `load_vectors` the loads in the unknowns.
+        """
         if not self.loads:
             return np.zeros((*motion.angle.shape, 0))
         return np.stack([load.history(motion) for load in self.loads], axis=-1)
 
     def applied(self, motion: CamMotion) -> FloatArray:
-        """Return the loads in the unknowns at some instants, shape (times, n).
+        """Return the loads in the unknowns at some instants.
 
         Each instant has the same bits as if it were alone, which a product of matrices would not give.
+
+        Parameters
+        ----------
+        motion
+            Of the cam, at those instants.
+
+        Returns
+        -------
+        ndarray
+            N or N m, shape (times, n).
         """
         return np.einsum("tk,kn->tn", self.load_histories(motion), self.load_vectors())
 

@@ -1,7 +1,7 @@
 """The valve train: members, masses, springs, rockers, cams and contacts as a model, and its equations.
 
 May import `cam`, `integrate`, `modal`, `fem`, `motion`, `system` and what is below them.
-A new kind of part is a dataclass in `model` and its matrices in `assembled`; a new contact is a file like `published`.
+A new kind of part is a dataclass in `parts` and its rows in `assembled`; a new contact is a file like `published`.
 """
 
 from flexcam.train.assembled import build_structure, member_masses

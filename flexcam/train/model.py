@@ -84,7 +84,18 @@ class Model:
         return {n: one for n, one in self.contacts.items() if isinstance(one, PublishedLoad | CamContact)}
 
     def lash_of(self, rocker: str) -> Lash | Adjuster | None:
-        """Return the play or the adjuster of a rocker, or None where its point is one with it."""
+        """Return the play or the adjuster of a rocker.
+
+        Parameters
+        ----------
+        rocker
+            Its name.
+
+        Returns
+        -------
+        Lash, Adjuster or None
+            None where the rocker's point is one with it.
+        """
         plays = (one for one in self.contacts.values() if isinstance(one, Lash | Adjuster))
         return next((one for one in plays if one.rocker == rocker), None)
 
@@ -99,7 +110,18 @@ class Model:
         ]
 
     def connected(self, node: int) -> IntArray:
-        """Return the nodes that members and links connect to a node, itself included, shape (k,), ascending."""
+        """Return the nodes that members and links connect to a node, itself included.
+
+        Parameters
+        ----------
+        node
+            Row of the mesh's `nodes`.
+
+        Returns
+        -------
+        ndarray
+            Rows of `nodes`, ascending, shape (k,).
+        """
         points = self.mesh.points
         links = [(one.at, one.to) for one in self.springs.values() if one.link and one.to in points]
         pairs = [(self.mesh.node(a), self.mesh.node(b)) for a, b in links if a in points and b is not None]
@@ -126,6 +148,17 @@ class Model:
         return [*self.loose_points, *paths, *(tip_name(name) for name in self.levers if self.lash_of(name))]
 
     def rocker_at(self, point: str) -> Rocker | None:
-        """Return the rocker that defines a point, or None."""
+        """Return the rocker that defines a point.
+
+        Parameters
+        ----------
+        point
+            Name of the point.
+
+        Returns
+        -------
+        Rocker or None
+            None where no rocker defines it.
+        """
         own = (r for r in self.rockers.values() if point == r.point or (point == r.start and r.finger))
         return next(own, None)

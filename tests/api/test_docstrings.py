@@ -85,6 +85,12 @@ def test_documented_parameters_are_the_signatures(function):
     assert documented(function) == [p.name for p in parameters(function)]
 
 
+@pytest.mark.parametrize("method", [row for row in METHODS if documented(row.values[0])])
+def test_parameters_that_a_method_documents_are_its_own(method):
+    """One that fulfils a protocol, or says all in its first line, need not list them."""
+    assert documented(method) == [p.name for p in parameters(method)]
+
+
 @pytest.mark.parametrize("function", [row for row in FUNCTIONS if not row.id.startswith(COMMANDS)])
 def test_what_is_returned_is_documented(function):
     returned = inspect.signature(function).return_annotation
@@ -113,6 +119,26 @@ PUBLIC = [pytest.param(getattr(flexcam, name), id=name) for name in flexcam.__al
 def test_public_names_document_every_parameter(item):
     wanted = fields(item) if inspect.isclass(item) else [p.name for p in parameters(item)]
     assert documented(item) == wanted
+
+
+def public_methods(kind):
+    """Return the methods that users of a class call, its bases' among them."""
+    found = [(name, inspect.getattr_static(kind, name)) for name in dir(kind) if not name.startswith("_")]
+    functions = [(name, getattr(raw, "__func__", raw)) for name, raw in found]
+    return [(name, item) for name, item in functions if inspect.isfunction(item)]
+
+
+METHODS_OF_PUBLIC = [
+    pytest.param(item, id=f"{row.id}.{name}")
+    for row in PUBLIC
+    if inspect.isclass(row.values[0]) and not issubclass(row.values[0], BaseException)
+    for name, item in public_methods(row.values[0])
+]
+
+
+@pytest.mark.parametrize("method", METHODS_OF_PUBLIC)
+def test_methods_of_public_classes_document_every_parameter(method):
+    assert documented(method) == [p.name for p in parameters(method)]
 
 
 @pytest.mark.parametrize("item", [row for row in PUBLIC if not row.id.endswith("Error")])

@@ -12,7 +12,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-COPIED = ("flexcam", "tests", "docs", "meshes", "cases", "examples", "README.md", "pyproject.toml")
+COPIED = (
+    "flexcam", "tests", "docs", "meshes", "cases", "examples", "benchmarks", "pyproject.toml", "Makefile",
+    "CITATION.cff", ".pre-commit-config.yaml", *(page.name for page in ROOT.glob("*.md")),
+)  # fmt: skip
+"""What the tests look at."""
 FAULTS = tomllib.loads((ROOT / "tests/planted/faults.toml").read_text(encoding="utf-8"))["fault"]
 
 

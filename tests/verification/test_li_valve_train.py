@@ -74,7 +74,7 @@ def reference():
     return of
 
 
-def test_masses_and_springs_alone(record):
+def test_masses_and_springs_alone():
     """Nodes on no member: the system is that of (12), the contact being k1."""
     system = prepare(read_case(CASE)).problem.system
     assert system.names == ("tappet.uy", "rocker.uy", "valve.uy")

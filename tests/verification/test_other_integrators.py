@@ -92,7 +92,7 @@ def test_no_limit(name):
     assert ALL[name].stable_to() == math.inf
 
 
-def test_a_run_at_the_limit(record):
+def test_a_run_at_the_limit():
     """Bounded at 0.999 of the limit; refused, with the limit in seconds, at 1.001 of it."""
     system = chain([2.0, 1.0], [30.0, 20.0], push=[0.0, 0.0])
     omega = math.sqrt(np.linalg.eigvals(np.diag([0.5, 1.0]) @ system.stiffness.dense()).real.max())

@@ -1,0 +1,111 @@
+"""Figures of the verification manual, computed by flexcam and drawn by its own functions, the same on every run."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from flexcam import read_case, run
+from flexcam.case import Case
+from flexcam.fidelity import OneMass
+from flexcam.motion import LAWS, LiftEvent, quinquinomial
+from flexcam.response import Response
+from flexcam.train import free_speed
+from flexcam.units import RPM
+from flexcam.view import law_figure, lift_figure, motion_figure
+from flexcam.view.axes import legend, looks, stacked
+
+ROOT = Path(__file__).resolve().parents[2]
+STYLE = {"svg.hashsalt": "flexcam", "svg.fonttype": "none", "path.simplify": True, "path.simplify_threshold": 0.05}
+DIGITS = re.compile(r"\d+\.\d{3,}")
+INSTANTS = 240
+"""Of a revolution, as drawn."""
+
+SETTINGS = {"figure 2": (5000, 40e3, 0.09), "figure 4": (20000, 200e3, 0.2), "figure 7": (50000, 900e3, 0.6)}
+"""Crank speed, rpm, k, N/m, and x0, m, of Petrescu and Petrescu."""
+
+
+def case(name: str, *over: str) -> Case:
+    return read_case(ROOT / f"cases/{name}.toml", list(over))
+
+
+def svg(draw: Callable[[], Figure]) -> str:
+    """Return a figure as text: no date, no random names, and two decimals, which rounding of a run does not reach."""
+    written = io.StringIO()
+    with rc_context(STYLE):
+        draw().savefig(written, format="svg", metadata={"Date": None, "Creator": None})
+    return DIGITS.sub(lambda number: f"{float(number[0]):.2f}", written.getvalue())
+
+
+def drawn(one: Case, *, rigid: bool = False) -> Response:
+    """Return a run at as many instants as a picture shows."""
+    response = run(one, rigid=rigid)
+    turns = response.angle[-1] / (2.0 * np.pi)
+    return response.at(np.linspace(0.0, response.time[-1], round(INSTANTS * turns) + 1)[1:])
+
+
+def tayeb_sliman() -> Figure:
+    speeds = {f"{rpm} rpm": case("tayeb/model-3-shm", f"run.speed={rpm}rpm") for rpm in (1000, 2000, 3000)}
+    rigid = {name: drawn(one, rigid=True) for name, one in speeds.items()}
+    return motion_figure({name: drawn(one) for name, one in speeds.items()}, "valve", rigid=rigid)
+
+
+def tayeb_sliman_growth() -> Figure:
+    one = case("tayeb/model-3-shm", "run.speed=4000rpm", "run.revolutions=8")
+    return motion_figure({"": drawn(one)}, "valve", rigid={"": drawn(one, rigid=True)})
+
+
+def li() -> Figure:
+    one = case("li/valve-train")
+    return motion_figure({"": drawn(one)}, "valve.uy", rigid={"": drawn(one, rigid=True)})
+
+
+def petrescu() -> Figure:
+    """Draw lift and acceleration of the closed form over the rise."""
+    figure, (lift, pull) = stacked(("opening\nmm", "acceleration\nkm/s²"), "cam angle, deg", height=2.4)
+    angle, event = (
+        np.linspace(0.0, 0.5 * np.pi * (1.0 - 1e-7), 361),
+        LiftEvent(LAWS["cos"], 0.006, np.pi / 2, np.pi / 2),
+    )
+    for (name, (rpm, k, x0)), (colour, dashes) in zip(SETTINGS.items(), looks(), strict=False):
+        one, omega = OneMass(event, 0.1, 5e6, k, x0), free_speed(event, 0.013, 0.5 * rpm * RPM, 0.2, 0.1)
+        opening, pulled = one.motion(angle, omega(angle, 0)), one.dynamic_acceleration(angle, omega)
+        lift.plot(np.degrees(angle), 1e3 * opening, label=name, color=colour, linestyle=dashes)
+        pull.plot(np.degrees(angle), 1e-3 * pulled, color=colour, linestyle=dashes)
+    legend(figure, lift, len(SETTINGS))
+    return figure
+
+
+def pavlovic_lutovac() -> Figure:
+    return law_figure(
+        {name: LAWS[name] for name in ("4-5-6-7", "pavlovic-trigonometric", "gutman-1-3", "pavlovic-new")}
+    )
+
+
+def roussev() -> Figure:
+    return law_figure({f"row {row}": quinquinomial(row) for row in (1, 2, 3, 4)})
+
+
+def roussev_cams() -> Figure:
+    """Draw the cams of the case file: 8 mm over 120 deg up and down."""
+    up, law = 2.0 * np.pi / 3.0, quinquinomial(1)
+    high = LiftEvent(law, 0.008, up, up, dwell=up, single_dwell="high")
+    return lift_figure({"high dwell": high, "low dwell": LiftEvent(law, 0.008, up, up, single_dwell="low")})
+
+
+FIGURES: dict[str, Callable[[], Figure]] = {
+    "tayeb-sliman": tayeb_sliman,
+    "tayeb-sliman-growth": tayeb_sliman_growth,
+    "li": li,
+    "petrescu": petrescu,
+    "pavlovic-lutovac": pavlovic_lutovac,
+    "roussev": roussev,
+    "roussev-cams": roussev_cams,
+}
+"""By the names of their files."""

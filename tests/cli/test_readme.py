@@ -1,0 +1,78 @@
+"""README keeps its word: every command and line of Python in it runs, and prints what it shows.
+
+A newcomer copies the commands from above to below, so they run in that order in one folder that has the cases. Commands
+that take many seconds run there with fewer steps or variants, and as they stand in the slow test.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+FENCES = re.findall(r"^```(\w*)\n(.*?)^```", README, re.S | re.M)
+SHELL = [line for kind, block in FENCES if kind == "sh" for line in block.splitlines()]
+COMMANDS = [shlex.split(line, comments=True)[1:] for line in SHELL if line.startswith("flexcam ")]
+TARGETS = [shlex.split(line, comments=True)[1] for line in SHELL if line.startswith("make ")]
+
+FEWER = {
+    "run": ("--set", "run.steps_per_revolution=1440", "--set", "run.revolutions=1"),
+    "trade": ("--set", "run.steps_per_revolution=180"),
+    "sweep": ("--set", "run.speed=1000,2000rpm", "--workers", "0"),
+    "stability": ("--set", "run.steps_per_revolution=180"),
+}
+"""What a command that takes long gets besides its own words, to take less."""
+
+LONG = ("limits", "selftest")
+"""Commands that nothing shortens: the slow test runs them, and CI runs that."""
+
+
+@pytest.fixture
+def clone(tmp_path, flexcam):
+    """Return the command, in a folder with the cases, as a fresh clone has them."""
+    for name in ("cases", "meshes"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    return flexcam
+
+
+def test_every_line_of_shell_is_looked_at():
+    assert len(COMMANDS) > 15
+    assert len(COMMANDS) + len(TARGETS) == len([line for line in SHELL if line.strip()])
+
+
+def test_commands_from_above_to_below(clone):
+    for words in (words for words in COMMANDS if words[0] not in LONG):
+        done = clone(*words, *FEWER.get(words[0], ()))
+        assert done.code == 0, f"{' '.join(words)}: {done.err}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "words", [words for words in COMMANDS if words[0] in (*FEWER, *LONG)], ids=lambda words: words[0]
+)
+def test_command_as_it_stands(clone, words):
+    done = clone(*words)
+    assert done.code == 0, done.err
+
+
+def test_what_compare_is_said_to_print(clone):
+    (shown,) = [block for kind, block in FENCES if not kind]
+    printed = clone(*COMMANDS[0]).out.splitlines()
+    assert [line.rstrip() for line in printed[: len(shown.splitlines())]] == shown.splitlines()
+
+
+@pytest.mark.usefixtures("clone")
+def test_lines_of_python(capsys):
+    (block,) = [block for kind, block in FENCES if kind == "python"]
+    exec(block, {})  # noqa: S102 - what users copy
+    assert float(capsys.readouterr().out) == pytest.approx(0.02149, abs=5e-6)
+
+
+def test_targets_stand_in_the_makefile():
+    known = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
+    assert {"demo", "test"} == set(TARGETS) <= known
