@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 FOLDERS = ("tutorials", "topics", "howto")
 PAGES = sorted(path for folder in FOLDERS for path in (ROOT / "docs" / folder).glob("*.md"))
 BLOCK = re.compile(
-    r"^(?:<!-- (?P<note>[^\n]*) -->\n)?```(?:\{code-block\} )?(?P<language>\w+)\n(?::caption: (?P<caption>.+)\n\n?)?"
+    r"^(?:<!-- (?P<note>[^\n]*) -->\n)?```(?:\{code-block\} )?(?P<language>\w+)\n(?::caption: (?P<caption>[^\n]+)\n\n?)?"
     r"(?P<text>.*?)^```$",
     re.S | re.M,
 )
