@@ -70,3 +70,15 @@ def edited(text, diff):
     new = "".join(f"{line[1:]}\n" for line in lines if line[0] in " +")
     assert text.count(old) == 1, f"stands {text.count(old)} times:\n{old}"
     return text.replace(old, new)
+
+
+def adds(path):
+    """Tell whether a page changes files of flexcam."""
+    return any(block.caption.startswith(("flexcam/", "tests/")) for block in blocks(path))
+
+
+def keep(path, block):
+    """Write, lengthen or change the file that a captioned block is of."""
+    there = path.read_text(encoding="utf-8") if path.exists() else ""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(edited(there, block.text) if block.language == "diff" else there + block.text, encoding="utf-8")

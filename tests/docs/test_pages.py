@@ -11,12 +11,12 @@ import pytest
 
 from flexcam.cli import main
 from flexcam.commands import running
-from tests.docs.pages import PAGES, ROOT, assert_shown, blocks, edited, name_of
+from tests.docs.pages import PAGES, ROOT, adds, assert_shown, blocks, keep, name_of
 
 OTHERS = ("cd", "dask", "paraview", "pip", "pvbatch", "python")
 """Commands that pages name and this test does not run."""
 
-PLAIN = [page for page in PAGES if not any(b.caption.startswith(("flexcam/", "tests/")) for b in blocks(page))]
+PLAIN = [page for page in PAGES if not adds(page)]
 """Pages that change no file of flexcam."""
 
 
@@ -69,13 +69,6 @@ def follow(page, folder, slow):
                     shell(block.text, block.code)
             printed = out.getvalue()
             assert "Traceback" not in printed, where
-
-
-def keep(path, block):
-    """Write, lengthen or change the file that a captioned block is of."""
-    there = path.read_text(encoding="utf-8") if path.exists() else ""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(edited(there, block.text) if block.language == "diff" else there + block.text, encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", PLAIN, ids=name_of)
