@@ -33,11 +33,12 @@ class Block:
 
     @property
     def slow(self):
-        return self.note.startswith("slow")
+        return "slow" in self.note.split()
 
     @property
     def code(self):
-        return int(self.note.removeprefix("exit ")) if self.note.startswith("exit ") else 0
+        first, *rest = self.note.split() or [""]
+        return int(rest[0]) if first == "exit" else 0
 
 
 def blocks(path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import shlex
+import shutil
 import signal
 
 import pytest
@@ -24,7 +25,7 @@ PLAIN = [page for page in PAGES if not adds(page)]
 def folder(tmp_path, monkeypatch):
     """A folder with the cases beside it, in which commands find no terminal and leave no signal handlers."""
     for name in ("cases", "meshes"):
-        (tmp_path / name).symlink_to(ROOT / name)
+        shutil.copytree(ROOT / name, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("COLUMNS", raising=False)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
