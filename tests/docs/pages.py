@@ -1,8 +1,9 @@
 """Pages as a reader follows them: every block of code runs, in order, in one folder; what is printed is what is shown.
 
-Blocks of a page: ``python`` and ``sh`` are run, ``text`` behind one of them is its output (``...`` stands for anything).
-A block with a caption is a file of that name: further TOML blocks go to its end, a ``diff`` changes it. A comment
-before a block says more of it: ``<!-- slow -->`` (skipped but in slow runs), ``<!-- exit 2 -->`` (the command's exit code).
+Blocks of a page: ``python`` and ``sh`` are run, ``text`` behind one of them is its output (``...`` stands for
+anything). A block with a caption is a file of that name: further TOML blocks go to its end, a ``diff`` changes it. A
+comment before a block says more of it: ``<!-- slow -->`` (skipped but in slow runs), ``<!-- exit 2 -->`` (how its
+command ends).
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ ROOT = Path(__file__).parents[2]
 FOLDERS = ("tutorials", "topics", "howto")
 PAGES = sorted(path for folder in FOLDERS for path in (ROOT / "docs" / folder).glob("*.md"))
 BLOCK = re.compile(
-    r"^(?:<!-- (?P<note>[^\n]*) -->\n)?```(?:\{code-block\} )?(?P<language>\w+)\n(?::caption: (?P<caption>[^\n]+)\n\n?)?"
-    r"(?P<text>.*?)^```$",
+    r"^(?:<!-- (?P<note>[^\n]*) -->\n)?```(?:\{code-block\} )?(?P<language>\w+)\n"
+    r"(?::caption: (?P<caption>[^\n]+)\n\n?)?(?P<text>.*?)^```$",
     re.S | re.M,
 )
 

@@ -23,7 +23,7 @@ PLAIN = [page for page in PAGES if not adds(page)]
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder with the cases beside it, in which commands find no terminal and leave no signal handlers."""
+    """Return a folder with the cases beside it, in which commands find no terminal and leave no signal handlers."""
     for name in ("cases", "meshes"):
         shutil.copytree(ROOT / name, tmp_path / name)
     monkeypatch.chdir(tmp_path)

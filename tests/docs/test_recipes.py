@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -18,7 +19,7 @@ LEFT = shutil.ignore_patterns("__pycache__", "*.png", "*.svg")
 
 @pytest.fixture
 def tree(tmp_path):
-    """A copy of what the recipes change and run."""
+    """Return a copy of what the recipes change and run."""
     for name in KEPT:
         shutil.copytree(ROOT / name, tmp_path / name, ignore=LEFT)
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
@@ -37,7 +38,7 @@ def shell(text, tree):
     """Run the commands of a block: Python's, and flexcam's."""
     printed = ""
     for line in text.replace("\\\n", " ").splitlines():
-        first, *words = line.split()
+        first, *words = shlex.split(line)
         done = run(words if first == "python" else ["-m", first, *words], tree)
         assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
         printed += done.stdout
@@ -73,5 +74,19 @@ def test_recipe(page, tree):
             printed = shell(block.text, tree)
 
 
-def test_there_are_recipes():
-    assert len(RECIPES) >= 4
+TOUCHED = {  # new files of flexcam, changed ones, changed ones of tests
+    "add-a-law": (1, 1, 1), "add-an-element": (1, 2, 1), "add-an-integrator": (1, 2, 2), "add-an-output": (1, 2, 1),
+}  # fmt: skip
+"""What an addition costs the house; the index of the recipes says so too."""
+
+
+@pytest.mark.parametrize("page", RECIPES, ids=name_of)
+def test_how_many_files_an_addition_touches(page):
+    files = {block.caption for block in blocks(page) if block.caption}
+    new = {name for name in files if not (ROOT / name).exists()}
+    tests = {name for name in files if name.startswith("tests/")}
+    assert (len(new), len(files - new - tests), len(tests)) == TOUCHED[page.stem]
+
+
+def test_every_recipe_is_counted():
+    assert {page.stem for page in RECIPES} == set(TOUCHED)
