@@ -26,6 +26,7 @@ def event_extremes(event: Event, order: int = 0) -> tuple[Extreme, Extreme]:
 
     Examples
     --------
+    >>> import math
     >>> from flexcam.motion import LAWS, LiftEvent
     >>> low, high = event_extremes(LiftEvent(LAWS["cycloidal"], 1.0, 1.0, 1.0), 2)
     >>> round(high.value / (2.0 * math.pi), 12), round(high.at, 6)
