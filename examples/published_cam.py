@@ -8,7 +8,7 @@ from pathlib import Path
 
 import flexcam
 
-CASE = Path(__file__).parents[1] / "cases/tayeb/model-1-shm.toml"
+CASE = Path("..") / "cases/tayeb/model-1-shm.toml"
 
 deviations = {}
 for rpm in (1000, 2000, 3000):

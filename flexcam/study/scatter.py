@@ -21,6 +21,7 @@ _SIGMAS = 3.0
 """Standard deviations from the middle to the end of a normal scatter: 99.7 % of the parts lie between."""
 
 QUANTILES = (0.01, 0.05, 0.5, 0.95, 0.99)
+"""Shares of the variants below the numbers that a scatter tells."""
 FORMS = "±2%, ±0.05mm, or normal:±2%"
 
 
