@@ -41,7 +41,7 @@ bibtex_default_style = "unsrt"
 bibtex_reference_style = "author_year"
 
 # Names in single quotes in a docstring are names of the code, linked where they are public.
-default_role = "autolink"
+default_role = "name"
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
@@ -58,7 +58,11 @@ nitpick_ignore_regex = [
 sphinx_gallery_conf = {
     "examples_dirs": str(HERE.parent / "examples"),
     "gallery_dirs": "gallery",
+    "within_subsection_order": "figures.order",
+    "notebook_extensions": set(),
     "filename_pattern": r"\.py$",
+    "image_scrapers": ("figures.figures",),
+    "reset_modules": (),
     "abort_on_example_error": True,
     "download_all_examples": False,
     "show_memory": False,

@@ -14,7 +14,7 @@ from docutils import nodes
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
-from sphinx.ext.autosummary import ImportExceptionGroup, import_by_name
+from sphinx.ext.autosummary import AutoLink, ImportExceptionGroup, import_by_name
 from sphinx.pycode import ModuleAnalyzer
 
 import flexcam
@@ -76,7 +76,7 @@ def entry(module: ModuleType, name: str) -> str:
         return f".. autoclass:: {full}\n   :members:\n"
     if inspect.isroutine(value):
         return f".. autofunction:: {full}\n"
-    return f".. py:data:: {full}\n\n   {words_of(module, name)}\n"
+    return f".. py:data:: {name}\n   :module: {module.__name__}\n\n   {words_of(module, name)}\n"
 
 
 @cache
@@ -114,7 +114,7 @@ def room_index() -> str:
 
 def command_page(name: str, app: App) -> str:
     """Return what ``flexcam NAME --help`` says, as a page."""
-    told = generate_rst_docs(app, command_chain=["flexcam", name], generate_toc=False)
+    told = generate_rst_docs(app, command_chain=["flexcam", name], generate_toc=False, usage_name=f"flexcam {name}")
     usage, _, rest = told.partition("::\n")[2].strip().partition("\n")
     title, examples = f"flexcam {name}", (app.help_prologue or "").strip().splitlines()
     block = [".. code-block:: text", "", f"   {usage.strip()}", ""]
@@ -162,7 +162,25 @@ def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nod
     return env.domains["py"].resolve_xref(env, node["refdoc"], app.builder, "obj", home, node, content)
 
 
+class Name(AutoLink):
+    """A name in single quotes: a link where it is public, code wherever it is not; a room's name links to its page."""
+
+    def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
+        if any(self.text in rooms for rooms in ROOMS.values()) and self.text != "flexcam":
+            self.text = f"~flexcam.{self.text}"
+        found, messages = super().run()
+        plain = [nodes.literal(n.rawsource, n.astext()) if isinstance(n, nodes.emphasis) else n for n in found]
+        return plain, messages
+
+
+def without_call(app: Sphinx, what: str, name: str, value: object, *rest: object) -> tuple[str, str] | None:
+    """A protocol is not called: it has no signature."""
+    return ("", "") if what == "class" and getattr(value, "_is_protocol", False) else None
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
+    app.add_role("name", Name())
+    app.connect("autodoc-process-signature", without_call)
     app.connect("builder-inited", write_pages)
     app.connect("missing-reference", resolve)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
