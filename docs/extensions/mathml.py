@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from docutils import nodes
 from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
@@ -10,14 +12,24 @@ from sphinx.util import logging
 from sphinx.util.math import get_node_equation_number
 from sphinx.writers.html5 import HTML5Translator
 
+_FUNCTION = r"\\(?:sin|cos|tan|sinh|cosh|tanh|exp|ln|log|arctan|det)(?![a-zA-Z])"
+_SPACES = ((rf"(?<=[\w)}}])\s*({_FUNCTION})", r"\,\1"), (rf"({_FUNCTION})\s*(?=[A-Za-z\\])(?!\\(?:left|big))", r"\1\,"))
+"""Thin spaces about a function's name, which TeX sets by itself and docutils leaves out."""
+
 _log = logging.getLogger(__name__)
+
+
+def spaced(text: str) -> str:
+    for pattern, spaces in _SPACES:
+        text = re.sub(pattern, spaces, text)
+    return text
 
 
 def translated(node: nodes.Element, *, block: bool) -> str:
     """Return a formula as MathML; what cannot be translated is a warning, and so fails the build."""
     text = node.astext()
     try:
-        return tex2mathml(text, as_block=block)
+        return tex2mathml(spaced(text), as_block=block)
     except MathError as fault:
         _log.warning("no MathML for %r: %s", text, fault, location=node)
         return f"<code>{text}</code>"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -114,10 +115,11 @@ def room_index() -> str:
 
 def command_page(name: str, app: App) -> str:
     """Return what ``flexcam NAME --help`` says, as a page."""
-    told = generate_rst_docs(app, command_chain=["flexcam", name], generate_toc=False, usage_name=f"flexcam {name}")
+    told = generate_rst_docs(app, command_chain=["flexcam", name], generate_toc=False)
     usage, _, rest = told.partition("::\n")[2].strip().partition("\n")
+    usage = re.sub(r" -m \S+", "", usage.strip())  # cyclopts takes how Python was started for a part of the usage
     title, examples = f"flexcam {name}", (app.help_prologue or "").strip().splitlines()
-    block = [".. code-block:: text", "", f"   {usage.strip()}", ""]
+    block = [".. code-block:: text", "", f"   {usage}", ""]
     if examples:
         block += [".. code-block:: sh", "", *(f"   {line}" for line in examples), ""]
     return "\n".join([title, "=" * len(title), "", *block, rest.strip(), ""])
