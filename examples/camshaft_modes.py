@@ -21,7 +21,9 @@ structure, found = build_structure(flexcam.build_model(case)), flexcam.modes(cas
 # %%
 # Eight followers of 0.12 kg and a bucket of some grams, each on 38 kN/m.
 followers = found.modes.frequencies[:FOLLOWERS]
-np.testing.assert_allclose(followers, np.sqrt(38e3 / (0.12 + 7800.0 * 0.25e-4 * np.pi * 3e-3)) / (2.0 * np.pi), rtol=1e-4)
+np.testing.assert_allclose(
+    followers, np.sqrt(38e3 / (0.12 + 7800.0 * 0.25e-4 * np.pi * 3e-3)) / (2.0 * np.pi), rtol=1e-4
+)
 
 figure = Figure(figsize=(8.0, 7.0), layout="constrained")
 radius = structure.model.members["camshaft"].section.radius
@@ -30,7 +32,9 @@ for axes, mode in zip(figure.subplots(len(DRAWN), sharex=True), DRAWN, strict=Tr
     shape = shapes[mode]
     largest = float(np.abs(shape[:, :4] * (1.0, 1.0, 1.0, radius)).max())  # its twist, as a motion of the surface
     view.draw_mode(axes, structure, "camshaft", shape, largest)
-    axes.set_title(f"{found.modes.frequencies[mode]:.0f} Hz: {found.words(mode).split(', ')[0]}", fontsize="small", loc="left")
+    axes.set_title(
+        f"{found.modes.frequencies[mode]:.0f} Hz: {found.words(mode).split(', ')[0]}", fontsize="small", loc="left"
+    )
 axes.set_xlabel("along the shaft, mm")
 
 # %%

@@ -13,9 +13,7 @@ from flexcam import view
 
 CASE = "../cases/pushrod-engine/intake.toml"
 
-responses = {
-    f"{rpm} rpm": flexcam.run(flexcam.read_case(CASE, [f"run.crank_speed={rpm}rpm"])) for rpm in (5000, 7500)
-}
+responses = {f"{rpm} rpm": flexcam.run(flexcam.read_case(CASE, [f"run.crank_speed={rpm}rpm"])) for rpm in (5000, 7500)}
 figure = view.motion_figure(responses, "valve", ["contacts.intake.force"])
 
 # %%

@@ -17,7 +17,9 @@ angle = np.radians(np.arange(0.0, 360.0, 0.5))
 measured = true(angle) + 1e-6 * np.random.default_rng(1).standard_normal(len(angle))
 event, report = lift_table(angle, np.maximum(measured, 0.0))
 
-print(f"{report.points} points, changed by {1e6 * report.rms_change:.2f} um (rms), {1e6 * report.largest_change:.1f} um at most")
+print(
+    f"{report.points} points, changed by {1e6 * report.rms_change:.2f} um (rms), {1e6 * report.largest_change:.1f} um at most"
+)
 assert 0.4e-6 < report.rms_change < 1.2e-6  # of the size of the scatter, not of the lift
 assert not report.remarks
 

@@ -25,7 +25,15 @@ ROOMS = {
     "The easy door": ("flexcam", "runner", "starting", "response"),
     "Cases, results, units": ("case", "io", "units", "checks"),
     "Laws and cams": ("motion", "cam", "synthesis", "cams", "design"),
-    "Structures and their equations": ("fem", "fem.elements.beam", "fem.elements.bending", "fem.elements.axial", "system", "train", "linalg"),
+    "Structures and their equations": (
+        "fem",
+        "fem.elements.beam",
+        "fem.elements.bending",
+        "fem.elements.axial",
+        "system",
+        "train",
+        "linalg",
+    ),
     "Solving": ("integrate", "modal"),
     "Questions to a case": ("fidelity", "limits", "parting", "stability", "orders", "reopened"),
     "Many runs": ("sweep", "study"),
@@ -97,7 +105,9 @@ def room_page(room: str, told: dict[int, str]) -> str:
     title, names = module.__name__, names_of(module)
     full = {name: told[id(getattr(module, name))] for name in names}
     own = [name for name in names if full[name] == f"{title}.{name}"]
-    calls = [name for name in names if inspect.isclass(getattr(module, name)) or inspect.isroutine(getattr(module, name))]
+    calls = [
+        name for name in names if inspect.isclass(getattr(module, name)) or inspect.isroutine(getattr(module, name))
+    ]
     lines = [title, "=" * len(title), "", f".. automodule:: {title}", "   :no-members:", ""]
     lines += [".. autosummary::", "", *(f"   {n if n in own else '~' + full[n]}" for n in calls), ""]
     return "\n".join(lines + [entry(module, name) for name in own])
