@@ -8,7 +8,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "extensions")]
 
-from flexcam import __version__
+from flexcam import __version__  # noqa: E402 - found by the path above
 
 project = "flexcam"
 author = "The flexcam developers"

@@ -2,8 +2,9 @@
 Modes of a camshaft
 ===================
 
-The camshaft of a four-cylinder engine, driven at its front end, on five elastic bearings, with eight followers on their
-springs. The lowest modes are the followers on their springs; behind them come those of the shaft, drawn here along it.
+The camshaft of a four-cylinder engine, driven at its front end, on five elastic bearings, with eight followers on
+their springs. The lowest modes are the followers on their springs; behind them come those of the shaft, drawn here
+along it.
 """
 
 import numpy as np

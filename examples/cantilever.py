@@ -35,8 +35,8 @@ deflection = bent[dofs.names.index("tip.uy")]
 np.testing.assert_allclose(deflection, 100.0 * length**3 / (3.0 * steel.E * bar.Iz), rtol=1e-9)
 
 # %%
-# Bending frequencies: :math:`\omega = b^2 \sqrt{E I/(\rho A L^4)}` with the roots of :math:`\cos b \cosh b = -1`. Every
-# frequency of a round bar comes twice, once in each plane.
+# Bending frequencies: :math:`\omega = b^2 \sqrt{E I/(\rho A L^4)}` with the roots of :math:`\cos b \cosh b = -1`.
+# Every frequency of a round bar comes twice, once in each plane.
 roots = np.array([1.875104068711961, 4.694091132974175, 7.854757438237613])
 theory = roots**2 * np.sqrt(steel.E * bar.Iz / (steel.density * bar.A * length**4))
 np.testing.assert_allclose(modes(mass, stiffness, 2).omegas, theory[0], rtol=1e-5)

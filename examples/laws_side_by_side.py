@@ -2,8 +2,8 @@
 Motion laws side by side
 ========================
 
-Lift, velocity, acceleration and jerk of four laws from rest to rest, over the same rise. What is gained in one of them is
-paid for in another: the parabolic law has the least acceleration there can be, and infinite jerk.
+Lift, velocity, acceleration and jerk of four laws from rest to rest, over the same rise. What is gained in one of
+them is paid for in another: the parabolic law has the least acceleration there can be, and infinite jerk.
 """
 
 import math
@@ -15,8 +15,8 @@ chosen = {name: LAWS[name] for name in ("parabolic", "shm", "cycloidal", "4-5-6-
 figure = view.law_figure(chosen)
 
 # %%
-# The largest accelerations, by lift and rise angle, are closed forms.
-# ``criteria`` finds the extremes of every derivative piece by piece, also where it steps.
+# The largest accelerations, by lift and rise angle, are closed forms. ``criteria`` finds the extremes of every
+# derivative piece by piece, also where it steps.
 peaks = {}
 for name, law in chosen.items():
     found = criteria(law)

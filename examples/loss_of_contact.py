@@ -2,8 +2,8 @@
 A tappet that leaves its cam
 ============================
 
-The intake train of a pushrod engine in true contact, at its own speed and beyond the 5612 rpm at which ``flexcam limits``
-finds its tappet in the air.
+The intake train of a pushrod engine in true contact, at its own speed and beyond the 5612 rpm at which ``flexcam
+limits`` finds its tappet in the air.
 """
 
 import numpy as np
@@ -17,8 +17,8 @@ responses = {f"{rpm} rpm": flexcam.run(flexcam.read_case(CASE, [f"run.crank_spee
 figure = view.motion_figure(responses, "valve", ["contacts.intake.force"])
 
 # %%
-# Between the ramps the slow train stays on its cam. The fast one flies over the nose, and lands hard. Where there is a gap
-# there is no force.
+# Between the ramps the slow train stays on its cam. The fast one flies over the nose, and lands hard. Where there is
+# a gap there is no force.
 open_for = {}
 for name, response in responses.items():
     gap, force = response.channels["contacts.intake.gap"], response.channels["contacts.intake.force"]

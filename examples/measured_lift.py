@@ -2,8 +2,8 @@
 A measured lift
 ===============
 
-Lift read at every half degree by a gauge that scatters by a micrometre. Its second differences are noise; the spline that
-generalized cross-validation chooses gives the acceleration back, and says by how much it changed the points.
+Lift read at every half degree by a gauge that scatters by a micrometre. Its second differences are noise; the spline
+that generalized cross-validation chooses gives the acceleration back, and says by how much it changed the points.
 """
 
 import numpy as np
@@ -17,9 +17,8 @@ angle = np.radians(np.arange(0.0, 360.0, 0.5))
 measured = true(angle) + 1e-6 * np.random.default_rng(1).standard_normal(len(angle))
 event, report = lift_table(angle, np.maximum(measured, 0.0))
 
-print(
-    f"{report.points} points, changed by {1e6 * report.rms_change:.2f} um (rms), {1e6 * report.largest_change:.1f} um at most"
-)
+rms, largest = 1e6 * report.rms_change, 1e6 * report.largest_change
+print(f"{report.points} points, changed by {rms:.2f} um (rms), {largest:.1f} um at most")
 assert 0.4e-6 < report.rms_change < 1.2e-6  # of the size of the scatter, not of the lift
 assert not report.remarks
 

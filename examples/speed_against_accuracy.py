@@ -2,8 +2,8 @@
 Speed against accuracy
 ======================
 
-Every cheaper model of the published mechanism against a converged run: rigid members, one mass, a chain of masses, few modes,
-all beams, at several steps. Squares mark the models that no other beats both in work and in error.
+Every cheaper model of the published mechanism against a converged run: rigid members, one mass, a chain of masses,
+few modes, all beams, at several steps. Squares mark the models that no other beats both in work and in error.
 """
 
 import flexcam
@@ -15,7 +15,8 @@ reference, models = trade(case, "valve", repeats=1)
 figure = view.work_precision_figure(models)
 
 # %%
-# Three masses do what the beams do, at an eighth of the unknowns; one mass is a thousandth off, the rigid train a sixth.
+# Three masses do what the beams do, at an eighth of the unknowns; one mass is a thousandth off, the rigid train a
+# sixth.
 finest = {one.rung: one for one in sorted(models, key=lambda one: one.steps)}
 for name, one in finest.items():
     print(f"{name:9s} {one.unknowns:3d} unknowns: the lift is {one.errors['lift']:.1e} off")

@@ -2,8 +2,8 @@
 Many speeds, one table
 ======================
 
-A sweep varies any key of a case and returns a table with a row per variant. Here the published mechanism turns at thirteen
-speeds; the further below its resonance at 4027 rpm, the nearer it is to the rigid one.
+A sweep varies any key of a case and returns a table with a row per variant. Here the published mechanism turns at
+thirteen speeds; the further below its resonance at 4027 rpm, the nearer it is to the rigid one.
 """
 
 import numpy as np

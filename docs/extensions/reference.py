@@ -178,6 +178,7 @@ class Name(AutoLink):
     """A name in single quotes: a link where it is public, code wherever it is not; a room's name links to its page."""
 
     def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
+        """Return the link, or the name as code."""
         if any(self.text in rooms for rooms in ROOMS.values()) and self.text != "flexcam":
             self.text = f"~flexcam.{self.text}"
         found, messages = super().run()
@@ -186,7 +187,7 @@ class Name(AutoLink):
 
 
 def without_call(app: Sphinx, what: str, name: str, value: object, *rest: object) -> tuple[str, str] | None:
-    """A protocol is not called: it has no signature."""
+    """Return an empty signature for a protocol, which is not called."""
     return ("", "") if what == "class" and getattr(value, "_is_protocol", False) else None
 
 

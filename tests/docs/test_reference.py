@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import re
 import runpy
 import sys
+import unicodedata
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ import flexcam
 from flexcam import commands
 
 DOCS = Path(__file__).parents[2] / "docs"
+BIBLIOGRAPHY = (DOCS / "references.bib").read_text(encoding="utf-8")
 OWN = {"__main__", "cli", "commands", "console", "terminal"}
 """Of the command line: reached by commands, which have pages of their own."""
 
@@ -68,3 +71,22 @@ def test_every_command_has_a_page(made):
     for name, page in found.items():
         assert f"flexcam {name}" in page
         assert "--json" in page or name in ("new", "schema"), name
+
+
+def test_every_source_is_named_somewhere():
+    """A work that nothing draws on any more leaves the list."""
+    entries = re.findall(r"^@\w+\{([\w-]+),\n  author = \{\{?([\w-]+(?: [a-z][\w-]+| Loan| Boor)?)", BIBLIOGRAPHY, re.M)
+    assert len(entries) == BIBLIOGRAPHY.count("\n@")
+    text = plain(
+        "\n".join(
+            file.read_text(encoding="utf-8")
+            for folder, kind in (("flexcam", "py"), ("tests", "py"), ("docs", "md"))
+            for file in (DOCS.parent / folder).rglob(f"*.{kind}")
+        )
+    )
+    assert not [key for key, author in entries if plain(author) not in text]
+
+
+def plain(text):
+    """Return a text without accents, with which names are written in one place and without them in another."""
+    return "".join(c for c in unicodedata.normalize("NFD", text) if not unicodedata.combining(c)).replace("ø", "o")
