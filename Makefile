@@ -69,7 +69,7 @@ performance: $(VENV)/.dev
 .PHONY: docs
 docs: $(VENV)/.dev
 	$(BIN)/python docs/make_verification.py
-	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -d build/doctrees docs build/docs
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs $(JOBS) -d build/doctrees docs build/docs
 	@echo "Open build/docs/index.html"
 
 meshes: $(VENV)/.dev

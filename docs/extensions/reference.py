@@ -35,7 +35,7 @@ ROOMS = {
         "linalg",
     ),
     "Solving": ("integrate", "modal"),
-    "Questions to a case": ("fidelity", "limits", "parting", "stability", "orders", "reopened"),
+    "Questions to a case": ("fidelity", "limits", "parting", "stability", "orders", "reopened", "checkpoint"),
     "Many runs": ("sweep", "study"),
     "Pictures and reports": ("view", "scene", "report"),
 }
