@@ -30,7 +30,6 @@ extensions = [
 exclude_patterns = ["gallery/**/*.ipynb", "**/*.py", "extensions"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 nitpicky = True
-suppress_warnings = ["toc.empty_glob"]
 
 # Markdown: formulas in dollars, headings that links may point to.
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "attrs_block"]
