@@ -24,6 +24,7 @@ extensions = [
     "sphinxcontrib.bibtex",
     "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
+    "bibliography",
     "mathml",
     "reference",
 ]
@@ -37,7 +38,7 @@ myst_heading_anchors = 4
 html_math_renderer = "mathml"
 
 bibtex_bibfiles = ["references.bib"]
-bibtex_default_style = "unsrt"
+bibtex_default_style = "sources"
 bibtex_reference_style = "author_year"
 
 # Names in single quotes in a docstring are names of the code, linked where they are public.
