@@ -21,7 +21,9 @@ class Sources(Unsrt):
     def get_article_template(self, e: object) -> Node:
         """Return author, title, journal with volume, number and pages where they are known, year."""
         journal = sentence[tag("em")[field("journal")], optional[PLACE], optional[date]]
-        return join(sep=" ")[self.format_names("author"), self.format_title(e, "title"), journal, self.format_web_refs(e)]
+        return join(sep=" ")[
+            self.format_names("author"), self.format_title(e, "title"), journal, self.format_web_refs(e)
+        ]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

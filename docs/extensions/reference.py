@@ -119,7 +119,10 @@ def room_pages() -> dict[str, str]:
 
 
 def room_index() -> str:
-    groups = [f".. toctree::\n   :caption: {title}\n\n   " + "\n   ".join(rooms) for title, rooms in ROOMS.items()]
+    groups = [
+        f".. toctree::\n   :caption: {title}\n\n   " + "\n   ".join(f"{room} <{room}>" for room in rooms)
+        for title, rooms in ROOMS.items()
+    ]
     return INDEX + "\n\n".join(groups) + "\n"
 
 
