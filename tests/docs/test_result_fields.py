@@ -58,7 +58,7 @@ def test_every_dataset_is_told(found):
 
 
 def scalar(unit, told):
-    """A probe of one scalar has no rotations."""
+    """Tell whether a unit is that of a probe of one scalar, which has no rotations."""
     return told.startswith(f"{unit}; rotations")
 
 
