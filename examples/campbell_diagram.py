@@ -2,7 +2,7 @@
 A Campbell diagram
 ==================
 
-Natural frequencies of the valve train of three masses of C. Li over speed, with the harmonics of its cam as rays.
+Natural frequencies of the valve train of three masses of :cite:t:`li2014` over speed, with the harmonics of its cam as rays.
 Where a harmonic meets a mode that is felt at the contact it rings; the larger the circle, the larger its share of the
 contact force.
 """

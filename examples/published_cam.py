@@ -2,7 +2,7 @@
 The published cam mechanism
 ===========================
 
-The camshaft, pushrod, rocker and valve of B. Tayeb and B. Sliman, with flexible members and with rigid ones. Under
+The camshaft, pushrod, rocker and valve of :cite:t:`tayeb`, with flexible members and with rigid ones. Under
 the published load the cam drives the follower by a force, so the train is a mass on its spring: the faster it turns,
 the further the flexible valve leaves the rigid one.
 """

@@ -16,7 +16,9 @@ PLACE = join[
 
 
 class Sources(Unsrt):
-    """Style of the list."""
+    """Style of the list; labels are of names and years."""
+
+    default_label_style = "alpha"
 
     def get_article_template(self, e: object) -> Node:
         """Return author, title, journal with volume, number and pages where they are known, year."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import pkgutil
 import re
 from functools import cache
 from pathlib import Path
@@ -35,11 +36,14 @@ ROOMS = {
         "linalg",
     ),
     "Solving": ("integrate", "modal"),
-    "Questions to a case": ("fidelity", "limits", "parting", "stability", "orders", "reopened", "checkpoint"),
+    "Questions to a case": ("fidelity", "limits", "parting", "stability", "orders", "budget", "reopened", "checkpoint"),
     "Many runs": ("sweep", "study"),
     "Pictures and reports": ("view", "scene", "report"),
 }
-"""Rooms by what they are for. The command line's own are left out: they are reached by commands."""
+"""Rooms by what they are for; what is not named here stands under Others."""
+
+OWN = frozenset({"__main__", "cli", "commands", "console", "terminal"})
+"""The command line's own, which are reached by commands."""
 
 INDEX = """API
 ===
@@ -48,6 +52,17 @@ Everything that is public, room by room. The names of the first page are enough 
 behind them. What is imported is ``flexcam`` or a room: ``from flexcam import fem``, ``from flexcam.motion import Polynomial``.
 
 """
+
+
+def groups() -> dict[str, tuple[str, ...]]:
+    """Return all rooms by what they are for."""
+    named = {room for some in ROOMS.values() for room in some}
+    others = tuple(m.name for m in pkgutil.iter_modules(flexcam.__path__) if m.name not in named | OWN)
+    return ROOMS | ({"Others": others} if others else {})
+
+
+def rooms() -> list[str]:
+    return [room for some in groups().values() for room in some]
 
 
 def module_of(room: str) -> ModuleType:
@@ -92,7 +107,7 @@ def entry(module: ModuleType, name: str) -> str:
 def homes() -> dict[int, str]:
     """Return where each public object is told, by its id: by the first room that hands it on."""
     told: dict[int, str] = {}
-    for room in (room for rooms in ROOMS.values() for room in rooms):
+    for room in rooms():
         module = module_of(room)
         for name in names_of(module):
             told.setdefault(id(getattr(module, name)), f"{module.__name__}.{name}")
@@ -115,15 +130,15 @@ def room_page(room: str, told: dict[int, str]) -> str:
 
 def room_pages() -> dict[str, str]:
     told = homes()
-    return {room: room_page(room, told) for rooms in ROOMS.values() for room in rooms}
+    return {room: room_page(room, told) for room in rooms()}
 
 
 def room_index() -> str:
-    groups = [
-        f".. toctree::\n   :caption: {title}\n\n   " + "\n   ".join(f"{room} <{room}>" for room in rooms)
-        for title, rooms in ROOMS.items()
+    parts = [
+        f".. toctree::\n   :caption: {title}\n\n   " + "\n   ".join(f"{room} <{room}>" for room in some)
+        for title, some in groups().items()
     ]
-    return INDEX + "\n\n".join(groups) + "\n"
+    return INDEX + "\n\n".join(parts) + "\n"
 
 
 def command_page(name: str, app: App) -> str:
@@ -182,7 +197,7 @@ class Name(AutoLink):
 
     def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
         """Return the link, or the name as code."""
-        if any(self.text in rooms for rooms in ROOMS.values()) and self.text != "flexcam":
+        if self.text in rooms() and self.text != "flexcam":
             self.text = f"~flexcam.{self.text}"
         found, messages = super().run()
         plain = [nodes.literal(n.rawsource, n.astext()) if isinstance(n, nodes.emphasis) else n for n in found]

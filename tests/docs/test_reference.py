@@ -17,8 +17,6 @@ from flexcam import commands
 
 DOCS = Path(__file__).parents[2] / "docs"
 BIBLIOGRAPHY = (DOCS / "references.bib").read_text(encoding="utf-8")
-OWN = {"__main__", "cli", "commands", "console", "terminal"}
-"""Of the command line: reached by commands, which have pages of their own."""
 
 
 @pytest.fixture(scope="module")
@@ -45,16 +43,18 @@ def told(page, module, name):
     )
 
 
-def test_every_room_has_a_page(pages):
-    rooms = {m.name for m in pkgutil.iter_modules(flexcam.__path__)} - OWN
-    assert rooms <= set(pages)
+def test_every_room_has_a_page(made, pages):
+    known = {m.name for m in pkgutil.iter_modules(flexcam.__path__)}
+    assert known - made["OWN"] <= set(pages)
+    assert made["OWN"] <= known
+    assert all(f"<{room}>" in made["room_index"]() for room in pages)
 
 
 @pytest.mark.parametrize("room", [m.name for m in pkgutil.iter_modules(flexcam.__path__, "flexcam.") if m.ispkg])
 def test_every_name_of_a_room_is_told_or_linked(made, pages, room):
     """A name that two rooms hand on is told by one, and linked by the other."""
     short = room.removeprefix("flexcam.")
-    if short in OWN:
+    if short in made["OWN"]:
         return
     module = importlib.import_module(room)
     page, homes = pages[short], made["homes"]()
