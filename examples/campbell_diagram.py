@@ -2,9 +2,9 @@
 A Campbell diagram
 ==================
 
-Natural frequencies of the valve train of three masses of :cite:t:`li2014` over speed, with the harmonics of its cam as rays.
-Where a harmonic meets a mode that is felt at the contact it rings; the larger the circle, the larger its share of the
-contact force.
+Natural frequencies of the valve train of three masses of :cite:t:`li2014` over speed, with the harmonics of its cam
+as rays. Where a harmonic meets a mode that is felt at the contact it rings; the larger the circle, the larger its
+share of the contact force.
 """
 
 import numpy as np
