@@ -29,7 +29,7 @@ def translated(node: nodes.Element, *, block: bool) -> str:
     """Return a formula as MathML; what cannot be translated is a warning, and so fails the build."""
     text = node.astext()
     try:
-        return tex2mathml(spaced(text), as_block=block)
+        return tex2mathml(spaced(text), as_block=block).replace("<mo>'</mo>", "<mo>\N{PRIME}</mo>")
     except MathError as fault:
         _log.warning("no MathML for %r: %s", text, fault, location=node)
         return f"<code>{text}</code>"
