@@ -65,15 +65,15 @@ bench-peers: $(VENV)/.dev
 performance: $(VENV)/.dev
 	$(BIN)/python docs/make_performance.py --measure
 
+meshes: $(VENV)/.dev
+	$(BIN)/python meshes/generate.py
+
 # The site, in build/docs: every warning is an error, the gallery runs, the verification manual is made anew.
 .PHONY: docs
 docs: $(VENV)/.dev
 	$(BIN)/python docs/make_verification.py
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs $(JOBS) -d build/doctrees docs build/docs
 	@echo "Open build/docs/index.html"
-
-meshes: $(VENV)/.dev
-	$(BIN)/python meshes/generate.py
 
 clean:
 	rm -rf $(VENV) build dist results .pytest_cache .ruff_cache .hypothesis docs/gallery docs/reference/api docs/reference/commands
