@@ -46,8 +46,10 @@ def found(tmp_path_factory):
 
 
 def kept(name, one):
-    text = isinstance(one, h5py.Dataset) and one.dtype.kind == "O"
-    return {name: (None if text else one.ndim, one.attrs.get("units", ""))} if isinstance(one, h5py.Dataset) else {}
+    if not isinstance(one, h5py.Dataset):
+        return {}
+    unit = one.attrs.get("units", b"")
+    return {name: (None if one.dtype.kind in "OS" else one.ndim, unit.decode() if isinstance(unit, bytes) else unit)}
 
 
 def test_every_dataset_is_told(found):
