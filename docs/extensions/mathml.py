@@ -13,7 +13,10 @@ from sphinx.util.math import get_node_equation_number
 from sphinx.writers.html5 import HTML5Translator
 
 _FUNCTION = r"\\(?:sin|cos|tan|sinh|cosh|tanh|exp|ln|log|arctan|det)(?![a-zA-Z])"
-_SPACES = ((rf"(?<=[\w)}}])\s*({_FUNCTION})", r"\,\1"), (rf"({_FUNCTION})\s*(?=[A-Za-z\\])(?!\\(?:left|big))", r"\1\,"))
+_SPACES = (
+    (rf"(?<=[\w)}}])\s*({_FUNCTION})", r"\,\1"),
+    (rf"({_FUNCTION})\s*(?=[A-Za-z0-9\\])(?!\\(?:left|big))", r"\1\,"),
+)
 """Thin spaces about a function's name, which TeX sets by itself and docutils leaves out."""
 
 _log = logging.getLogger(__name__)
