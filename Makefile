@@ -68,8 +68,15 @@ performance: $(VENV)/.dev
 meshes: $(VENV)/.dev
 	$(BIN)/python meshes/generate.py
 
+# The site, in build/docs: every warning is an error, the gallery runs, the verification manual is made anew.
+.PHONY: docs
+docs: $(VENV)/.dev
+	$(BIN)/python docs/make_verification.py
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs $(JOBS) -d build/doctrees docs build/docs
+	@echo "Open build/docs/index.html"
+
 clean:
-	rm -rf $(VENV) build dist results .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist results .pytest_cache .ruff_cache .hypothesis docs/gallery docs/reference/api docs/reference/commands
 
 # Wheel and source archive, and the wheel used in an empty environment outside the tree.
 wheel-check: $(VENV)/.dev

@@ -84,7 +84,7 @@ def mass_at(node: int, body: PointMass, dofs: DofMap) -> Triplets:
 
 
 def along(row: FloatArray, coefficient: float) -> Triplets:
-    """Return the matrix of a mass, spring or damper that acts on one scalar ``row . u``.
+    """Return the matrix of a mass, spring or damper that acts on one scalar ``row^T u``.
 
     Parameters
     ----------

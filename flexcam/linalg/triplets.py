@@ -13,8 +13,13 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 FloatArray = NDArray[np.float64]
+"""Array of double precision."""
+
 ComplexArray = NDArray[np.complex128]
+"""Array of complex numbers of double precision."""
+
 IntArray = NDArray[np.intp]
+"""Array of whole numbers, such as indices."""
 
 
 _FEW = 300

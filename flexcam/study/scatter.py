@@ -25,6 +25,7 @@ _CUT = 5.0
 """Standard deviations at which a normal scatter is cut: one part in two millions lies beyond."""
 
 QUANTILES = (0.01, 0.05, 0.5, 0.95, 0.99)
+"""Shares of the variants below the numbers that a scatter tells."""
 FORMS = "±2%, ±0.05mm, or normal:±2%"
 
 

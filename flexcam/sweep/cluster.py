@@ -21,6 +21,7 @@ _PATIENCE = 5.0
 """Seconds that a scheduler, and then its workers, have to answer."""
 
 LOCAL = "local"
+"""Address that asks for workers of Dask on this machine."""
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from flexcam.units import shown
 from flexcam.view.axes import COLOURS, legend, looks, stacked
 
 Over = Literal["angle", "time"]
+"""What curves of a run are drawn over: cam angle or time."""
 SERIES = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
 """Motions of a probe, and what their units have beside that of the displacement."""
 

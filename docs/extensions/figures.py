@@ -1,0 +1,58 @@
+"""Pictures of the gallery: every `Figure` that a block of a script has made. Scripts open no window and need no pyplot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from matplotlib.figure import Figure
+from sphinx_gallery.scrapers import figure_rst
+
+ORDER = (
+    "cantilever", "camshaft_modes", "laws_side_by_side", "measured_lift", "published_cam", "campbell_diagram",
+    "loss_of_contact", "sweep_over_speed", "speed_against_accuracy",
+)  # fmt: skip
+"""Scripts in the order in which they are best read; others follow."""
+
+
+def order(file: str) -> tuple[int, str]:
+    """Return the place of a script in the gallery.
+
+    Parameters
+    ----------
+    file
+        Its name.
+
+    Returns
+    -------
+    tuple
+        To sort by.
+    """
+    name = file.removesuffix(".py")
+    return (ORDER.index(name) if name in ORDER else len(ORDER), name)
+
+
+def figures(block: tuple[str, str, int], values: dict[str, Any], settings: dict[str, Any]) -> str:
+    """Save the figures of a block and return the text that shows them.
+
+    Parameters
+    ----------
+    block
+        Kind, text and first line; not used.
+    values
+        What the gallery knows of the script.
+    settings
+        Of the gallery.
+
+    Returns
+    -------
+    str
+        reStructuredText.
+    """
+    saved: list[str] = []
+    for figure in [value for value in values["example_globals"].values() if isinstance(value, Figure)]:
+        if not getattr(figure, "in_gallery", False) and figure.axes and block[0] == "code":
+            path = str(next(values["image_path_iterator"]))
+            figure.savefig(path, dpi=110)
+            figure.in_gallery = True  # pyright: ignore[reportAttributeAccessIssue]
+            saved.append(path)
+    return figure_rst(saved, settings["src_dir"])

@@ -1,0 +1,92 @@
+"""The reference of the site tells every public name and every command."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import re
+import runpy
+import sys
+import unicodedata
+from pathlib import Path
+
+import pytest
+
+import flexcam
+from flexcam import commands
+
+DOCS = Path(__file__).parents[2] / "docs"
+BIBLIOGRAPHY = (DOCS / "references.bib").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def made():
+    before = list(sys.path)
+    yield runpy.run_path(str(DOCS / "extensions/reference.py"))
+    sys.path[:] = before
+
+
+@pytest.fixture(scope="module")
+def pages(made):
+    return made["room_pages"]()
+
+
+def test_every_public_name_has_an_entry(pages):
+    lacking = [name for name in flexcam.__all__ if not told(pages["flexcam"], "flexcam", name)]
+    assert not lacking
+
+
+def told(page, module, name):
+    return any(
+        line in page
+        for line in (f":: {module}.{name}\n", f":: {name}\n   :module: {module}\n", f"   ~flexcam.{name}\n")
+    )
+
+
+def test_every_room_has_a_page(made, pages):
+    known = {m.name for m in pkgutil.iter_modules(flexcam.__path__)}
+    assert known - made["OWN"] <= set(pages)
+    assert made["OWN"] <= known
+    assert all(f"<{room}>" in made["room_index"]() for room in pages)
+
+
+@pytest.mark.parametrize("room", [m.name for m in pkgutil.iter_modules(flexcam.__path__, "flexcam.") if m.ispkg])
+def test_every_name_of_a_room_is_told_or_linked(made, pages, room):
+    """A name that two rooms hand on is told by one, and linked by the other."""
+    short = room.removeprefix("flexcam.")
+    if short in made["OWN"]:
+        return
+    module = importlib.import_module(room)
+    page, homes = pages[short], made["homes"]()
+    for name in made["names_of"](module):
+        home = homes[id(getattr(module, name))]
+        assert told(page, room, name) or f"   ~{home}\n" in page or not callable(getattr(module, name)), (
+            f"{room}.{name}"
+        )
+
+
+def test_every_command_has_a_page(made):
+    found = made["command_pages"]()
+    assert set(found) == {name for names in commands.FILES.values() for name in names}
+    for name, page in found.items():
+        assert f"flexcam {name}" in page
+        assert "--json" in page or name in ("new", "schema"), name
+
+
+def test_every_source_is_named_somewhere():
+    """A work that nothing draws on any more leaves the list."""
+    entries = re.findall(r"^@\w+\{([\w-]+),\n  author = \{\{?([\w-]+(?: [a-z][\w-]+| Loan| Boor)?)", BIBLIOGRAPHY, re.M)
+    assert len(entries) == BIBLIOGRAPHY.count("\n@")
+    text = plain(
+        "\n".join(
+            file.read_text(encoding="utf-8")
+            for folder, kind in (("flexcam", "py"), ("tests", "py"), ("docs", "md"))
+            for file in (DOCS.parent / folder).rglob(f"*.{kind}")
+        )
+    )
+    assert not [key for key, author in entries if plain(author) not in text]
+
+
+def plain(text):
+    """Return a text without accents, with which names are written in one place and without them in another."""
+    return "".join(c for c in unicodedata.normalize("NFD", text) if not unicodedata.combining(c)).replace("ø", "o")

@@ -1,0 +1,72 @@
+"""The page of result fields names every dataset of results, with its unit and its dimensions; nothing else."""
+
+from __future__ import annotations
+
+import re
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import h5py
+import pytest
+
+import flexcam
+from flexcam.response import Stats
+from flexcam.runner import prepare, result_file
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs/reference/result-fields.md").read_text(encoding="utf-8")
+CASES = ("tayeb/model-1-shm", "direct-acting/bucket", "direct-acting/finger", "checks/cantilever")
+"""Together they have every channel."""
+
+
+def rows():
+    """Return pattern, dimensions (None for text and what has several) and unit of every dataset told."""
+    for line in re.findall(r"^\| (`.*) \|$", PAGE, re.M):
+        names, shape, unit, _ = (cell.strip() for cell in re.split(r" \|(?= |$)", line + " |")[:4])
+        for name in re.findall(r"`([^`]+)`", names):
+            yield name, None if shape in ("", "text") else len(shape.split(",")), unit
+
+
+TOLD = {name: (re.sub(r"NAME", "*", name), dimensions, unit) for name, dimensions, unit in rows()}
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    """Datasets of results by name: dimensions and unit."""
+    folder, sets = tmp_path_factory.mktemp("results"), {}
+    for name in CASES:
+        case = flexcam.read_case(ROOT / f"cases/{name}.toml", ["run.revolutions=0.01"])
+        ready = prepare(case)
+        sink = result_file(ready, folder)
+        flexcam.solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
+        with h5py.File(sink.path) as file:
+            assert set(file["status"].attrs) == set(Stats.__dataclass_fields__)
+            file.visititems(lambda name, one: sets.update(kept(name, one)))
+    return sets
+
+
+def kept(name, one):
+    if not isinstance(one, h5py.Dataset):
+        return {}
+    unit = one.attrs.get("units", b"")
+    return {name: (None if one.dtype.kind in "OS" else one.ndim, unit.decode() if isinstance(unit, bytes) else unit)}
+
+
+def test_every_dataset_is_told(found):
+    for name, (dimensions, unit) in found.items():
+        told = [row for row in TOLD.values() if fnmatchcase(name, row[0])]
+        assert told, name
+        assert any(d in (None, dimensions) and (u == unit or scalar(unit, u)) for _, d, u in told), name
+
+
+def scalar(unit, told):
+    """Tell whether a unit is that of a probe of one scalar, which has no rotations."""
+    return told.startswith(f"{unit}; rotations")
+
+
+def test_everything_told_is_there(found):
+    assert not [name for name, (pattern, _, _) in TOLD.items() if not any(fnmatchcase(one, pattern) for one in found)]
+
+
+def test_figures_of_the_run_are_told():
+    assert not [name for name in Stats.__dataclass_fields__ if f"`{name}`" not in PAGE]
