@@ -232,7 +232,7 @@ def untouched(tmp_path_factory):
 
 def killed_and_resumed(folder, untouched, kills, seed):
     """Kill a sweep so many times at random moments, and finish it."""
-    chance, before = random.Random(seed), list[bytes]()  # noqa: S311 - no secret
+    chance, before = random.Random(seed), list[bytes]()
     for _ in range(kills):
         process = begun(folder, "--workers", "2", "--resume")
         if chance.random() < 0.7:
