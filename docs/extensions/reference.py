@@ -9,6 +9,7 @@ import re
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import TypeVar
 
 from cyclopts import App
 from cyclopts.docs.rst import generate_rst_docs
@@ -73,8 +74,8 @@ def names_of(module: ModuleType) -> list[str]:
     """Return the public names of a room: ``__all__``, or what a file of one's own defines."""
     if hasattr(module, "__all__"):
         return [name for name in module.__all__ if not inspect.ismodule(getattr(module, name))]
-    own = [name for name, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__]
-    return sorted(name for name in own if not name.startswith("_"))
+    own = {name: value for name, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__}
+    return sorted(name for name, value in own.items() if not name.startswith("_") and not isinstance(value, TypeVar))
 
 
 def words_of(module: ModuleType, name: str) -> str:
