@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from docutils import nodes
+from reference import homes, rooms
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 from sphinx.ext.autosummary import AutoLink, ImportExceptionGroup, import_by_name
-
-from reference import homes, rooms
 
 
 def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.Node) -> nodes.Node | None:
