@@ -27,6 +27,7 @@ extensions = [
     "bibliography",
     "mathml",
     "reference",
+    "linking",
 ]
 exclude_patterns = ["gallery/**/*.ipynb", "**/*.py", "extensions"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}

@@ -9,14 +9,11 @@ import re
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import TypeVar
 
 from cyclopts import App
 from cyclopts.docs.rst import generate_rst_docs
-from docutils import nodes
-from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
-from sphinx.environment import BuildEnvironment
-from sphinx.ext.autosummary import AutoLink, ImportExceptionGroup, import_by_name
 from sphinx.pycode import ModuleAnalyzer
 
 import flexcam
@@ -73,8 +70,8 @@ def names_of(module: ModuleType) -> list[str]:
     """Return the public names of a room: ``__all__``, or what a file of one's own defines."""
     if hasattr(module, "__all__"):
         return [name for name in module.__all__ if not inspect.ismodule(getattr(module, name))]
-    own = [name for name, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__]
-    return sorted(name for name in own if not name.startswith("_"))
+    own = {name: value for name, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__}
+    return sorted(name for name, value in own.items() if not name.startswith("_") and not isinstance(value, TypeVar))
 
 
 def words_of(module: ModuleType, name: str) -> str:
@@ -177,41 +174,6 @@ def write_pages(app: Sphinx) -> None:
     write(reference / "commands", command_pages())
 
 
-def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.Node) -> nodes.Node | None:
-    """Link a name of flexcam to where it is told; one that exists but is not public stays plain text."""
-    target = node.get("reftarget", "")
-    if node.get("refdomain") != "py" or not target.startswith("flexcam"):
-        return None
-    try:
-        value = import_by_name(target)[1]
-    except ImportExceptionGroup:
-        return None
-    home = homes().get(id(value))
-    if home is None or home == target:
-        return content
-    return env.domains["py"].resolve_xref(env, node["refdoc"], app.builder, "obj", home, node, content)
-
-
-class Name(AutoLink):
-    """A name in single quotes: a link where it is public, code wherever it is not; a room's name links to its page."""
-
-    def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
-        """Return the link, or the name as code."""
-        if self.text in rooms() and self.text != "flexcam":
-            self.text = f"~flexcam.{self.text}"
-        found, messages = super().run()
-        plain = [nodes.literal(n.rawsource, n.astext()) if isinstance(n, nodes.emphasis) else n for n in found]
-        return plain, messages
-
-
-def without_call(app: Sphinx, what: str, name: str, value: object, *rest: object) -> tuple[str, str] | None:
-    """Return an empty signature for a protocol, which is not called."""
-    return ("", "") if what == "class" and getattr(value, "_is_protocol", False) else None
-
-
 def setup(app: Sphinx) -> dict[str, bool]:
-    app.add_role("name", Name())
-    app.connect("autodoc-process-signature", without_call)
     app.connect("builder-inited", write_pages)
-    app.connect("missing-reference", resolve)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
