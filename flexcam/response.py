@@ -469,6 +469,7 @@ Advance = Callable[[int], None]
 """Told how many more of many things are finished."""
 
 Thing = TypeVar("Thing")
+"""What is counted."""
 
 
 def counted(things: Iterable[Thing], advance: Advance | None) -> Iterator[Thing]:

@@ -12,13 +12,14 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from flexcam import read_case, run
-from flexcam.case import Case
+from flexcam.cam import cam_profile
+from flexcam.case import Case, read_cams
 from flexcam.fidelity import OneMass
 from flexcam.motion import LAWS, LiftEvent, quinquinomial
 from flexcam.response import Response
 from flexcam.train import free_speed
 from flexcam.units import RPM
-from flexcam.view import law_figure, lift_figure, motion_figure
+from flexcam.view import law_figure, lift_figure, motion_figure, profile_figure
 from flexcam.view.axes import legend, looks, stacked
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -66,6 +67,12 @@ def li() -> Figure:
     return motion_figure({"": drawn(one)}, "valve.uy", rigid={"": drawn(one, rigid=True)})
 
 
+def li_cam() -> Figure:
+    """Draw the cam of the swinging roller follower, half way up the rise."""
+    cam = read_cams(ROOT / "cases/cams/li-swing.toml").cams["swing"].made()
+    return profile_figure(cam_profile(cam.event, cam.follower, turn=cam.turn), angle=np.pi / 3.0)
+
+
 def petrescu() -> Figure:
     """Draw lift and acceleration of the closed form over the rise."""
     figure, (lift, pull) = stacked(("opening\nmm", "acceleration\nkm/s²"), "cam angle, deg", height=2.4)
@@ -103,6 +110,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "tayeb-sliman": tayeb_sliman,
     "tayeb-sliman-growth": tayeb_sliman_growth,
     "li": li,
+    "li-cam": li_cam,
     "petrescu": petrescu,
     "pavlovic-lutovac": pavlovic_lutovac,
     "roussev": roussev,

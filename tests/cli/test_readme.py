@@ -6,6 +6,7 @@ that take many seconds run there with fewer steps or variants, and as they stand
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import shutil
@@ -71,6 +72,14 @@ def test_lines_of_python(capsys):
     (block,) = [block for kind, block in FENCES if kind == "python"]
     exec(block, {})  # noqa: S102 - what users copy
     assert float(capsys.readouterr().out) == pytest.approx(0.02149, abs=5e-6)
+
+
+def test_what_is_said_of_speed_is_what_was_measured():
+    measured = json.loads((ROOT / "docs/performance-peers.json").read_text(encoding="utf-8"))["solvers"]
+    took = {one["title"].partition(" (")[0]: one.get("us_per_step") for one in measured}
+    said = "Exudyn's tuned solver is faster per step than flexcam's plain path, and slower than its machine code"
+    assert said in " ".join(README.split())
+    assert took["flexcam"] > took["Exudyn, tuned"] > took["flexcam, machine code"]
 
 
 def test_targets_stand_in_the_makefile():

@@ -174,7 +174,7 @@ def test_too_few_harmonics_are_told_what_they_can_hold(told):
     assert told(*SHORT, "--count", "3", "--tolerance", f"{0.998 * held} um").code == 2
 
 
-def test_a_law_of_least_acceleration(told, tmp_path):
+def test_a_law_of_least_acceleration(told, tmp_path, monkeypatch):
     """The numbers of docs/motion.md: splines on 24 pieces, a jerk of 52.5, no law at all below 8/(1 + sqrt(1 - 32/J))."""
     found = facts(told, *LEAST, "--bound", "Cj=52.5", "-o", "new/best.toml", "--plot", "best.svg")
     assert (list(found), found["files"]) == (["status", "laws", "files"], ["new/best.toml", "best.svg"])
@@ -186,6 +186,7 @@ def test_a_law_of_least_acceleration(told, tmp_path):
     assert law["bound_over_all_laws"] == pytest.approx(8 / (1 + math.sqrt(1 - 32 / 52.5)), rel=1e-12)
     said = facts(told, "law", "new/best.toml")
     assert [said[key] for key in LAW[5:9]] == [law[key] for key in LAW[5:9]]
+    monkeypatch.setenv("FLEXCAM_FILES", str(tmp_path))
     case = plain([f"cams.intake.law={tmp_path}/new/best.toml"])
     lift = build_model(case).cams["intake"].event(np.array([math.pi / 4]))
     assert lift == 0.006 * law_file(tmp_path / "new/best.toml").law(np.array([0.25]))
