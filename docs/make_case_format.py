@@ -21,8 +21,13 @@ be laid over from the command line: `--set run.speed=4000rpm`.
 
 Directions are a component with an optional sign (`"uy"`, `"-rx"`) or three numbers in global axes. Points are named nodes: of
 the mesh's point groups, or of `[nodes]`; a rocker defines one more. A node on no member moves where a mass at it has inertia, and
-along springs at it; a train of masses and springs alone needs no material, section or member (`cases/li`). The published cases lie in `cases/tayeb`; a whole case
-without a mesh file:
+along springs at it; a train of masses and springs alone needs no material, section or member (`cases/li`). The published cases lie in `cases/tayeb`.
+
+Files that a case names lie in its folder, up to two folders above it, or below these; [security.md](security.md) has the reasons
+and the way to allow others. A number that is possible but hardly meant, such as `E = 207` (207 Pa: did you mean 207 GPa?), is not
+refused: `check`, `run` and the report tell it, with what was likely meant, and the result keeps the sentence. So are components
+that two supports hold, springs on what a support holds, members that nothing touches, and contacts that no spring closes before the
+cam turns. A whole case without a mesh file:
 
 ```toml
 """

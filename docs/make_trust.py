@@ -50,8 +50,8 @@ def existing() -> set[str]:
 
 def merged(kept: list[dict], recorded: list[dict]) -> list[dict]:
     """Return the rows that ran, and of those kept the ones whose test did not run but exists, in the page's order."""
-    ran, known = {function(row) for row in recorded}, existing()
-    rows = [row for row in kept if function(row) not in ran and function(row) in known] + recorded
+    ran, known = {row["test"] for row in recorded}, existing()
+    rows = [row for row in kept if row["test"] not in ran and function(row) in known] + recorded
     kinds = list(KINDS)
     return sorted(rows, key=lambda row: (kinds.index(row["kind"]), function(row), row["what"]))
 

@@ -13,6 +13,7 @@ from flexcam.integrate.problem import State
 from flexcam.linalg import (
     TOO_MUCH,
     FloatArray,
+    SingularMatrixError,
     Triplets,
     diagonal_scale,
     energy_rounding,
@@ -67,7 +68,7 @@ def static_displacement(
     """
     free = null_space(stiffness) if free is None else free
     if not free.shape[1]:
-        return _trusted(stiffness, load, factorize(stiffness).solve(load))
+        return _trusted(stiffness, load, _solved(stiffness, load))
     # Weighed with the diagonal of the stiffness, translations and rotations compare whatever their units.
     scale = diagonal_scale(stiffness)
     motions = np.linalg.qr(free / scale[:, None])[0]
@@ -75,10 +76,18 @@ def static_displacement(
     # As the load does no work on the free motions, holding one unknown of each changes nothing but their share.
     kept = np.setdiff1d(np.arange(stiffness.size), pins(motions))
     x = np.zeros(stiffness.size)
-    x[kept] = factorize(stiffness.part(kept)).solve(load[kept])
+    x[kept] = _solved(stiffness.part(kept), load[kept])
     # Plain least squares of the components: no axis of space is favoured.
     drift = np.linalg.qr(free)[0]
     return _trusted(stiffness, load, x) - drift @ (drift.T @ x)
+
+
+def _solved(stiffness: Triplets, load: FloatArray) -> FloatArray:
+    """Return the displacement of a structure that is held: what is singular then is so by rounding."""
+    try:
+        return factorize(stiffness).solve(load)
+    except SingularMatrixError:
+        raise RunFailedError(TOO_FINE) from None
 
 
 def _trusted(stiffness: Triplets, load: FloatArray, x: FloatArray) -> FloatArray:

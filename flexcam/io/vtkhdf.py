@@ -104,6 +104,7 @@ class ResultFile:
             self._draft.show()
 
     def _create(self, geometry: Geometry, save: SaveAt, about: Mapping[str, str]) -> None:
+        _need_room(self._draft.path, geometry, self._outline, about)
         # Chunks are written once and whole: a cache would keep them all, to be looked through at every flush.
         self._file: Any = h5py.File(self._draft.path, "w", locking=False, rdcc_nbytes=0)
         _bound(self._file)
@@ -251,6 +252,18 @@ def partial_of(path: Path) -> Path:
         Beside it.
     """
     return path.with_name(f"{path.stem}.partial.vtkhdf")
+
+
+def _need_room(path: Path, geometry: Geometry, outline: Outline, about: Mapping[str, str]) -> None:
+    """Write as much as an empty result takes, to fail as other files do: HDF5 without room can end the process."""
+    datasets = _DATASETS + len(SERIES) * len(outline.probes) + len(outline.channels) + len(geometry.mesh.points)
+    size = _HEAD * datasets + sum(map(len, about.values())) + _STILL * len(geometry.node)
+    with path.open("wb") as file:
+        file.write(bytes(size))
+
+
+_DATASETS, _HEAD, _STILL = 45, 1650, 8 * 24
+"""Datasets of any result; bytes of one's head and of the first of its index; of what stands still at a point."""
 
 
 def _bound(file: Any) -> None:  # noqa: ANN401

@@ -9,6 +9,7 @@ from random import Random
 import pytest
 
 from flexcam import FlexcamError
+from flexcam.response import RunFailedError
 from tests.fuzz import damage, targets
 from tests.fuzz.run import fuzz
 
@@ -74,6 +75,17 @@ def test_texts_that_broke_it_once(what, tmp_path):
     (tmp_path / seed.name).write_text(changed, encoding="utf-8")
     with pytest.raises(FlexcamError):
         targets.TARGETS[name].feed(tmp_path / seed.name, Random(1))
+
+
+def test_a_tube_of_eight_kilometres(tmp_path):
+    """Beside it the rest has no stiffness in floating point: a status, not a singular matrix."""
+    text = (targets.ROOT / "cases/tayeb/model-2-cycloidal.toml").read_text(encoding="utf-8")
+    text = text.replace("../../meshes", str(targets.ROOT / "meshes")).replace(
+        'outer_diameter = "8 mm"', "outer_diameter = 8e3"
+    )
+    (tmp_path / "tube.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(RunFailedError, match="rounding"):
+        targets.case(tmp_path / "tube.toml", Random(1))
 
 
 def test_a_body_on_a_spring_without_stiffness_is_checked(tmp_path):
