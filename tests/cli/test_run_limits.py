@@ -34,7 +34,7 @@ def test_in_json_it_has_five_facts(flexcam, case):
 
 
 def test_it_may_be_tried_all_the_same(flexcam, case, monkeypatch):
-    monkeypatch.setattr(within, "free_memory", lambda: 1000)
+    monkeypatch.setattr(within, "free_memory", lambda: 100_000)
     assert "memory: given a run of" in flexcam("run", case, "-o", "out").err
     assert flexcam("run", case, "-o", "out", "--allow-large").code == 0
 
@@ -47,7 +47,7 @@ MANY = [
 
 @pytest.mark.parametrize("words", MANY, ids=lambda words: words[0])
 def test_many_runs_are_refused_before_the_first(flexcam, case, monkeypatch, words):
-    monkeypatch.setattr(within, "free_memory", lambda: 1000)
+    monkeypatch.setattr(within, "free_memory", lambda: 100_000)
     ended = flexcam(words[0], case, *words[1:])
     assert ended.code == 2
     assert "memory: given a run of" in ended.err
@@ -55,7 +55,7 @@ def test_many_runs_are_refused_before_the_first(flexcam, case, monkeypatch, word
 
 
 def test_frequencies_need_no_room_for_a_run(flexcam, case, monkeypatch):
-    monkeypatch.setattr(within, "free_memory", lambda: 1000)
+    monkeypatch.setattr(within, "free_memory", lambda: 100_000)
     ended = flexcam("sensitivity", case, "--of", "frequency.1", "--to", "springs.valve.stiffness")
     assert ended.code == 0
 
