@@ -167,7 +167,7 @@ def test_parts_of_blocks_change_no_motion(pytestconfig, monkeypatch):
     case = read_case(pytestconfig.rootpath / "cases" / "pushrod-engine" / "intake.toml", ["run.revolutions=0.05"])
     ready = prepare(case)
     whole = solve(ready.problem, ready.scheme, save=ready.save)
-    monkeypatch.setattr(sys.modules["flexcam.integrate.solve"], "_AT_ONCE", 7 * whole.stats.unknowns)
+    monkeypatch.setattr(sys.modules["flexcam.integrate.solve"], "AT_ONCE", 7 * whole.stats.unknowns)
     parts = solve(ready.problem, ready.scheme, save=ready.save)
     np.testing.assert_array_equal(parts.fields.acceleration, whole.fields.acceleration)
     np.testing.assert_array_equal(parts.field_time, whole.field_time)
