@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from flexcam.budget import Budget, affordable, budget
+from flexcam.budget import Budget, affordable, affordable_mesh, budget
 from flexcam.case import Case, build_model, unusual
 from flexcam.checkpoint import Earlier
 from flexcam.checks import Fault, InputError, refuse
@@ -85,7 +85,8 @@ class Prepared:
 
 
 def prepare(
-    case: Case, *, rigid: bool = False, model: Model | None = None, until: float | None = None
+    case: Case, *, rigid: bool = False, model: Model | None = None, until: float | None = None,
+    allow_large: bool = False,
 ) -> Prepared:  # fmt: skip
     """Build what a case describes, up to the point where time begins.
 
@@ -99,6 +100,8 @@ def prepare(
         That of the case, where it is built already, such as for another speed.
     until
         When the search for a periodic start ends at the latest, s of `time.monotonic`; None for no limit.
+    allow_large
+        Whether the matrices may take more memory than there seems to be.
 
     Returns
     -------
@@ -116,7 +119,7 @@ def prepare(
     --------
     ``prepare(case).problem.system`` is the `System` of a case, for one's own studies.
     """
-    model, system = described(case, rigid=rigid, model=model)
+    model, system = described(case, rigid=rigid, model=model, allow_large=allow_large)
     save = SaveAt(field_every=case.record.output.field_every)
     problem, scheme = _problem(case, model, system), case.record.run.integrator.made()
     problem = started(case, model, problem, until=until)
@@ -126,12 +129,14 @@ def prepare(
     return Prepared(case, model, problem, scheme, save)
 
 
-def described(case: Case, *, rigid: bool = False, model: Model | None = None) -> tuple[Model, System]:
+def described(
+    case: Case, *, rigid: bool = False, model: Model | None = None, allow_large: bool = False
+) -> tuple[Model, System]:  # fmt: skip
     """Return the model of a case and its equations, before any start is looked for.
 
     Parameters
     ----------
-    case, rigid, model
+    case, rigid, model, allow_large
         As for `prepare`.
 
     Returns
@@ -150,6 +155,8 @@ def described(case: Case, *, rigid: bool = False, model: Model | None = None) ->
     """
     kind = _kind(case, rigid=rigid)
     model = model or build_model(case)
+    if not allow_large:
+        affordable_mesh(model.mesh)
     model = straight(model) if kind in _CHAINS else model
     make = build_rigid if kind == "rigid" else build_system
     try:
@@ -345,7 +352,7 @@ def run(
     """
     if keep not in _KEPT:
         raise refuse("keep", repr(keep), " or ".join(map(repr, _KEPT)))
-    ready = prepare(case, rigid=rigid)
+    ready = prepare(case, rigid=rigid, allow_large=allow_large)
     if not allow_large:
         affordable(budget_of(ready, keep))
     memory = recent(ready) if keep == "revolution" else None

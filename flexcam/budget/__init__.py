@@ -6,6 +6,6 @@ Another thing that a run keeps is a new term of the estimate; `flexcam check` pr
 
 from flexcam.budget.needs import Budget, budget
 from flexcam.budget.room import free_disk, free_memory
-from flexcam.budget.within import affordable, size
+from flexcam.budget.within import affordable, affordable_mesh, size
 
-__all__ = ["Budget", "affordable", "budget", "free_disk", "free_memory", "size"]
+__all__ = ["Budget", "affordable", "affordable_mesh", "budget", "free_disk", "free_memory", "size"]

@@ -103,27 +103,26 @@ def budget(problem: Problem, mesh: Mesh, save: SaveAt, *, kept: int | None = Non
     histories = (
         rows * row + 3 * unknowns * fields if kept is None else min(kept + save.block, rows) * row + 3 * unknowns
     )
+    inside = integrated(problem)
     return Budget(
         machine=_ANY + (_COMPILER if wanted_path(problem) == "compiled" else 0),
-        equations=_equations(problem),
-        blocks=_blocks(problem, mesh, save, row, unknowns),
+        equations=_equations(problem, inside),
+        blocks=_blocks(inside, mesh, save, min(save.block, rows), row, unknowns),
         histories=_COPIES * _NUMBER * histories,
         file=result_bytes(names, mesh, save, problem.steps),
     )
 
 
-def _equations(problem: Problem) -> int:
-    system, inside = problem.system, integrated(problem)
+def _equations(problem: Problem, inside: int) -> int:
+    system = problem.system
     entries = sum(len(matrix.values) for matrix in (system.mass, system.damping, system.stiffness))
     small = _NUMBER * _DENSE * min(inside, DENSE_LIMIT) ** 2
     basis = _NUMBER * inside * system.size if problem.basis is not None else 0
     return small + basis + _ENTRY * entries
 
 
-def _blocks(problem: Problem, mesh: Mesh, save: SaveAt, row: int, unknowns: int) -> int:
+def _blocks(inside: int, mesh: Mesh, save: SaveAt, block: int, row: int, unknowns: int) -> int:
     """Return what the steps in hand take: walked, joined to a block, and their fields as they are drawn."""
-    inside = integrated(problem)
-    block = min(save.block, problem.steps + 1)
     walked = min(max(AT_ONCE // max(inside, 1), LEAST_AT_ONCE), block)
     fields = block // save.field_every + 1
     drawn = 2 * (_DRAWN * points_drawn(mesh) + 3 * unknowns)

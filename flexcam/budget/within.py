@@ -7,9 +7,13 @@ from pathlib import Path
 from flexcam.budget.needs import Budget
 from flexcam.budget.room import free_disk, free_memory
 from flexcam.checks import Fault, InputError
+from flexcam.fem import Mesh
 
 _SPARED = 0.9
 """Part of what is free that a run may take: others work on the machine, and estimates are estimates."""
+
+_ELEMENT = 8000
+"""Bytes that matrices, factor and start of a model take per element at least, measured from 3e3 to 2e5 elements."""
 
 _UNITS = ("B", "kB", "MB", "GB", "TB", "PB")
 
@@ -40,6 +44,27 @@ def affordable(needs: Budget, folder: Path | None = None, *, together: int = 1) 
     faults = [_memory(needs, together), None if folder is None else _disk(needs, folder)]
     if found := [fault for fault in faults if fault]:
         raise InputError(found)
+
+
+def affordable_mesh(mesh: Mesh) -> None:
+    """Refuse a mesh for whose matrices there is no memory, before they are made.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+
+    Raises
+    ------
+    InputError
+        With what is needed and what is there.
+    """
+    count, free = sum(len(line) - 1 for line in mesh.lines.values()), free_memory()
+    if free is None or _ELEMENT * count <= _SPARED * free:
+        return
+    given = f"{count} elements, whose matrices take {size(_ELEMENT * count)}"
+    remedy = "fewer elements, or flexcam run --allow-large to try it all the same"
+    raise InputError([Fault("memory", given, f"up to {size(int(_SPARED * free))}", f"{size(free)} are free", remedy)])
 
 
 def _memory(needs: Budget, together: int) -> Fault | None:

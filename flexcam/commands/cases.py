@@ -128,7 +128,7 @@ def run(
     until = None if time_limit is None else time.monotonic() + _seconds(time_limit)
     read, choice = fidelity.chosen(load(case, overrides))
     probe = scalar_probe(prepare(read)) if read.record.fidelity.estimate else ""
-    ready = prepare(read, until=until)
+    ready = prepare(read, until=until, allow_large=allow_large)
     if not allow_large:
         affordable(budget_of(ready, "revolution"), folder)
     earlier = unfinished(ready, folder) if resume else None

@@ -10,10 +10,10 @@ from flexcam.io.growing import chunk_rows
 from flexcam.io.vtkhdf import SERIES, VECTORS
 from flexcam.response import Outline, SaveAt
 
-_NUMBER, _CHUNK, _DATASET = 8, 80, 4200
+_NUMBER, _CHUNK, _DATASET = 8, 80, 2900
 """Bytes of a number, of a chunk's checksum and entry in the index, of a dataset's head and the first of its index."""
 
-_ABOUT = 95_000
+_ABOUT = 125_000
 """Bytes of the case, of what else is kept as text, and of the mesh for what does not grow with it."""
 
 _STILL = 24

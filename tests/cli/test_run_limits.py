@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import time
 from pathlib import Path
 
 import pytest
@@ -32,7 +34,7 @@ def test_in_json_it_has_five_facts(flexcam, case):
 
 
 def test_it_may_be_tried_all_the_same(flexcam, case, monkeypatch):
-    monkeypatch.setattr(within, "free_memory", lambda: 1000)
+    monkeypatch.setattr(within, "free_memory", lambda: 100_000)
     assert "memory: given a run of" in flexcam("run", case, "-o", "out").err
     assert flexcam("run", case, "-o", "out", "--allow-large").code == 0
 
@@ -45,7 +47,7 @@ MANY = [
 
 @pytest.mark.parametrize("words", MANY, ids=lambda words: words[0])
 def test_many_runs_are_refused_before_the_first(flexcam, case, monkeypatch, words):
-    monkeypatch.setattr(within, "free_memory", lambda: 1000)
+    monkeypatch.setattr(within, "free_memory", lambda: 100_000)
     ended = flexcam(words[0], case, *words[1:])
     assert ended.code == 2
     assert "memory: given a run of" in ended.err
@@ -53,7 +55,7 @@ def test_many_runs_are_refused_before_the_first(flexcam, case, monkeypatch, word
 
 
 def test_frequencies_need_no_room_for_a_run(flexcam, case, monkeypatch):
-    monkeypatch.setattr(within, "free_memory", lambda: 1000)
+    monkeypatch.setattr(within, "free_memory", lambda: 100_000)
     ended = flexcam("sensitivity", case, "--of", "frequency.1", "--to", "springs.valve.stiffness")
     assert ended.code == 0
 
@@ -66,16 +68,24 @@ def test_check_tells_what_a_run_takes(flexcam, case):
 
 
 @pytest.mark.parametrize("path", ["general", "modal", "compiled"])
-def test_a_run_ends_when_its_time_is_over(flexcam, case, path):
+def test_a_run_ends_when_its_time_is_over(flexcam, case, path, monkeypatch):
+    """By a clock that jumps after it has been looked at some times, wherever the machine is by then."""
+    looks = itertools.count()
+    monkeypatch.setattr("time.monotonic", lambda: 0.0 if next(looks) < 20 else 1e6)
     endless = ("--set", "run.revolutions=1e6", "--allow-large")
-    ended = flexcam("run", case, *endless, "--set", f"run.path={path}", "--time-limit", "0.3 s", "--json")
+    ended = flexcam("run", case, *endless, "--set", f"run.path={path}", "--time-limit", "1 h", "--json")
     assert ended.code == 3
     assert ended.json["status"] == "time-limit"
     kept = read_result(ended.json["result"]).response
     assert kept.status.cause is Cause.TIME_LIMIT
     assert kept.stats.steps == ended.json["steps"] == len(kept.time) - 1 > 0
-    longest = 30.0 if path == "compiled" else 2.0  # a block takes hundredths of a second; the compiler some
-    assert 0.1 < kept.stats.seconds < longest
+
+
+def test_time_passes(flexcam, case):
+    begun = time.perf_counter()
+    ended = flexcam("run", case, "--set", "run.revolutions=1e6", "--allow-large", "--time-limit", "0.3 s")
+    assert ended.code == 3
+    assert 0.3 < time.perf_counter() - begun < 20.0  # a busy machine
 
 
 def test_the_search_for_a_start_ends_too(flexcam, case):

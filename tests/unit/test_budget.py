@@ -122,6 +122,14 @@ def test_a_run_in_python_is_refused_too(monkeypatch):
     assert flexcam.run(case, allow_large=True).status.ok
 
 
+def test_a_mesh_is_refused_before_its_matrices_are_made(monkeypatch):
+    monkeypatch.setattr(within, "free_memory", lambda: 1_000_000)
+    case = flexcam.read_case(CASE, ["members.camshaft.elements=100"])
+    with pytest.raises(InputError, match=r"301 elements, whose matrices take 2\.4 MB"):
+        prepare(case)
+    assert prepare(case, allow_large=True).problem.system.size > 1000
+
+
 def test_a_sweep_is_refused_for_its_first_variant(monkeypatch, tmp_path):
     asked = study(CASE, ["run.speed=1000:3000:1000rpm"])
     needs = budget_of(prepare(flexcam.read_case(CASE)))

@@ -173,3 +173,10 @@ def test_warnings_are_kept_with_the_result(tmp_path):
     assert read.warnings == ("Warning: one", "two")
     assert asked == [ready.problem.steps]
     assert read.response.stats.imbalance == pytest.approx(0.0, abs=1e-10)
+
+
+def test_contacts_are_in_balance_too():
+    ready = prepare(flexcam.read_case(CASE.with_name("every-contact.toml"), ["run.revolutions=0.2"]))
+    response = solve(ready.problem, ready.scheme)
+    assert np.abs(response.channels["contacts.intake.force"]).max() > 1.0
+    assert 0.0 < response.stats.imbalance < 1e-9
