@@ -138,6 +138,11 @@ def _lock(held: int) -> None:
 def plainly() -> Generator[None]:
     """Say in the system's own words why a file cannot be written; HDF5 tells addresses and buffers as well.
 
+    Yields
+    ------
+    None
+        Around what is written.
+
     Raises
     ------
     OSError
