@@ -318,7 +318,7 @@ def _two(case: Path, against: str, probe: str | None, overrides: Overrides, as_j
         at = probe or scalar_probe(Source(case).ready)
     else:
         read = load(case, overrides)
-        one, at = solve_case(read), probe or scalar_probe(prepare(read))
+        one, at = _whole(solve_case(read)), probe or scalar_probe(prepare(read))
     other = _other(against, read, overrides)
     found = fidelity.between(one, other, at, _speed_rpm(one), (case.stem, Path(against).stem))
     if as_json:
