@@ -316,7 +316,7 @@ def _bracketed(name: str, words: str, speeds: list[float], ask: Callable[[float]
             break
         low = high
     else:
-        return Limit(None, tolerance / RPM, f"{words}: not up to {speeds[-1] / RPM:.6g} rpm")
+        return Limit(None, tolerance / RPM, f"{words}: not up to {speeds[-1] / RPM:.6g} camshaft rpm")
     if low == 0.0:
         return Limit(high / RPM, math.inf, f"{words}: already at the lowest speed looked at")
     while high - low > tolerance:
