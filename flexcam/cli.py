@@ -7,6 +7,7 @@ Results go to standard output, messages to standard error. Exit codes: 0 done, 2
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -18,7 +19,7 @@ from cyclopts import CycloptsError
 
 from flexcam import __version__
 from flexcam.checks import Fault, InputError
-from flexcam.commands import app, load, running
+from flexcam.commands import FILES, app, load, running
 from flexcam.response import Cause, RunFailedError, Status
 from flexcam.terminal import print_json
 
@@ -58,6 +59,18 @@ def _crashed(words: Sequence[str], as_json: bool) -> int:
     return FAULT
 
 
+def _misspelt(words: Sequence[str], fault: CycloptsError) -> Fault:
+    """Return a command line that is none, in the words of this one."""
+    command = [word for word in words[:1] if any(word in commands for commands in FILES.values())]
+    why = str(fault)
+    if found := re.match(r'Command "\S+" parameter (--\S+) requires an argument', why):
+        option = found[1]
+        why = f"{option} is followed by nothing" if option in words else f"{option[2:].upper()} ({option}) is missing"
+    elif found := re.match(r"Unused Tokens: \[(.*)\]", why):
+        why = f"nothing takes {found[1]}"
+    return Fault("command line", " ".join(words) or "nothing", f"see {' '.join(['flexcam', *command])} --help", why, "")
+
+
 _INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before it was finished: nothing is kept")
 
 
@@ -80,14 +93,15 @@ def _dispatch(words: Sequence[str]) -> int:
         status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
         code = _ended(status) if isinstance(status, Status) else DONE
     except CycloptsError as fault:
-        given = " ".join(words) or "nothing"
-        code = _refused([Fault("command line", given, "see flexcam --help", str(fault), "")], as_json)
+        code = _refused([_misspelt(words, fault)], as_json)
     except InputError as refusal:
         code = _refused(refusal.faults, as_json)
     except RunFailedError as failure:
         code = _failed(failure.status, as_json)
     except KeyboardInterrupt:
         code = _failed(_INTERRUPTED, as_json)
+    except BrokenPipeError:
+        raise
     except Exception:  # noqa: BLE001 - the one place where a fault of flexcam itself becomes a message
         code = _crashed(words, as_json)
     # A signal that arrived inside a finalizer was swallowed there; it still counts.

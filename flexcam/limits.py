@@ -18,7 +18,7 @@ from flexcam.integrate import Problem, equilibrium, solve
 from flexcam.linalg import FloatArray
 from flexcam.motion import event_extremes
 from flexcam.response import Advance, Response, heed
-from flexcam.runner import Prepared, described, prepare
+from flexcam.runner import Prepared, described, prepare, standing
 from flexcam.system import ConstantSpeed
 from flexcam.train import CamContact, Model, Seat, main_lift, seating, separation
 from flexcam.units import RPM
@@ -292,8 +292,7 @@ def margins(case: Case) -> Margins:
 
 def _at_rest(case: Case) -> dict[str, float]:
     """Return the buckling load of every member by its compression when its cam stands at full lift."""
-    # Only the model is asked for: a periodic start would take revolutions.
-    ready = prepare(case.with_run({"start": "equilibrium"}) if case.record.run.start == "periodic" else case)
+    ready = standing(case)
     system = ready.problem.system
     least: dict[str, float] = {}
     for cam in ready.model.cams.values():
@@ -317,7 +316,7 @@ def _bracketed(name: str, words: str, speeds: list[float], ask: Callable[[float]
             break
         low = high
     else:
-        return Limit(None, tolerance / RPM, f"{words}: not up to {speeds[-1] / RPM:.6g} rpm")
+        return Limit(None, tolerance / RPM, f"{words}: not up to {speeds[-1] / RPM:.6g} camshaft rpm")
     if low == 0.0:
         return Limit(high / RPM, math.inf, f"{words}: already at the lowest speed looked at")
     while high - low > tolerance:

@@ -36,7 +36,7 @@ from flexcam.linalg import FloatArray
 from flexcam.memory import Recent
 from flexcam.modal import mac
 from flexcam.response import Response, SaveAt, Sink, Stats
-from flexcam.starting import drive_of, revolution_of, started
+from flexcam.starting import drive_of, revolution_of, started, steps_per_revolution
 from flexcam.system import Basis, Probe, Shapes, System
 from flexcam.train import (
     Model,
@@ -121,12 +121,45 @@ def prepare(
     """
     model, system = described(case, rigid=rigid, model=model, allow_large=allow_large)
     save = SaveAt(field_every=case.record.output.field_every)
-    problem, scheme = _problem(case, model, system), case.record.run.integrator.made()
-    problem = started(case, model, problem, until=until)
+    scheme = case.record.run.integrator.made()
+    try:
+        problem = started(case, model, _problem(case, model, system), until=until)
+    except InputError as refusal:
+        raise _placed(case, refusal) from None
     problem = replace(problem, basis=_basis(case, model, problem, _kind(case, rigid=rigid)))
     if refusal := refused(problem, scheme):
         raise _placed(case, refusal)
     return Prepared(case, model, problem, scheme, save)
+
+
+def standing(case: Case) -> Prepared:
+    """Build what a case describes; from equilibrium where it asks for a periodic state, which takes time to find.
+
+    Parameters
+    ----------
+    case
+        A checked case.
+
+    Returns
+    -------
+    Prepared
+        As from `prepare`, of the case as it is.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together, or no periodic state fits the steps.
+    RunFailedError
+        If the start has no balance.
+    """
+    if case.record.run.start != "periodic":
+        return prepare(case)
+    ready = replace(prepare(case.with_run({"start": "equilibrium"})), case=case)
+    try:
+        steps_per_revolution(case, ready.problem)
+    except InputError as refusal:
+        raise _placed(case, refusal) from None
+    return ready
 
 
 def described(
@@ -194,8 +227,10 @@ def _basis(case: Case, model: Model, problem: Problem, kind: str) -> Basis | Non
 
 
 def _placed(case: Case, refusal: InputError) -> InputError:
-    """Return a refusal with its keys' lines in the case file."""
-    return InputError(replace(fault, where=case.place(tuple(fault.where.split(".")))) for fault in refusal.faults)
+    """Return a refusal with its keys' lines in the case file, where they are not told yet."""
+    told = (fault if " (" in fault.where else replace(fault, where=case.place(tuple(fault.where.split("."))))
+            for fault in refusal.faults)  # fmt: skip
+    return InputError(told)
 
 
 def _problem(case: Case, model: Model, system: System) -> Problem:

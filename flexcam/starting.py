@@ -125,16 +125,39 @@ def _carried(problem: Problem) -> State:
     return carried_equilibrium(problem.system, problem.drive) if problem.system.size else State.rest(0)
 
 
+def steps_per_revolution(case: Case, problem: Problem) -> int:
+    """Return the steps of a revolution, after which a periodic state is there again.
+
+    Parameters
+    ----------
+    case
+        The case.
+    problem
+        With its step.
+
+    Returns
+    -------
+    int
+        Steps.
+
+    Raises
+    ------
+    InputError
+        If they are no whole number.
+    """
+    revolution = revolution_of(case, problem.drive)
+    steps = round(revolution / problem.step)
+    if abs(steps * problem.step - revolution) > _SAME_ANGLE * revolution:
+        given, why = f"a step of {problem.step:g} s", "the periodic state is that after a whole revolution"
+        raise refuse("run.step", given, "a whole number of steps per revolution", why, "use steps_per_revolution")
+    return steps
+
+
 def _periodic(case: Case, problem: Problem, until: float | None) -> Problem:
     """Return the problem from its periodic state."""
     if not problem.system.size:
         return replace(problem, start=replace(State.rest(0), periodicity=0.0))
-    revolution = revolution_of(case, problem.drive)
-    per_revolution = round(revolution / problem.step)
-    if abs(per_revolution * problem.step - revolution) > _SAME_ANGLE * revolution:
-        given, why = f"a step of {problem.step:g} s", "the periodic state is that after a whole revolution"
-        raise refuse("run.step", given, "a whole number of steps per revolution", why, "use steps_per_revolution")
-    one = replace(problem, steps=per_revolution)
+    one = replace(problem, steps=steps_per_revolution(case, problem))
     return replace(problem, start=periodic(one, case.record.run.integrator.made(), until=until))
 
 

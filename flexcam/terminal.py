@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from functools import partial
+from textwrap import fill
 
 from rich.console import Console
 from rich.table import Table
@@ -24,7 +25,14 @@ def out() -> Console:
         On standard output.
     """
     width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
-    return Console(file=sys.stdout, width=width, highlight=False, markup=False, soft_wrap=False)
+    return _Out(file=sys.stdout, width=width, highlight=False, markup=False, soft_wrap=False)
+
+
+class _Out(Console):
+    """A console that leaves it to the command line how to end when its reader goes away."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
 
 
 def print_json(content: object) -> None:
@@ -127,7 +135,8 @@ def bare(title: str) -> Table:
     Table
         Without columns.
     """
-    made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 3, 0, 0))
+    gap = (0, _GAP, 0, 0)
+    made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=gap)
     made.min_width = len(title)
     return made
 
@@ -149,12 +158,29 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> 
     Table
         For rich.
     """
-    made = bare(title)
-    for i, column in enumerate(columns):
-        made.add_column(column, justify="left" if i == 0 else "right")
-    for row in rows:
+    made, cells = bare(title), [list(row) for row in rows]
+    longest = [max((len(row[i]) for row in cells), default=0) for i in range(len(columns))]
+    heads, most = list(columns), out().width
+    whole = sum(size + 1 for size in longest if size <= _NUMBER) <= most  # else their digits take more lines
+    if _width(heads, longest) > most:  # numbers are never cut: their heads take more lines, and gaps are small
+        heads = [fill(head, max(size, 1), break_long_words=False) for head, size in zip(columns, longest, strict=True)]
+        made.padding = (0, 1, 0, 0)
+    for i, (head, size) in enumerate(zip(heads, longest, strict=True)):
+        words = i == 0 or (i == len(columns) - 1 and size > _NUMBER)
+        made.add_column(head, justify="left" if words else "right", no_wrap=whole and size <= _NUMBER, overflow="fold")
+    for row in cells:
         made.add_row(*row)
     return made
+
+
+_NUMBER = 14
+"""Letters of a cell up to which it is a number, with its unit perhaps, and not words that may go over several lines."""
+
+_GAP = 3
+
+
+def _width(heads: Sequence[str], longest: Sequence[int]) -> int:
+    return sum(max(len(head), size) + _GAP for head, size in zip(heads, longest, strict=True)) - _GAP
 
 
 def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:

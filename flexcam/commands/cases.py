@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -53,6 +53,7 @@ from flexcam.runner import (
     recent,
     result_file,
     scalar_probe,
+    standing,
     unfinished,
 )
 from flexcam.runner import modes as case_modes
@@ -84,7 +85,7 @@ flexcam check case.toml --set run.speed=4000rpm --json
 def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False) -> None:
     """Check a case, say what its model contains, and print it with every default filled in."""
     read = load(case, overrides)
-    ready = replace(prepare(_standing(read)), case=read)  # a periodic start takes many revolutions to find
+    ready = standing(read)
     found, takes = case_modes(read), budget_of(ready, "revolution")
     if as_json:
         mesh, system = ready.model.mesh, ready.problem.system
@@ -295,10 +296,6 @@ def _seconds(text: str) -> float:
     return given
 
 
-def _standing(case: Case) -> Case:
-    return case.with_run({"start": "equilibrium"}) if case.record.run.start == "periodic" else case
-
-
 def _estimated(case: Case, probe: str) -> tuple[list[fidelity.Error], list[str]]:
     """Return how far the numbers may be off, or a sentence why that is not known."""
     try:
@@ -318,7 +315,7 @@ def _two(case: Path, against: str, probe: str | None, overrides: Overrides, as_j
         at = probe or scalar_probe(Source(case).ready)
     else:
         read = load(case, overrides)
-        one, at = solve_case(read), probe or scalar_probe(prepare(read))
+        one, at = _whole(solve_case(read)), probe or scalar_probe(prepare(read))
     other = _other(against, read, overrides)
     found = fidelity.between(one, other, at, _speed_rpm(one), (case.stem, Path(against).stem))
     if as_json:

@@ -32,7 +32,7 @@ from flexcam.console.sensitivity import told_derivatives, told_scatter, told_sha
 from flexcam.io import free_to_write, write_text
 from flexcam.limits import Search
 from flexcam.linalg import FloatArray
-from flexcam.response import Cause, RunFailedError, Status
+from flexcam.response import Cause, RunFailedError, Status, heed
 from flexcam.study.differences import STEPS
 from flexcam.sweep import afford_case
 from flexcam.terminal import counting, out
@@ -129,7 +129,11 @@ class _Asked:
 
     def checked(self) -> dict[str, study.Quantity]:
         """Return what is asked of the case as it stands; names that it does not have are refused."""
-        return study.measured(self.case, self.names, self.search)
+        try:
+            return study.measured(self.case, self.names, self.search)
+        except RunFailedError as failure:
+            heed(failure.status)
+            raise
 
     @contextmanager
     def evaluators(self, count: int, workers: int, names: Sequence[str] | None = None) -> Generator[study.Runs]:

@@ -242,9 +242,8 @@ def comparison_table(comparison: Comparison) -> Table:
         rows.append((f"{one.quantity}, {unit}", *figures, fixed(one.of_rigid, 3), f"{one.angle_deg:.1f}"))
     one, other = comparison.names
     head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"of {other} peak", "at cam deg")
-    return table(
-        f"{one[:1].upper()}{one[1:]} against {other} at {comparison.probe}, {comparison.speed_rpm:g} rpm", head, rows
-    )
+    speed = f"camshaft {comparison.speed_rpm:g} rpm"
+    return table(f"{one[:1].upper()}{one[1:]} against {other} at {comparison.probe}, {speed}", head, rows)
 
 
 def comparison_json(comparison: Comparison) -> dict[str, object]:

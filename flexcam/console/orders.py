@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from rich.table import Table
 
-from flexcam.console.words import shaft_name
+from flexcam.console.words import NOISE, shaft_name
 from flexcam.linalg import FloatArray
 from flexcam.orders import Waterfall, ridges
 from flexcam.terminal import table
@@ -33,8 +33,9 @@ def orders_table(found: Waterfall, scale: float) -> Table:
         For rich; the last column is by how much the revolution misses closing, as a part of the largest order.
     """
     shown = sorted(ridges(found, _SHOWN))
+    rounding = NOISE * float(np.nanmax(found.amplitudes)) if shown else 0.0
     rows = [
-        (f"{scale * rpm:.6g}", *(_number(found.amplitudes[i, n]) for n in (0, *shown)), _part(found, i))
+        (f"{scale * rpm:.6g}", *(_number(found.amplitudes[i, n], rounding) for n in (0, *shown)), _part(found, i))
         for i, rpm in enumerate(found.rpm.tolist())
     ]
     what = f"acceleration of {found.signal.name}" if found.signal.probe else found.signal.name
@@ -43,8 +44,9 @@ def orders_table(found: Waterfall, scale: float) -> Table:
     return table(title, head, rows)
 
 
-def _number(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.4g}"
+def _number(value: float, rounding: float) -> str:
+    """Return an amplitude; what is only the rounding of the largest is nothing."""
+    return "-" if math.isnan(value) else f"{0.0 if value < rounding else value:.4g}"
 
 
 def _part(found: Waterfall, i: int) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from flexcam.case import Case, build_model, given_law
 from flexcam.fidelity.compare import Comparison, compare
 from flexcam.io import read_mesh
+from flexcam.response import heed
 from flexcam.runner import run
 from flexcam.train import build_structure, model_modes
 from flexcam.units import RPM
@@ -79,7 +80,9 @@ def deviation(case: Case, probe: str) -> Comparison:
     Comparison
         At that probe.
     """
-    return compare(run(case), run(case, rigid=True), probe, case.speed / RPM)
+    flexible = run(case)
+    heed(flexible.status)
+    return compare(flexible, run(case, rigid=True), probe, case.speed / RPM)
 
 
 def claims(case: Case, probe: str, here: Comparison) -> list[Claim]:

@@ -12,7 +12,7 @@ from flexcam.case import Case
 from flexcam.fidelity.measure import Measured, distance, measured
 from flexcam.fidelity.rungs import Rung, as_beams, ladder, measured_run, steps_of, with_elements
 from flexcam.integrate import integrated, solve
-from flexcam.response import Advance, Response, Status, counted, heed
+from flexcam.response import Advance, Response, RunFailedError, Status, counted, heed
 from flexcam.runner import Prepared
 
 _REFINED = 4
@@ -109,10 +109,14 @@ def reference(case: Case, probe: str) -> Reference:
     """
     steps = steps_of(case)
     beams = as_beams(case)
-    finest, coarser = (
-        measured_run(Rung("reference", "", with_elements(beams, factor=elements)).stepped(n * steps), probe)
-        for elements, n in ((_FINER, _REFINED), (_FINER - 1, _REFINED // 2))
-    )
+    try:
+        finest, coarser = (
+            measured_run(Rung("reference", "", with_elements(beams, factor=elements)).stepped(n * steps), probe)
+            for elements, n in ((_FINER, _REFINED), (_FINER - 1, _REFINED // 2))
+        )
+    except RunFailedError as failure:
+        heed(failure.status)
+        raise
     errors = {name: _COVERS * value for name, value in distance(finest, coarser, rms=True).items()}
     return Reference(finest, errors, {name: finest.size(name) for name in errors}, _REFINED * steps)
 

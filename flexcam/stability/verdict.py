@@ -136,6 +136,7 @@ def _multipliers(ready: Prepared) -> tuple[Floquet | None, str]:
     except InputError as refusal:
         return None, refusal.faults[0].why
     except RunFailedError as failure:
+        heed(failure.status)
         return None, failure.status.text
     missed = state.periodicity or 0.0
     return (found, "") if missed <= _RETURNS else (None, f"no motion that repeats was found: it misses by {missed:.2g}")

@@ -14,7 +14,7 @@ from flexcam.limits import Search
 from flexcam.response import Advance, Cause, RunFailedError, Status, counted
 from flexcam.study.points import Runs, serial, variant_row
 from flexcam.sweep import Row
-from flexcam.sweep.workers import end_with_parent, ended, one_thread, undisturbed
+from flexcam.sweep.workers import end_with_parent, ended, one_thread, pipes_may_break, undisturbed
 
 Asked = tuple[CaseFile, tuple[str, ...], tuple[str, ...], Search | None]
 """Case file, values laid over it, names of quantities, and where limits are looked for."""
@@ -71,7 +71,7 @@ def evaluators(
     # spawn: threads and locks of this process stay out of the workers, on every system
     context = multiprocessing.get_context("spawn")
     before = {process.pid for process in multiprocessing.active_children()}
-    with one_thread():
+    with one_thread(), pipes_may_break():
         pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(asked,))
 
         def run(variants: Sequence[tuple[str, ...]]) -> list[Row]:

@@ -24,7 +24,7 @@ from flexcam.case import Case, build_model
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.limits import LIMITS, Search, bracketed_limits, limits_of
 from flexcam.motion import Event, event_extremes, harmonics, joints
-from flexcam.response import Cause, RunFailedError, Status
+from flexcam.response import Cause, RunFailedError, Status, heed
 from flexcam.study.keys import Number, number_of
 from flexcam.sweep import Row, evaluate
 from flexcam.sweep.evaluate import refused
@@ -107,6 +107,7 @@ def quantities(case: Case, names: Sequence[str], search: Search | None = None) -
     except InputError as refusal:
         return refused(refusal)
     except RunFailedError as failure:
+        heed(failure.status)
         return Row(failure.status)
     values = {name: found[name].value for name in names if name in found}
     units = {name: found[name].unit for name in values}

@@ -105,7 +105,7 @@ def _here(bundle: Bundle, histories: bool) -> Generator[Pool]:
 
 @contextmanager
 def _processes(bundle: Bundle, count: int, histories: bool) -> Generator[Pool]:
-    with _unpacked(bundle) as case, one_thread():
+    with _unpacked(bundle) as case, one_thread(), pipes_may_break():
         before = {process.pid for process in multiprocessing.active_children()}
         # spawn: threads and locks of this process stay out of the workers, on every system
         executor = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=end_with_parent)
@@ -180,6 +180,27 @@ def one_thread() -> Generator[None]:
     finally:
         for name, value in before.items():
             os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
+
+
+@contextmanager
+def pipes_may_break() -> Generator[None]:
+    """Let a pipe to a process that died raise, as Python means it to, instead of ending this process.
+
+    Libraries such as Gmsh's give the signal its deadly default back behind Python's back.
+
+    Yields
+    ------
+    None
+        A signal can be set by the main thread alone; elsewhere nothing changes.
+    """
+    if not hasattr(signal, "SIGPIPE") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGPIPE, signal.SIG_IGN if before is None else before)
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexcam.checks import refuse
+from flexcam.checks import did_you_mean, refuse
 from flexcam.linalg import FloatArray
 from flexcam.motion import Event
 from flexcam.system import AngleFunction, SpeedByAngle
@@ -51,7 +51,9 @@ def free_running(
         If there is no such cam, or it has no base circle.
     """
     if cam not in model.cams:
-        raise refuse("run.free_running.cam", repr(cam), f"one of {', '.join(model.cams)}")
+        raise refuse(
+            "run.free_running.cam", repr(cam), f"one of {', '.join(model.cams)}", "", did_you_mean(cam, model.cams)
+        )
     part = model.cams[cam]
     if part.follower is None:
         why = "the inertia of the cam follows from its base circle"

@@ -27,6 +27,8 @@ from flexcam.system import (
     AngleVector,
     CamMotion,
     Channel,
+    Formula,
+    Kind,
     Load,
     LocalForce,
     Observable,
@@ -289,3 +291,7 @@ class _Linear(Stateless):
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         K = np.array([[self.stiffness]])
         return Reaction(K[0] * gap, K, np.zeros((1, 1)))
+
+    def formulas(self, count: int) -> tuple[Formula, ...]:
+        """Return the law as data."""
+        return (Formula(Kind.BILATERAL, (self.stiffness, 0.0)),) * count

@@ -26,8 +26,8 @@ CONTACTS = {"displacement": 1e-9, "velocity": 1e-6, "acceleration": 1e-4}
 """With contacts: a force is settled to 1e-12 of the largest, and every touchdown makes more of it."""
 
 
-def shorter(path):
-    ready = prepare(read_case(path, SHORT))
+def shorter(path, *overrides):
+    ready = prepare(read_case(path, [*SHORT, *overrides]))
     return replace(ready.problem, steps=min(ready.problem.steps, 720)), ready.scheme
 
 
@@ -131,6 +131,15 @@ def test_what_else_a_case_may_ask(name, change):
     problem = replace(ready.problem, steps=720)
     found = forced(problem, ready.scheme, "compiled")
     assert_one_of(problem, ready.scheme, found, CONTACTS)
+
+
+def test_a_published_load_that_follows_the_camshaft():
+    """It senses the shaft's deflection and acts on shaft and tappet: a local force, linear, that stores no energy."""
+    problem, scheme = shorter(ROOT / "cases/tayeb/model-3-shm.toml", "contacts.intake.cam_deflection=true")
+    assert problem.system.local_forces
+    found = forced(problem, scheme, "compiled")
+    assert found.stats.path == "compiled"
+    assert_one_of(problem, scheme, found, CONTACTS)
 
 
 @pytest.mark.parametrize("name", ["direct-acting/bucket.toml", "pushrod-engine/intake.toml"])

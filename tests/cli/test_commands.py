@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 
@@ -48,6 +49,33 @@ def test_the_same_case_with_nodes_of_its_own(flexcam, case, tayeb):
     """The inline case is published model 1: only the order of the unknowns may differ, hence rounding."""
     own, mesh = (flexcam("modes", path, "--json").json["frequencies_hz"] for path in (case, tayeb(1)))
     assert own == pytest.approx(mesh, rel=1e-6, abs=1e-3)
+
+
+@pytest.mark.parametrize("verb", ["compare", "orders", "campbell", "modes"])
+def test_no_number_is_cut_in_a_narrow_terminal(verb, flexcam, case, monkeypatch):
+    few = ("--count", "2") if verb in ("orders", "campbell") else ()
+    wide = flexcam(verb, case, *few, "--set", "run.steps_per_revolution=360").out
+    monkeypatch.setenv("COLUMNS", "80")
+    narrow = flexcam(verb, case, *few, "--set", "run.steps_per_revolution=360").out
+    assert "…" not in narrow
+    assert max(map(len, narrow.splitlines())) <= 80
+    numbers = [set(re.findall(r"-?\d+\.\d+\S*", told)) for told in (wide, narrow)]
+    assert numbers[0] == numbers[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("check",), "see flexcam check --help; CASE (--case) is missing"),
+        (("run", "case.toml", "other.toml"), "see flexcam run --help; nothing takes 'other.toml'"),
+        (("run", "case.toml", "--set"), "--set is followed by nothing"),
+        (("chek",), 'Did you mean "check"?'),
+    ],
+)
+def test_a_command_line_that_is_none(flexcam, case, words, told):
+    refused = flexcam(*words)
+    assert refused.code == 2
+    assert told in refused.err
 
 
 def test_info_counts_the_unknowns_as_run_does(flexcam, tmp_path, tayeb):

@@ -119,7 +119,7 @@ def in_process(monkeypatch, capsys, words, fault):
     def broken(*_, **__):
         raise fault
 
-    monkeypatch.setattr("flexcam.commands.cases.prepare", broken)
+    monkeypatch.setattr("flexcam.commands.cases.standing", broken)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     with pytest.raises(SystemExit) as end:
         cli.main(words)

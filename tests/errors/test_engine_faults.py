@@ -161,9 +161,6 @@ KNOWN = {
     "finger that turns": "said at the springs, as 'a direction along [0.0, 0.0, 0.0]'",
     "two fingers at one point": f"{ACCEPTED}: two unknowns of one name",
     "restitution at a point without mass": "the place has no line; `check` accepts it",
-    "free running with an unknown cam": "no line, no near name",
-    "free running without a base circle": "no line",
-    "periodic with a step that does not fit": "no line",
 }  # fmt: skip
 
 PYTHONS_OWN = ("Value error", "float()", "numpy", "dictionary", "Tuple should", "NoneType", "Traceback", "discriminator", "instance of")  # fmt: skip

@@ -16,6 +16,7 @@ from flexcam.orders import Signal, waterfall
 from flexcam.parting import parting
 from flexcam.response import Cause, Status
 from flexcam.stability import campbell, over_speeds
+from flexcam.study import quantities
 
 ROOT = Path(__file__).resolve().parents[2]
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
@@ -48,6 +49,25 @@ def test_a_stopped_run_stops_what_asked_for_it(where, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         ask(read_case(path, SHORT))
     assert len(calls) == 1
+
+
+@pytest.mark.parametrize(
+    ("where", "ask"),
+    [
+        ("flexcam.integrate.floquet", lambda case: over_speeds(case, SPEEDS)),
+        ("flexcam.fidelity.rungs", lambda case: trade(case, "valve", repeats=1)),
+        ("flexcam.sweep.evaluate", lambda case: quantities(case, ["deviation.peak"])),
+    ],
+)
+def test_a_run_behind_another_is_heeded_too(where, ask, monkeypatch):
+    """Those that make a sentence of a failure, or a row, do not make one of a Ctrl-C."""
+
+    def stopped(*given, **options):
+        return replace(solve(*given, **options), status=Status(Cause.INTERRUPTED, "stopped by the user"))
+
+    monkeypatch.setattr(sys.modules[where], "solve", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        ask(read_case(TAYEB, SHORT))
 
 
 @pytest.mark.parametrize("where", STUDIES)

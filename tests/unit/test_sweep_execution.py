@@ -178,6 +178,19 @@ def test_worker_processes_have_one_thread_of_linear_algebra(asked, monkeypatch):
     assert "MKL_NUM_THREADS" not in os.environ
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGPIPE"), reason="no such signal")
+def test_a_dead_worker_cannot_end_this_process(asked):
+    """Gmsh gives SIGPIPE its default back, and a write to a worker that died would then kill the parent."""
+    before = signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+    try:
+        with Processes(1).ready(asked.bundle, histories=False) as pool:
+            assert signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN
+            assert pool.submit(asked.chunks[0].variants).result()
+        assert signal.getsignal(signal.SIGPIPE) is signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGPIPE, before)
+
+
 def test_a_script_that_worker_processes_cannot_read_is_told_so(tmp_path):
     script = f"from flexcam import sweep\nsweep.swept(sweep.study({str(TAYEB)!r}, {VARIED!r}), sweep.Processes(2))\n"
     (tmp_path / "script.py").write_text(script, encoding="utf-8")
