@@ -93,5 +93,11 @@ class Windows:
 
 
 def points() -> FloatArray:
-    """Return the points, their weights in the barycentric formula, and a row to work in, shape (3, 6)."""
+    """Return the points of a step for machine code.
+
+    Returns
+    -------
+    ndarray
+        Points, their weights in the barycentric formula, and a row to work in, shape (3, 6).
+    """
     return np.array([_NODES, _WEIGHTS, np.zeros(len(_NODES))])
