@@ -20,6 +20,7 @@ from typing import TypeVar, cast
 from numba import njit  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
 
 from flexcam.integrate.compiled.machine import keeping
+from flexcam.integrate.compiled.sealed import sealed
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.system import pointwise
 
@@ -43,7 +44,8 @@ def compiled(function: F) -> F:
         Compiled at its first call, or fetched if it is kept.
     """
     with keeping() as kept:
-        return cast("F", njit(cache=kept, nogil=True, error_model="numpy", fastmath=_FAST)(function))
+        made = njit(cache=kept, nogil=True, error_model="numpy", fastmath=_FAST)(function)
+        return cast("F", sealed(made) if kept else made)
 
 
 def inner(function: F) -> F:
