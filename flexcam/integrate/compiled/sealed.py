@@ -41,7 +41,7 @@ class SealedFile(IndexDataCacheFile):  # pyright: ignore[reportUntypedBaseClass]
         return names if stamp == self._source_stamp else {}
 
     def _load_data(self, name: str) -> Any:  # noqa: ANN401
-        return _opened(Path(str(self._cache_path), name).read_bytes())
+        return _opened((Path(self._cache_path) / name).read_bytes())  # pyright: ignore[reportUnknownArgumentType]
 
 
 def _opened(data: bytes) -> Any:  # noqa: ANN401
