@@ -70,7 +70,7 @@ def corrected(
 ) -> bool:  # fmt: skip
     """Correct the forces (row 0): by Newton's step where they react to themselves, by the laws' answer elsewhere."""
     turn, act = sense + give.shape[1], sense + 2 * give.shape[1]
-    n = 0
+    n = act - act  # zero, as a number: a literal one would be compiled apart
     part, weak = 1.0, _WEAK
     if iteration > _WHOLE_STEPS:
         part = 0.5
