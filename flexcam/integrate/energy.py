@@ -34,8 +34,8 @@ class _Held:
     """Energies of some instants, J, shape (m,), and what the work between them is computed from.
 
     `loads` are histories, `acted` the weights of the acting vectors, `still` the contacts' forces without their
-    dissipation, `by_state` the derivatives of their energy by internal states, `carried` the part of the sensed
-    rates that the cam alone causes.
+    dissipation, `by_state` the derivatives of their energy by internal states, `changing` its part that depends on
+    the cam angle, `carried` the part of the sensed rates that the cam alone causes.
     """
 
     angle: FloatArray
@@ -53,6 +53,7 @@ class _Held:
     carried: FloatArray
     states: FloatArray
     by_state: FloatArray
+    changing: FloatArray
     impulse: FloatArray
 
     def after(self, last: _Held) -> _Held:
@@ -132,12 +133,9 @@ class EnergyAccount:
         angle, half = both.angle, _mean(both.states)
         middle = self._forces.stored(_mean(both.gap), half, 0.5 * (angle[1:] + angle[:-1]))
         curved = 2.0 / 3.0 * _dot(_mean(both.still) - middle.by_gap, deepened)
-        old, new = (both.gap[:-1], both.states[:-1]), (both.gap[1:], both.states[1:])
-        later, at_new = self._changing(*old, angle[1:]), self._changing(*new, angle[1:])
-        return curved, 0.5 * (later - self._changing(*old, angle[:-1]) + at_new - self._changing(*new, angle[:-1]))
-
-    def _changing(self, gap: FloatArray, states: FloatArray, angle: FloatArray) -> FloatArray:
-        return self._forces.stored(gap, states, angle, changing=True).energy
+        later = self._forces.changing(both.gap[:-1], both.states[:-1], angle[1:])
+        earlier = self._forces.changing(both.gap[1:], both.states[1:], angle[:-1])
+        return curved, 0.5 * (later - both.changing[:-1] + both.changing[1:] - earlier)
 
     def _held(self, track: Track, seen: Observed, carried: FloatArray, schedule: Schedule) -> _Held:
         kept = self._forces.stored(seen.gaps, seen.states, schedule.angle)
@@ -146,7 +144,7 @@ class EnergyAccount:
             0.5 * _quadratic(self._K, seen.displacement) + self._system.stored, kept.energy,
             seen.displacement, seen.velocity, seen.histories, (seen.forces @ schedule.acts) * schedule.act,
             seen.forces * self._forces.storing, kept.by_gap, seen.gaps, seen.rates, carried, seen.states, kept.by_state,
-            track.impulse,
+            kept.changing, track.impulse,
         )  # fmt: skip
 
 

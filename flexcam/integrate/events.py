@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexcam.integrate.crossing import CLOSE, CORRECTIONS, MOST_EVENTS, ROUNDING, SHARP, TOGETHER, crossing, narrowed
 from flexcam.integrate.first import Starter
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import At, Stepper
@@ -21,22 +22,10 @@ from flexcam.integrate.moment import Instant, Moment
 from flexcam.integrate.settle import NoConvergenceError
 from flexcam.linalg import FloatArray
 
-_MOST_EVENTS = 40
-"""Within one step; what chatters beyond is taken as it comes."""
-
 _MOST_HALVINGS = 6
-_CORRECTIONS = 60
-_CLOSE = 1e-9
-"""Share of a step within which an event counts as at one of its ends."""
 
 _WHOLE = 1e-6
 """Share of a step by which it may seem longer or shorter than it is."""
-
-_SHARP = 1e-12
-"""Share of a step by which an event may be missed."""
-
-_TOGETHER = 1e-6
-"""Share of a step within which events are one, such as those of two trains that mirror each other."""
 
 _SLOW = 1e-3
 """Rate of approach, m/s, up to which bodies meet without an impact: the contact's own law then holds them."""
@@ -95,7 +84,7 @@ class Walker:
 
     def _walk(self, now: Moment, to: Instant) -> list[Moment]:
         walked: list[Moment] = []
-        for _ in range(_MOST_EVENTS):
+        for _ in range(MOST_EVENTS):
             trial = self._advance(now, to)
             if not len(self._forces.switching) or not (self._side(now) != self._side(trial)).any():
                 return [*walked, trial]
@@ -109,7 +98,7 @@ class Walker:
         length = to.time - now.time
         halvings = round(math.log2(self._step / length)) if length > 0.0 else -1
         # Differences of times carry the rounding of the time itself: whole, halved... steps are recognized generously.
-        vague = _WHOLE + 4.0 * np.finfo(float).eps * abs(to.time) / length if length > 0.0 else 0.0
+        vague = _WHOLE + ROUNDING * abs(to.time) / length if length > 0.0 else 0.0
         if halvings < 0 or abs(length * 2.0**halvings / self._step - 1.0) > vague:
             return self._stepper(length).advance(now, to)
         if halvings not in self._halved:
@@ -126,13 +115,13 @@ class Walker:
         length = to.time - now.time
         (gap, rate), (new_gap, new_rate) = self._gaps(now), self._gaps(trial)
         roots = [
-            _root(bool(side[i]), gap[i], new_gap[i], rate[i], new_rate[i], length) if crossed[i] else np.inf
+            crossing(bool(side[i]), gap[i], new_gap[i], rate[i], new_rate[i], length) if crossed[i] else np.inf
             for i in range(len(crossed))
         ]
         first = int(np.argmin(roots))
         moment, there = self._stopped(now, trial, to, first, roots[first])
         pressed = self._forces.pressed(moment.gap)
-        together = crossed & (np.abs(np.array(roots) - roots[first]) <= _TOGETHER * length)
+        together = crossed & (np.abs(np.array(roots) - roots[first]) <= TOGETHER * length)
         pressed[together] = ~side[together]
         moment = replace(moment, pressed=pressed)
         if not self._balances:
@@ -146,29 +135,21 @@ class Walker:
         """
         length, side = to.time - now.time, bool(self._side(now)[which])
         low, high, after = 0.0, length, guess
-        sharp = max(_SHARP * length, 4.0 * np.finfo(float).eps * abs(to.time))
+        sharp = max(SHARP * length, ROUNDING * abs(to.time))
         moment, there, was_beyond = trial, to, False
         near, far = float(self._gaps(now)[0][which]), float(self._gaps(trial)[0][which])
-        for _ in range(_CORRECTIONS):
-            if after <= _CLOSE * length:
+        for _ in range(CORRECTIONS):
+            if after <= CLOSE * length:
                 return replace(now, impulse=None, iterations=0), self._at(now.time)
-            if after >= (1.0 - _CLOSE) * length:
+            if after >= (1.0 - CLOSE) * length:
                 return trial, to
             there = self._at(now.time + after)
             moment = self._advance(now, there)
             its_gap, its_rate = (float(one[which]) for one in self._gaps(moment))
             if abs(its_gap) <= sharp * abs(its_rate) or high - low <= sharp:
                 break
-            beyond = (its_gap > 0.0) != side
-            if beyond:
-                # The same end again: the Illinois rule, lest a stiff contact's side is crept along.
-                high, far, near = after, its_gap, 0.5 * near if was_beyond else near
-            else:
-                low, near = after, its_gap
-            newton = after - its_gap / its_rate if its_rate else high
-            after = newton if not (beyond and was_beyond) else low - near * (high - low) / (far - near)
-            after = after if low < after < high else 0.5 * (low + high)
-            was_beyond = beyond
+            bracket = (low, high, near, far, was_beyond)
+            after, low, high, near, far, was_beyond = narrowed(side, after, its_gap, its_rate, bracket)
         return moment, there
 
     def _struck(self, moment: Moment, there: Instant, closed: Bools) -> list[Moment]:
@@ -184,16 +165,3 @@ class Walker:
     def _gaps(self, moment: Moment) -> tuple[FloatArray, FloatArray]:
         """Return the switching scalars and their rates."""
         return moment.gap[self._forces.switching], moment.rate[self._forces.switching]
-
-
-def _root(pressed: bool, gap: float, new_gap: float, rate: float, new_rate: float, length: float) -> float:
-    """Return the time in (0, length) at which the cubic through both ends changes sides, by bisection."""
-    low, high = 0.0, 1.0
-    for _ in range(50):
-        x = 0.5 * (low + high)
-        y = 1.0 - x
-        value = y * y * ((1.0 + 2.0 * x) * gap + x * length * rate) + x * x * (
-            (3.0 - 2.0 * x) * new_gap - y * length * new_rate
-        )
-        low, high = (x, high) if (value > 0.0) == pressed else (low, x)
-    return high * length

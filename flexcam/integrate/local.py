@@ -24,7 +24,6 @@ from flexcam.system import (
     Formulated,
     LocalLaw,
     Reaction,
-    Stored,
     Storing,
     System,
 )
@@ -124,6 +123,26 @@ class Schedule:
         return self.acts * self.act[i]
 
 
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """Energy of all local laws at m instants, and its derivatives.
+
+    Parameters
+    ----------
+    energy
+        J, shape (m,).
+    by_gap, by_state
+        Derivatives by what is sensed and by the internal states, shape (m, c) and (m, s).
+    changing
+        The part of those laws whose energy depends on the cam angle, J, shape (m,).
+    """
+
+    energy: FloatArray
+    by_gap: FloatArray
+    by_state: FloatArray
+    changing: FloatArray
+
+
 class LocalForces:
     """The local forces of a system, stacked.
 
@@ -144,9 +163,14 @@ class LocalForces:
         scalars, states = _slices([len(f.sense) for f in forces]), _slices([len(f.law.start_state) for f in forces])
         self.laws = [(f.law, *places) for f, *places in zip(forces, scalars, states, strict=True)]
         switches = [(scalars[i].start + one, f.restitution) for i, f in enumerate(forces) for one in f.switching]
+        self._kept = [
+            (law, *places, not _steady(law, places[0].stop - places[0].start))
+            for law, *places in self.laws
+            if isinstance(law, Storing)
+        ]
         self.storing = np.zeros(self.count)
-        for law, part, _ in self.laws:
-            self.storing[part] = float(isinstance(law, Storing))
+        for _, part, _, _ in self._kept:
+            self.storing[part] = 1.0
         self.switching: IntArray = np.array([one for one, _ in switches], dtype=np.intp)
         self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
 
@@ -198,18 +222,25 @@ class LocalForces:
             return Reaction(force, by_gap, by_rate, _NO_STATE)
         return Reaction(force, by_gap, by_rate, *_inner(answers, c, len(state)))
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray, *, changing: bool = False) -> Stored:
-        """Return the energy of all laws that store some, and the derivatives of it, shape (m,), (m, c) and (m, s).
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Kept:
+        """Return the energy of all laws that store some, and its derivatives."""
+        energy, changing = np.zeros((2, len(angle)))
+        by_gap, by_state = np.zeros_like(gap), np.zeros_like(state)
+        for law, part, inner, changes in self._kept:
+            one = law.stored(gap[:, part], state[:, inner], angle)
+            energy += one.energy
+            by_gap[:, part], by_state[:, inner] = one.by_gap, one.by_state
+            if changes:
+                changing += one.energy
+        return Kept(energy, by_gap, by_state, changing)
 
-        With `changing`, of those alone whose energy depends on the cam angle.
-        """
-        energy, by_gap, by_state = np.zeros(len(angle)), np.zeros_like(gap), np.zeros_like(state)
-        for law, part, inner in self.laws:
-            if isinstance(law, Storing) and not (changing and _steady(law, part.stop - part.start)):
-                one = law.stored(gap[:, part], state[:, inner], angle)
-                energy += one.energy
-                by_gap[:, part], by_state[:, inner] = one.by_gap, one.by_state
-        return Stored(energy, by_gap, by_state)
+    def changing(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
+        """Return the energy of those laws alone whose energy depends on the cam angle, J, shape (m,)."""
+        energy = np.zeros(len(angle))
+        for law, part, inner, changes in self._kept:
+            if changes:
+                energy += law.stored(gap[:, part], state[:, inner], angle).energy
+        return energy
 
     def pressed(self, gap: FloatArray) -> NDArray[np.bool_]:
         """Return on which side of zero the switching scalars are."""

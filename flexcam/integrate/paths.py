@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 from flexcam.checks import refuse
 from flexcam.integrate.compiled.glancing import Glancing
+from flexcam.integrate.compiled.gliding import Gliding
 from flexcam.integrate.compiled.machine import available
 from flexcam.integrate.compiled.marching import Marching
 from flexcam.integrate.engine import Engine
@@ -187,7 +188,9 @@ def engine_of(
         if way.path == "modal":
             return Superposed(way.problem, method, save, stop, way.natural)
         probes = way.problem.system.probes
-        if not save.channels and not forces.count and save.field_every >= _SPARSE and any(len(p.rows) for p in probes):
+        if forces.count:
+            return Marching(way.problem, method, forces, stop)
+        if not save.channels and save.field_every >= _SPARSE and any(len(p.rows) for p in probes):
             return Glancing(way.problem, method, forces, save, stop)
-        return Marching(way.problem, method, forces, stop)
+        return Gliding(way.problem, method, forces, stop)
     return Stepwise(way.problem, method, forces, save, stop, pilot)

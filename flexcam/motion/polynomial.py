@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -96,12 +96,18 @@ class Polynomial:
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""
+        powers, powers_of_rest = self._derived(order)
+        near = 1.0 - z < _NEAR_END
+        from_start = np.polynomial.polynomial.polyval(np.where(near, 0.0, z), powers)
+        from_end = np.polynomial.polynomial.polyval(np.where(near, 1.0 - z, 0.0), powers_of_rest)
+        return np.where(near, (-1.0) ** order * from_end, from_start)
+
+    @lru_cache(maxsize=64)  # noqa: B019 - of a frozen value with a handful of numbers
+    def _derived(self, order: int) -> tuple[FloatArray, FloatArray]:
+        """Return the powers of a derivative, of z and of 1 - z."""
         dense = np.zeros(self.exponents[-1] + 1)
         dense[list(self.exponents)] = self.coefficients
-        near = 1.0 - z < _NEAR_END
-        from_start = np.polynomial.polynomial.polyval(np.where(near, 0.0, z), _derived(dense, order))
-        from_end = np.polynomial.polynomial.polyval(np.where(near, 1.0 - z, 0.0), _derived(self._from_end, order))
-        return np.where(near, (-1.0) ** order * from_end, from_start)
+        return _derived(dense, order), _derived(self._from_end, order)
 
 
 def _power(z: float, order: int, exponent: int) -> Fraction:

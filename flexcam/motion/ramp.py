@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,9 +19,14 @@ _GAINED = 0.4
 """Its value at z = 1."""
 
 
+@lru_cache
+def _powers(order: int) -> FloatArray:
+    """Return the powers of z of a derivative of the gain."""
+    return np.asarray(np.polynomial.polynomial.polyder(_GAIN, order), dtype=float) if order else np.array(_GAIN)
+
+
 def _gain(z: FloatArray, order: int) -> FloatArray:
-    coefficients = np.polynomial.polynomial.polyder(_GAIN, order) if order else np.array(_GAIN)
-    return np.asarray(np.polynomial.polynomial.polyval(z, coefficients), dtype=float)
+    return np.asarray(np.polynomial.polynomial.polyval(z, _powers(order)), dtype=float)
 
 
 @dataclass(frozen=True)

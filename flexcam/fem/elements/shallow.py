@@ -100,13 +100,18 @@ class Arch:
 
     def pull(self, values: FloatArray) -> FloatArray:
         """Return g (y + y0) of the scalars, shape (..., e, 7): what a unit force does to bending, shape (..., e, 6)."""
-        return np.einsum("eij,...ej->...ei", self.shortening, values[..., 1:] + self.bow)
+        bent = values[..., 1:] + self.bow
+        by_element = np.swapaxes(bent.reshape(-1, *self.bow.shape), 0, 1)  # one product each, of all instants at once
+        return np.swapaxes(by_element @ np.swapaxes(self.shortening, 1, 2), 0, 1).reshape(bent.shape)
 
     def beyond(self, values: FloatArray) -> FloatArray:
         """Return the axial force of the shortening, N, shape (..., e), of the scalars, shape (..., e, 7)."""
+        return self._beyond(values, self.pull(values))
+
+    def _beyond(self, values: FloatArray, pulled: FloatArray) -> FloatArray:
         # y.g.(y + 2 y0): the difference of both squares would leave rounding where nothing is bent.
         start = np.einsum("eij,ej->ei", self.shortening, self.bow)
-        return 0.5 * self.axial * np.einsum("...ei,...ei->...e", values[..., 1:], self.pull(values) + start)
+        return 0.5 * self.axial * np.einsum("...ei,...ei->...e", values[..., 1:], pulled + start)
 
     def axial_force(self, values: FloatArray) -> FloatArray:
         """Return the axial force, tension positive, N, shape (..., e), of the scalars, shape (..., e, 7)."""
@@ -114,9 +119,10 @@ class Arch:
 
     def forces(self, values: FloatArray) -> FloatArray:
         """Return the forces beyond those of straight bars and beams, shape (..., e, 7), of the scalars, as large."""
-        beyond = self.beyond(values)
+        pulled = self.pull(values)
+        beyond = self._beyond(values, pulled)
         N = self.axial * values[..., 0] + beyond
-        return np.concatenate([beyond[..., None], N[..., None] * self.pull(values)], axis=-1)
+        return np.concatenate([beyond[..., None], N[..., None] * pulled], axis=-1)
 
     def tangent(self, values: FloatArray) -> FloatArray:
         """Return the derivative of these forces, shape (e, 7, 7), by the scalars, shape (e, 7)."""

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.integrate.compiled.machine import machine_code
 from flexcam.integrate.compiled.packed import Operator, PackedForces, PackedSystem
-from flexcam.integrate.local import LocalForces
+from flexcam.integrate.compiled.window import LOOSE, SAME, Windows, points
+from flexcam.integrate.crossing import MOST_EVENTS
+from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.moment import Instant, Moment
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.scheme import Scheme
@@ -16,7 +20,7 @@ from flexcam.integrate.settle import Inner, NoConvergenceError
 from flexcam.linalg import FloatArray, IntArray
 
 DONE, UNSETTLED = 0, 2
-NO_SIDES = np.zeros((2, 0), dtype=np.intp)
+NO_SIDES = np.zeros((3, 0), dtype=np.intp)
 """Of a call that looks at no switching scalar."""
 
 
@@ -45,14 +49,40 @@ class Moving:
         motion[:4] = moment.d, moment.v, moment.a, moment.applied
         inner = np.zeros((5, len(moment.inner.state)))
         inner[:2] = moment.inner.state, moment.inner.rate
-        forces = np.array([moment.local, moment.gap, moment.rate, np.zeros(len(moment.gap))])
+        nothing = np.zeros(len(moment.gap))
+        forces = np.array([moment.local, moment.gap, moment.rate, nothing, nothing])
         return cls(motion, forces, inner)
 
-    def moment(self, time: float, iterations: int = 0) -> Moment:
+    def moment(self, time: float, pressed: NDArray[np.bool_] | None = None) -> Moment:
         """Return the instant; its arrays are its own."""
         (d, v, a, applied), (local, gap, rate) = self.motion[:4].copy(), self.forces[:3].copy()
         inner = Inner(*self.inner[:2].copy())
-        return Moment(time, d, v, a, applied, local, gap, rate, inner, iterations=iterations)
+        return Moment(time, d, v, a, applied, local, gap, rate, inner, pressed)
+
+
+@dataclass(frozen=True, eq=False)
+class Ended:
+    """How a march ended.
+
+    Parameters
+    ----------
+    how
+        `DONE`, or why not.
+    row
+        That was reached.
+    iterations
+        Newton's, of the steps without events.
+    events
+        How many it walked over.
+    between
+        Instants of them: what a row of results has, time (s) and the row behind, shape (e, columns + 2).
+    """
+
+    how: int
+    row: int
+    iterations: int
+    events: int
+    between: FloatArray
 
 
 class March:
@@ -66,41 +96,63 @@ class March:
         Of the time integration.
     forces
         The local forces, stacked.
-    watched
-        Rows that are all that is asked of a step, shape (w, n); none where everything is.
     """
 
-    def __init__(
-        self, problem: Problem, scheme: Scheme, forces: LocalForces, watched: FloatArray | None = None
-    ) -> None:
+    def __init__(self, problem: Problem, scheme: Scheme, forces: LocalForces) -> None:
         self._run, self._scheme, self.forces = machine_code(), scheme, forces
-        self.packed, self._system = PackedForces.of(forces), PackedSystem.of(problem.system, forces)
+        self.packed = PackedForces.of(forces)
         c, width = forces.count, int(self.packed.laws[:, 2].max(initial=1))
         self._room = (
-            np.zeros((7, c)), np.zeros((2, c, width)), np.zeros(len(forces.sense.vectors)),
+            np.zeros((8, c)), np.zeros((2, c, width)), np.zeros(len(forces.sense.vectors)),
             np.zeros((2, c), dtype=np.intp), np.zeros((3, c, c + 1)),
         )  # fmt: skip
-        self._watched = np.zeros((0, problem.system.size)) if watched is None else np.ascontiguousarray(watched)
-        self.columns = 3 * (len(self._watched) or problem.system.size) + c + len(forces.start_state)
+        n, s = problem.system.size, len(forces.start_state)
+        self.columns = 3 * n + c + s
+        self._system = PackedSystem.of(problem.system, forces)
+        acts = len(forces.act.vectors)
+        solved = np.zeros((n, n + 1 + acts) if len(self._system.coupled) else (0, 0))
+        self._part = solved, points(), np.zeros(11)
+        self._events = np.empty((4 * MOST_EVENTS, self.columns + 2))
+        self._kept = np.zeros((4, n)), np.zeros((5, c)), np.zeros((4, s))
+        self._unseen = np.zeros((0, 0, 0)), np.zeros(1, dtype=np.intp)
 
     def operator(self, step: float) -> Operator:
         """Return what a step of a length does."""
         return self._system.operator(self._scheme, step)
 
+    def given(self, times: FloatArray, loads: FloatArray, schedule: Schedule) -> FloatArray:
+        """Return what is prescribed at some times: loads, what follows from the cam, time; a row more to work in."""
+        parts = (loads, self.packed.cam(schedule), times[:, None])
+        cuts = np.cumsum([0, *(part.shape[1] for part in parts)])
+        given = np.empty((len(times) + 1, cuts[-1]))
+        for part, (begin, end) in zip(parts, pairwise(cuts.tolist()), strict=True):
+            given[:-1, begin:end] = part
+        return given
+
+    def same(self) -> FloatArray:
+        """Return by how much every column of `given` may be missed between instants, as a part of its size."""
+        functions = [LOOSE if loosely else SAME for loosely in self.packed.loosely]
+        forces, n = self.forces, self._system.motions.shape[1]
+        others = n + 2 * len(forces.sense.vectors) + len(forces.act.vectors) + 2 * forces.count
+        return np.array([SAME] * others + functions + [SAME])
+
     def call(
-        self, operator: Operator, moving: Moving, rows: tuple[int, int], loads: FloatArray, cam: FloatArray,
-        found: FloatArray, sides: IntArray,
-    ) -> tuple[int, int, int]:  # fmt: skip
-        """March over some rows; return how it ended, the row reached and the iterations. The state moves along."""
-        system, packed, count = self._system, self.packed, np.zeros(2, dtype=np.intp)
-        local, tangent, moved, stiff, matrix = self._room
-        ended = self._run(
-            *rows, operator.scheme, operator.motions, system.coupled, operator.inverse, loads, moving.motion,
-            packed.laws, packed.constants, packed.places, sides, system.sensing, system.acting, operator.give,
-            operator.answering, self._watched, cam, moving.forces, local, tangent, moving.inner, moved, stiff, matrix,
-            found, count,
+        self, operator: Operator, moving: Moving, rows: tuple[int, int], given: FloatArray, found: FloatArray,
+        sides: IntArray = NO_SIDES, windows: Windows | None = None,
+    ) -> Ended:  # fmt: skip
+        """March over some rows. The state and the sides of the switching scalars (row 1) move along.
+
+        Steps with events are walked where there are windows of them.
+        """
+        system, packed, count = self._system, self.packed, np.zeros(4, dtype=np.intp)
+        tables, steps = self._unseen if windows is None else (windows.tables, windows.rows)
+        how = self._run(
+            *rows, operator.scheme, operator.motions, operator.give, operator.inverse, system.coupled, system.vectors,
+            given, packed.laws, packed.constants, packed.places, moving.motion, moving.forces, moving.inner,
+            *self._room, sides, found, count, *self._part, tables, steps, self._events, *self._kept,
         )  # fmt: skip
-        return int(ended), int(count[0]), int(count[1])
+        row, iterations, walked, between = count.tolist()
+        return Ended(int(how), row, iterations, walked, self._events[:between].copy())
 
     def unsettled(self) -> list[str]:
         """Return the names of the forces that did not settle in the last call, as `settle` tells them."""
@@ -126,10 +178,8 @@ class CompiledStepper:
     def advance(self, now: Moment, to: Instant) -> Moment:
         """Return the next instant, as `Stepper` says."""
         march, moving = self._march, Moving.of(now)
-        cam = march.packed.cam(to.schedule.row(to.row))
-        found = np.empty((1, march.columns))
-        loads = np.ascontiguousarray(to.load[None])
-        ended, _, iterations = march.call(self._operator, moving, (0, 1), loads, cam, found, NO_SIDES)
-        if ended == UNSETTLED:
+        given = march.given(np.array([to.time]), to.load[None], to.schedule.row(to.row))
+        ended = march.call(self._operator, moving, (0, 1), given, np.empty((1, march.columns)))
+        if ended.how == UNSETTLED:
             raise NoConvergenceError(march.unsettled())
-        return replace(moving.moment(to.time), iterations=iterations)
+        return replace(moving.moment(to.time), iterations=ended.iterations)

@@ -6,24 +6,23 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flexcam.integrate.compiled.calling import NO_SIDES, March, Moving
-from flexcam.integrate.compiled.marching import Marching
+from flexcam.integrate.compiled.gliding import Gliding
 from flexcam.integrate.engine import LARGEST, STOPPED
 from flexcam.integrate.local import LocalForces
-from flexcam.integrate.moment import Glance, Instant
-from flexcam.integrate.problem import Problem, State
+from flexcam.integrate.moment import Glance
+from flexcam.integrate.problem import Problem
 from flexcam.integrate.scheme import Scheme
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.response import SaveAt, Series, Status
 
 
-class Glancing(Marching):
-    """Marches through an uncoupled problem with probes and without local forces, and keeps what is saved.
+class Glancing(Gliding):
+    """Glides through an uncoupled linear problem with probes, and keeps what is saved.
 
     Parameters
     ----------
     problem
-        `uncoupled`.
+        `uncoupled`, without local forces.
     scheme
         Of the generalized-alpha family.
     forces
@@ -40,7 +39,6 @@ class Glancing(Marching):
         super().__init__(problem, scheme, forces, stop)
         self._save = save
         self._rows = np.concatenate([np.zeros((0, problem.system.size)), *(one.rows for one in problem.system.probes)])
-        self._watching = March(problem, scheme, forces, self._rows)
 
     def glance(self, steps: IntArray) -> tuple[Glance, Status]:
         """Return what is kept of some successive steps, up to the last in range, and a status as `Engine` says."""
@@ -60,29 +58,26 @@ class Glancing(Marching):
     def _watched(self, steps: IntArray, saved: IntArray) -> Glance | None:
         """Return what is kept of some steps; None where something leaves the range of numbers."""
         at = self._problem.times(steps)
-        loads, schedule = self._prescribed(at)
-        loads, cam = np.ascontiguousarray(loads), self._watching.packed.cam(schedule)
-        found = np.empty((len(at), self._watching.columns))
-        fields: list[FloatArray] = []
-        row = 0
-        if self._last is None:
-            start = self._problem.start or State.rest(self._system.size)
-            self._last = self._starter.first(start, Instant(float(at[0]), loads[0], schedule, 0))
-            motion = np.array([self._last.d, self._last.v, self._last.a])
-            found[0], row = (motion @ self._rows.T).ravel(), 1
-            fields.append(motion)
-        moving = Moving.of(self._last)
+        motion, found = self._problem.drive.at(at), np.empty((len(at), 3 * len(self._rows)))
+        histories = self._system.load_histories(motion)
+        fields: list[tuple[FloatArray, ...]] = []
+        row = self._begun(at, motion, found, self._rows)
+        if row:  # the start is always kept
+            fields.append(self._motion())
         for end in [*(saved[saved >= row] + 1).tolist(), len(at)]:
             if end > row:
-                self._watching.call(self._whole, moving, (row, end), loads, cam, found, NO_SIDES)
+                self._glided(float(at[end - 1]), (row, end), histories, self._rows, found)
                 row = end
                 if end - 1 in saved:
-                    fields.append(moving.motion[:3].copy())
+                    fields.append(self._motion())
         flat = found.ravel()
-        last = moving.motion[:3]
-        if not (float(flat @ flat) < LARGEST**2 and float(np.abs(last).max(initial=0.0)) < LARGEST):
+        largest = max(float(np.abs(one).max(initial=0.0)) for one in self._motion())
+        if not (float(flat @ flat) < LARGEST**2 and largest < LARGEST):
             return None
-        self._last = moving.moment(float(at[-1]))
         d, v, a = np.split(found, 3, axis=1)
         kept = np.array(fields).reshape(-1, 3, self._system.size)
         return Glance(at, Series(d, v, a), Series(kept[:, 0], kept[:, 1], kept[:, 2]))
+
+    def _motion(self) -> tuple[FloatArray, ...]:
+        """Return displacement, velocity and acceleration of the last instant."""
+        return () if self._last is None else (self._last.d, self._last.v, self._last.a)

@@ -20,10 +20,14 @@ from typing import TypeVar, cast
 from numba import njit  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
 
 from flexcam.integrate.compiled.machine import keeping
+from flexcam.integrate.compiled.sealed import sealed
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.system import pointwise
 
 F = TypeVar("F", bound=Callable[..., object])
+
+
+_FAST = {"reassoc", "contract", "nsz"}
 
 
 def compiled(function: F) -> F:
@@ -39,32 +43,37 @@ def compiled(function: F) -> F:
     Callable
         Compiled at its first call, or fetched if it is kept.
     """
-    fast = {"reassoc", "contract", "nsz"}
     with keeping() as kept:
-        return cast("F", njit(cache=kept, nogil=True, error_model="numpy", fastmath=fast)(function))
+        made = njit(cache=kept, nogil=True, error_model="numpy", fastmath=_FAST)(function)
+        return cast("F", sealed(made) if kept else made)
 
 
-stop, hunt_crossley, oil = compiled(pointwise.stop), compiled(pointwise.hunt_crossley), compiled(pointwise.oil)
-line_load, dissipating = compiled(pointwise.line_load), compiled(pointwise.dissipating)
+def inner(function: F) -> F:
+    """Return the same for machine code alone to call: it is neither kept by itself nor made for calls from Python.
 
-DONE, SWITCHED, UNSETTLED = 0, 1, 2
-"""How a march ends."""
+    Such calls would end the process.
 
-_TOLERANCE = 1e-12
-_ROUNDING = 16.0 * 2.220446049250313e-16
-_MOST_ITERATIONS = 60
-_WHOLE_STEPS = 20
-_WEAK = 0.02
-"""Change of a force by its own effect within a step, as a part of it, below which it is weak."""
+    Parameters
+    ----------
+    function
+        Of numbers and arrays.
 
-_GONE = 1e-150
-"""Motion that is none any more: what dies out further would end in numbers that processors handle very slowly."""
+    Returns
+    -------
+    Callable
+        Compiled with what calls it.
+    """
+    made = njit(  # pyright: ignore[reportCallIssue, reportUnknownVariableType]
+        nogil=True, error_model="numpy", fastmath=_FAST, no_cpython_wrapper=True, no_cfunc_wrapper=True
+    )
+    return cast("F", made(function))
 
-_PATIENT = 12
-"""Iterations after which no force is taken for weak any more."""
+
+stop, hunt_crossley, oil = inner(pointwise.stop), inner(pointwise.hunt_crossley), inner(pointwise.oil)
+line_load, dissipating = inner(pointwise.line_load), inner(pointwise.dissipating)
 
 
-@compiled
+@inner
 def lever(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: FloatArray) -> None:
     """Put the answer of a lever's end: the true depth's force less that of its linear spring."""
     k, c, arm, driven, start = constants[b], constants[b + 1], constants[b + 2], constants[b + 3], constants[b + 4]
@@ -83,7 +92,7 @@ def lever(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: Flo
     tangent[1, i + 1, 0], tangent[1, i + 1, 1] = c * (rest - slope), 0.0
 
 
-@compiled
+@inner
 def arch(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: FloatArray) -> None:
     """Put the answer of a shallow arch, as `flexcam.fem.elements.shallow.Arch` has it."""
     axial, shortened = constants[b], 0.0
@@ -108,7 +117,7 @@ def arch(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: Floa
 @compiled
 def respond(
     laws: IntArray, constants: FloatArray, cam: FloatArray, k: int, column: int, half: float,
-    local: FloatArray, tangent: FloatArray, inner: FloatArray,
+    local: FloatArray, tangent: FloatArray, states: FloatArray,
 ) -> None:  # fmt: skip
     """Put the answers of all laws (row 3 of the local scalars) to depths and rates (rows 1 and 2)."""
     for law in range(len(laws)):
@@ -138,13 +147,13 @@ def respond(
                 N, by_depth, by_speed = dissipating(width * load, width * slope, rate, cosine, constants[b + 4])
         elif kind == 4:
             z = laws[law, 5]
-            pressed, leaked, share = oil(gap, inner[2, z], half, constants[b], constants[b + 1], constants[b + 2])
+            pressed, leaked, share = oil(gap, states[2, z], half, constants[b], constants[b + 1], constants[b + 2])
             N = constants[b + 3]
-            inner[3, z], inner[4, z] = leaked, constants[b] / constants[b + 2] * pressed
+            states[3, z], states[4, z] = leaked, constants[b] / constants[b + 2] * pressed
             if pressed > 0.0:
                 N += constants[b] * pressed
                 by_depth = constants[b] * share
-                inner[4, z] = constants[b] / constants[b + 1] * pressed
+                states[4, z] = constants[b] / constants[b + 1] * pressed
         else:
             by_depth = constants[b] * cam[k, given]
             N = by_depth * gap
@@ -156,250 +165,3 @@ def respond(
             local[3, i + 1] = share * N
             tangent[0, i + 1, 0], tangent[1, i + 1, 0] = share * by_depth, share * by_speed
             tangent[1, i + 1, 1] = constants[b] * N * (1.0 - turned * turned) / constants[b + 1]
-
-
-@compiled
-def eliminated(matrix: FloatArray, n: int) -> bool:
-    """Solve a small system whose right side is column n, by Gauss with the largest pivot; tell whether it could be."""
-    for i in range(n):
-        p = i
-        for r in range(i + 1, n):
-            if abs(matrix[r, i]) > abs(matrix[p, i]):
-                p = r
-        if matrix[p, i] == 0.0:
-            return False
-        for j in range(i, n + 1):
-            kept = matrix[i, j]
-            matrix[i, j] = matrix[p, j]
-            matrix[p, j] = kept
-        for r in range(i + 1, n):
-            part = matrix[r, i] / matrix[i, i]
-            for j in range(i, n + 1):
-                matrix[r, j] -= part * matrix[i, j]
-    for i in range(n - 1, -1, -1):
-        for j in range(i + 1, n):
-            matrix[i, n] -= matrix[i, j] * matrix[j, n]
-        matrix[i, n] /= matrix[i, i]
-    return True
-
-
-@compiled
-def moved_by(
-    i: int, j: int, places: IntArray, give: FloatArray, cam: FloatArray, k: int, sense: int, act: int
-) -> float:
-    """Return what a unit of force j does to scalar i, per unit of what acceleration adds."""
-    found = 0.0
-    for b in range(places[1, j], places[1, j + 1]):
-        for s in range(places[0, i], places[0, i + 1]):
-            found += cam[k, sense + s] * give[b, s] * cam[k, act + b]
-    return found
-
-
-@compiled
-def corrected(
-    laws: IntArray, places: IntArray, give: FloatArray, cam: FloatArray, k: int, to_d: float, to_v: float,
-    iteration: int, local: FloatArray, tangent: FloatArray, stiff: IntArray, matrix: FloatArray,
-) -> bool:  # fmt: skip
-    """Correct the forces (row 0): by Newton's step where they react to themselves, by the laws' answer elsewhere."""
-    turn, act = give.shape[1], 2 * give.shape[1]
-    sense = act - 2 * turn  # zero, as a number: a literal one would be compiled apart
-    n = sense
-    part, weak = 1.0, _WEAK
-    if iteration > _WHOLE_STEPS:
-        part = 0.5
-    if iteration > _PATIENT:
-        weak = -1.0  # also those that react through others alone
-    for law in range(len(laws)):
-        first, size = laws[law, 1], laws[law, 2]
-        strong = False
-        for i in range(first, first + size):
-            reaction = 0.0
-            for r in range(size):
-                reaction += (to_d * abs(tangent[0, i, r]) + to_v * abs(tangent[1, i, r])) * local[6, first + r]
-            if reaction * local[6, i] > weak:
-                strong = True
-        for i in range(first, first + size):
-            if strong:
-                stiff[0, n], stiff[1, n] = i, law
-                n += 1
-            else:
-                local[0, i] = local[3, i]
-    for row in range(n):
-        for column in range(n):
-            moved = moved_by(stiff[0, row], stiff[0, column], places, give, cam, k, sense, act)
-            turned = moved_by(stiff[0, row], stiff[0, column], places, give, cam, k, turn, act)
-            matrix[1, row, column], matrix[2, row, column] = to_d * moved, to_v * moved + to_d * turned
-    for row in range(n):
-        i = stiff[0, row]
-        first, size = laws[stiff[1, row], 1], laws[stiff[1, row], 2]
-        begin = row - (i - first)  # scalars of one law stand together
-        for column in range(n):
-            matrix[0, row, column] = 0.0
-        for r in range(size):
-            by_gap, by_rate = tangent[0, i, r], tangent[1, i, r]
-            if by_gap != 0.0 or by_rate != 0.0:
-                for column in range(n):
-                    moved, turned = matrix[1, begin + r, column], matrix[2, begin + r, column]
-                    matrix[0, row, column] -= by_gap * moved + by_rate * turned
-        matrix[0, row, row] += 1.0
-        matrix[0, row, n] = local[0, i] - local[3, i]
-    if not eliminated(matrix[0], n):
-        return False
-    for row in range(n):
-        local[0, stiff[0, row]] -= part * matrix[0, row, n]
-    return True
-
-
-@compiled
-def settled(
-    laws: IntArray, constants: FloatArray, places: IntArray, give: FloatArray, cam: FloatArray, k: int,
-    half: float, to_d: float, to_v: float, local: FloatArray, tangent: FloatArray, inner: FloatArray,
-    moved: FloatArray, stiff: IntArray, matrix: FloatArray,
-) -> int:  # fmt: skip
-    """Find the local forces that agree with the motion they cause; return the iterations, 0 if there are none."""
-    c, senses = local.shape[1], give.shape[1]
-    act = 2 * senses
-    functions = act + give.shape[0] + 2 * c
-    for iteration in range(1, _MOST_ITERATIONS + 1):
-        for s in range(senses):
-            moved[s] = 0.0
-        for j in range(c):
-            if local[0, j] != 0.0:
-                for b in range(places[1, j], places[1, j + 1]):
-                    weight = local[0, j] * cam[k, act + b]
-                    for s in range(senses):
-                        moved[s] += give[b, s] * weight
-        for i in range(c):
-            by_d, by_v = 0.0, 0.0
-            for s in range(places[0, i], places[0, i + 1]):
-                by_d += to_d * cam[k, s] * moved[s]
-                by_v += (to_v * cam[k, s] + to_d * cam[k, senses + s]) * moved[s]
-            local[1, i], local[2, i] = local[4, i] + by_d, local[5, i] + by_v
-        respond(laws, constants, cam, k, functions, half, local, tangent, inner)
-        worst, size, rounding, total = 0.0, 0.0, 0.0, 0.0
-        for law in range(len(laws)):
-            first = laws[law, 1]
-            for i in range(first, first + laws[law, 2]):
-                by_gap, by_rate = abs(tangent[0, i, i - first]), abs(tangent[1, i, i - first])
-                own = by_gap * (abs(local[4, i]) + abs(local[1, i] - local[4, i]))
-                own += by_rate * (abs(local[5, i]) + abs(local[2, i] - local[5, i]))
-                off, force = abs(local[0, i] - local[3, i]), abs(local[3, i])
-                total += force + off
-                if off > worst:
-                    worst = off
-                if force > size:
-                    size = force
-                if own > rounding:
-                    rounding = own
-        if worst <= _TOLERANCE * size + _ROUNDING * rounding or not math.isfinite(total):
-            for i in range(c):
-                local[0, i] = local[3, i]
-            return iteration
-        if not corrected(laws, places, give, cam, k, to_d, to_v, iteration, local, tangent, stiff, matrix):
-            return 0
-    return 0
-
-
-@compiled
-def march(
-    begin: int, end: int, scheme: FloatArray, motions: FloatArray, coupled: FloatArray, inverse: FloatArray,
-    loads: FloatArray, state: FloatArray, laws: IntArray, constants: FloatArray, places: IntArray, switching: IntArray,
-    sensing: FloatArray, acting: FloatArray, give: FloatArray, answering: FloatArray, watched: FloatArray,
-    cam: FloatArray, forces: FloatArray, local: FloatArray, tangent: FloatArray, inner: FloatArray,
-    moved: FloatArray, stiff: IntArray, matrix: FloatArray, found: FloatArray, count: IntArray,
-) -> int:  # fmt: skip
-    """Advance from row `begin` of what is prescribed up to `end`, and tell how it ended.
-
-    The state (q, v, a and the forces on the motions; the local forces; the internal states) moves along. `count` takes
-    the row reached and the iterations. No switching scalar is looked at where none is named. Where
-    rows are watched, and no local forces act, only what they make of the motions is found.
-    """
-    h, beta, gamma, alpha_m, alpha_f = scheme[0], scheme[1], scheme[2], scheme[3], scheme[4]
-    new, to_d, to_v, half = 1.0 - alpha_f, beta * h * h, gamma * h, 0.5 * h
-    n, c, s, senses = state.shape[1], local.shape[1], inner.shape[1], give.shape[1]
-    act, offset, rows = 2 * senses, 2 * senses + give.shape[0], len(watched)
-    sense = act - 2 * senses
-    for k in range(begin, end):
-        count[0] = k
-        for i in range(n):
-            there = state[0, i] + h * state[1, i] + (0.5 - beta) * h * h * state[2, i]
-            moving = state[1, i] + (1.0 - gamma) * h * state[2, i]
-            right = new * (loads[k, i] - motions[2, i] * there - motions[1, i] * moving)
-            if alpha_f != 0.0 or alpha_m != 0.0:
-                old = state[3, i] - motions[2, i] * state[0, i] - motions[1, i] * state[1, i]
-                right += alpha_f * old - alpha_m * motions[0, i] * state[2, i]
-            state[4, i], state[5, i], state[6, i], state[7, i] = there, moving, right, motions[3, i] * right
-        if len(coupled) > 0:
-            for i in range(n):
-                slowed = 0.0
-                for j in range(n):
-                    slowed += coupled[i, j] * (new * state[5, j] + alpha_f * state[1, j])
-                state[6, i] -= slowed
-            for i in range(n):
-                total = 0.0
-                for j in range(n):
-                    total += inverse[i, j] * state[6, j]
-                state[7, i] = total
-        if c > 0:
-            for i in range(n):
-                state[8, i] = state[4, i] + to_d * state[7, i]
-                state[9, i] = state[5, i] + to_v * state[7, i]
-            for i in range(c):
-                gap, rate = cam[k, offset + i], cam[k, offset + c + i]
-                for b in range(places[0, i], places[0, i + 1]):
-                    on_d, on_v = 0.0, 0.0
-                    for m in range(n):
-                        on_d += sensing[b, m] * state[8, m]
-                        on_v += sensing[b, m] * state[9, m]
-                    gap += cam[k, b] * on_d
-                    rate += cam[k, b] * on_v + cam[k, senses + b] * on_d
-                local[4, i], local[5, i], local[0, i] = gap, rate, forces[0, i] + forces[3, i]
-                local[6, i] = math.sqrt(abs(moved_by(i, i, places, give, cam, k, sense, act)))
-            for z in range(s):
-                inner[2, z] = inner[0, z] + half * inner[1, z]
-            iterations = settled(
-                laws, constants, places, give, cam, k, half, to_d, to_v, local, tangent, inner, moved, stiff, matrix
-            )
-            if iterations == 0:
-                return UNSETTLED
-            for one in range(switching.shape[1]):
-                if (local[1, switching[0, one]] > 0.0) != (switching[1, one] == 1):
-                    return SWITCHED
-            count[1] += iterations
-            for j in range(c):
-                forces[3, j] = local[0, j] - forces[0, j]  # and as much again is the next guess
-                forces[0, j], forces[1, j], forces[2, j] = local[0, j], local[1, j], local[2, j]
-                found[k, 3 * n + j] = local[0, j]
-                if local[0, j] != 0.0:
-                    for b in range(places[1, j], places[1, j + 1]):
-                        weight = local[0, j] * cam[k, act + b]
-                        for i in range(n):
-                            state[7, i] += weight * answering[b, i]
-            for z in range(s):
-                inner[0, z], inner[1, z] = inner[3, z], inner[4, z]
-                found[k, 3 * n + c + z] = inner[0, z]
-        for i in range(n):
-            a = state[7, i]
-            q, v = state[4, i] + to_d * a, state[5, i] + to_v * a
-            still = abs(q) < _GONE and abs(v) < _GONE and abs(a) < _GONE
-            state[0, i], state[1, i], state[2, i] = (0.0, 0.0, 0.0) if still else (q, v, a)
-            state[3, i] = loads[k, i]
-        if rows > 0:  # nothing else of this step is asked for
-            for r in range(rows):
-                on_d, on_v, on_a = 0.0, 0.0, 0.0
-                for i in range(n):
-                    on_d += watched[r, i] * state[0, i]
-                    on_v += watched[r, i] * state[1, i]
-                    on_a += watched[r, i] * state[2, i]
-                found[k, r], found[k, rows + r], found[k, 2 * rows + r] = on_d, on_v, on_a
-        else:
-            for i in range(n):
-                found[k, i], found[k, n + i], found[k, 2 * n + i] = state[0, i], state[1, i], state[2, i]
-        for j in range(c):
-            if local[0, j] != 0.0:
-                for b in range(places[1, j], places[1, j + 1]):
-                    weight = local[0, j] * cam[k, act + b]
-                    for i in range(n):
-                        state[3, i] += weight * acting[b, i]
-    count[0] = end
-    return DONE

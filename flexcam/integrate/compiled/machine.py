@@ -17,7 +17,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-_SOURCES = ("integrate/compiled/kernel.py", "system/pointwise.py")
+_SOURCES = (
+    "integrate/compiled/kernel.py", "integrate/compiled/newton.py", "integrate/compiled/stepping.py",
+    "integrate/compiled/locating.py", "integrate/compiled/march.py", "integrate/compiled/glide.py",
+    "integrate/crossing.py", "system/pointwise.py",
+)  # fmt: skip
 """What is compiled: another text has another folder, for the compiler itself looks at one file only."""
 
 
@@ -65,11 +69,24 @@ def machine_code() -> Callable[..., int]:
     Returns
     -------
     Callable
-        As `flexcam.integrate.compiled.kernel.march`; compiled at its first call if it is not kept.
+        As `flexcam.integrate.compiled.march.march`; compiled at its first call if it is not kept.
     """
-    from flexcam.integrate.compiled.kernel import march
+    from flexcam.integrate.compiled.march import march
 
     return march
+
+
+def gliding_code() -> Callable[..., None]:
+    """Return the compiled march without local forces.
+
+    Returns
+    -------
+    Callable
+        As `flexcam.integrate.compiled.glide.glide`; compiled at its first call if it is not kept.
+    """
+    from flexcam.integrate.compiled.glide import glide
+
+    return glide
 
 
 @contextmanager

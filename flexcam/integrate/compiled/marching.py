@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexcam.checkpoint import Arrays, flattened
-from flexcam.integrate.compiled.calling import DONE, CompiledStepper, March, Moving
-from flexcam.integrate.compiled.window import Window
+from flexcam.integrate.compiled.calling import DONE, UNSETTLED, CompiledStepper, March, Moving
+from flexcam.integrate.compiled.window import AT_ONCE, Windows
 from flexcam.integrate.engine import STOPPED, everything, in_range, unsettled
 from flexcam.integrate.events import Walker
 from flexcam.integrate.first import Starter
@@ -21,7 +21,47 @@ from flexcam.integrate.settle import NoConvergenceError
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.response import Stats, Status
 
-_FIRST = np.array([0, 1])
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """Instants that end no step, and impacts.
+
+    Parameters
+    ----------
+    rows
+        What a row of results has, time (s) and the row behind, shape (m, columns + 2).
+    impulse
+        At them, N s, shape (m, c).
+    struck
+        At ends of steps, by row.
+    """
+
+    rows: FloatArray
+    impulse: FloatArray
+    struck: dict[int, FloatArray]
+
+    @classmethod
+    def marched(cls, rows: FloatArray, count: int) -> Between:
+        """Return those of a march: it knows no impacts."""
+        return cls(rows, np.zeros((len(rows), count)), {})
+
+    @classmethod
+    def walked(cls, moments: Sequence[Moment], row: int) -> Between:
+        """Return those of a step that was walked."""
+        *within, last = moments
+        nothing = np.zeros(len(last.local))
+        impulse = [nothing if one.impulse is None else one.impulse for one in within]
+        rows = [np.concatenate([_row(one), [one.time, row]]) for one in within]
+        columns = len(_row(last)) + 2
+        return cls(
+            np.array(rows).reshape(-1, columns), np.array(impulse).reshape(-1, len(nothing)),
+            {} if last.impulse is None else {row: last.impulse},
+        )  # fmt: skip
+
+
+def _row(one: Moment) -> FloatArray:
+    """Return what a row of results has of an instant."""
+    return np.concatenate([one.d, one.v, one.a, one.local, one.inner.state])
 
 
 class Marching:
@@ -45,9 +85,12 @@ class Marching:
         self._whole = self._march.operator(problem.step)
         self._starter = Starter(problem.system, forces)
         self._walker = Walker(problem.step, forces, self._starter, self._at, self._stepper, balances=scheme.balances)
-        self._window = Window(problem.times(_FIRST)[0], problem.times(_FIRST)[1], self._prescribed)
+        self._walks = scheme.balances and bool(np.isnan(forces.restitution).all())
+        self._windows: Windows | None = None
+        self._same = self._march.same()
+        self._row, self._end = 0, 0.0
         self._last: Moment | None = None
-        self._iterations = 0
+        self._iterations, self._events = 0, 0
 
     def advance(self, steps: IntArray) -> tuple[Track, Status]:
         """Return the instants of some successive steps, as `Engine` says."""
@@ -63,81 +106,101 @@ class Marching:
         return kept, status if left.ok else left
 
     def _marched(self, at: FloatArray, loads: FloatArray, schedule: Schedule) -> tuple[Track, Status]:
-        """March from event to event, and walk the step that holds one."""
-        found, cam = np.empty((len(at), self._march.columns)), self._march.packed.cam(schedule)
-        walked: dict[int, list[Moment]] = {}
-        row, status = 0, Status()
+        """March, and walk the steps that no march can take."""
+        found, given = np.empty((len(at), self._march.columns)), self._march.given(at, loads, schedule)
+        between: list[Between] = []
+        row, status, self._windows = 0, Status(), None
         if self._last is None:
             to = Instant(float(at[0]), loads[0], schedule, 0)
             self._last, row = self._starter.first(self._problem.start or State.rest(self._system.size), to), 1
-            walked[0] = [self._last]
+            found[0] = _row(self._last)
+        moving, sides = Moving.of(self._last), self._sides(self._last)
         while row < len(at):
-            moving = Moving.of(self._last)
-            rows, sides = (row, len(at)), self._sides(self._last)
-            ended, reached, iterations = self._march.call(self._whole, moving, rows, loads, cam, found, sides)
-            self._iterations += iterations
-            if reached > row:
-                self._last, row = moving.moment(float(at[reached - 1])), reached
-            if ended == DONE:
+            seen = self._windows if self._walks else None
+            ended = self._march.call(self._whole, moving, (row, len(at)), given, found, sides, seen)
+            self._iterations += ended.iterations
+            self._events += ended.events
+            between.append(Between.marched(ended.between, self._forces.count))
+            row = ended.row
+            if ended.how == DONE:
                 break
+            if self._windows is None or not self._windows.cover(row):
+                few = slice(row, row + AT_ONCE)
+                self._windows = Windows(row, at[few], self._problem.step, self._looked_at, self._same)
+                if self._walks and ended.how != UNSETTLED:
+                    continue
             to = Instant(float(at[row]), loads[row], schedule, row)
-            self._window = Window(self._last.time, to.time, self._prescribed)
+            self._row, self._end = row, to.time
+            now = moving.moment(float(at[row - 1]) if row else self._last.time, sides[1] > 0)
             try:
-                walked[row] = self._walker.walk(self._last, to)
+                walked = self._walker.walk(now, to)
             except NoConvergenceError as fault:
                 status = unsettled(fault.forces, to.time, to.angle)
                 break
-            self._iterations += sum(moment.iterations for moment in walked[row])
-            self._last, row = walked[row][-1], row + 1
-        return self._track(at[:row], found, walked), status
+            self._iterations += sum(moment.iterations for moment in walked)
+            between.append(Between.walked(walked, row))
+            found[row], row = _row(walked[-1]), row + 1
+            moving, sides = Moving.of(walked[-1]), self._sides(walked[-1])
+        if row:
+            self._last = moving.moment(float(at[row - 1]), sides[1] > 0)
+        return self._track(at[:row], found[:row], between), status
 
-    def _track(self, time: FloatArray, found: FloatArray, walked: dict[int, list[Moment]]) -> Track:
-        """Return the rows of a march with those that were walked in their places."""
-        n, c = self._system.size, self._forces.count
-        tracks: list[Track] = []
-        begin = 0
-        for row, moments in walked.items():
-            if len(moments) == 1 and moments[0].impulse is None:
-                one = moments[0]
-                found[row] = np.concatenate([one.d, one.v, one.a, one.local, one.inner.state])
-                del moments[:]
-        for row, moments in [*walked.items(), (len(time), [])]:
-            if not moments and row < len(time):
-                continue
-            d, v, a, force, inner = np.split(found[begin:row], [n, 2 * n, 3 * n, 3 * n + c], axis=1)
-            tracks.append(Track(time[begin:row], d, v, a, force, inner, np.zeros_like(force), np.arange(row - begin)))
-            tracks += [Track.of([moments])] if moments else []
-            begin = row + 1
-        return Track.joined(tracks) if len(tracks) > 1 else tracks[0]
+    def _track(self, time: FloatArray, found: FloatArray, between: Sequence[Between]) -> Track:
+        """Return the rows of a march with those between them in their places."""
+        n, c, ends = self._system.size, self._forces.count, np.arange(len(time))
+        impulse = np.zeros((len(time), c))
+        for row, struck in (pair for one in between for pair in one.struck.items()):
+            impulse[row] = struck
+        if any(len(one.rows) for one in between):
+            instants = np.concatenate([one.rows for one in between])
+            order = np.argsort(np.concatenate([ends, instants[:, -1] - 0.5]), kind="stable")
+            time = np.concatenate([time, instants[:, -2]])[order]
+            found = np.concatenate([found, instants[:, :-2]])[order]
+            impulse = np.concatenate([impulse, *(one.impulse for one in between)])[order]
+            ends = np.flatnonzero(order < len(ends))
+        d, v, a, force, inner = np.split(found, [n, 2 * n, 3 * n, 3 * n + c], axis=1)
+        return Track(time, d, v, a, force, inner, impulse, ends)
 
     def counted(self, stats: Stats) -> Stats:
         """Return figures of the run with those counted here."""
-        return replace(stats, iterations=self._iterations, events=self._walker.events)
+        return replace(stats, iterations=self._iterations, events=self._events + self._walker.events)
 
     def state(self) -> Arrays:
         """Return the last instant and the counts, as `Engine` says."""
-        return {**flattened("last", self._last), "counts": np.array([self._iterations, self._walker.events])}
+        return {
+            **flattened("last", self._last),
+            "counts": np.array([self._iterations, self._events, self._walker.events]),
+        }
 
     def restore(self, state: Arrays) -> None:
         """Go on, as `Engine` says."""
         self._last = Moment.restored("last", state)
-        self._iterations, self._walker.events = state["counts"].tolist()
+        self._iterations, self._events, self._walker.events = state["counts"].tolist()
 
     def _sides(self, moment: Moment) -> IntArray:
         """Return the switching scalars, and which of them count as pressed."""
         pressed = self._forces.pressed(moment.gap) if moment.pressed is None else moment.pressed
-        return np.array([self._forces.switching, pressed], dtype=np.intp)
+        return np.array([self._forces.switching, pressed, pressed], dtype=np.intp)
 
     def _at(self, time: float) -> Instant:
         """Return what is prescribed at a time within the step that is walked."""
-        if self._window.smooth and self._window.begin <= time <= self._window.end:
-            return self._window.at(time)
-        loads, schedule = self._prescribed(np.array([time]))
+        times = np.array([time])
+        if self._windows is not None and self._windows.cover(self._row):
+            seen = self._windows.at(self._row, 1.0 + (time - self._end) / self._problem.step)
+            if seen is not None:
+                angle = self._problem.drive.at(times).angle
+                load, cam = seen[: self._system.size], seen[None, self._system.size : -1]
+                return Instant(time, load, self._march.packed.schedule(cam, angle, self._forces))
+        loads, schedule = self._prescribed(times)
         return Instant(time, loads[0], schedule)
 
     def _prescribed(self, times: FloatArray) -> tuple[FloatArray, Schedule]:
         motion = self._problem.drive.at(times)
         return self._system.applied(motion), self._forces.schedule(motion)
+
+    def _looked_at(self, times: FloatArray) -> FloatArray:
+        loads, schedule = self._prescribed(times)
+        return self._march.given(times, loads, schedule)[:-1]
 
     def _stepper(self, step: float) -> CompiledStepper:
         return CompiledStepper(self._march, step)

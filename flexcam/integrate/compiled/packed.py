@@ -9,7 +9,7 @@ import numpy as np
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.scheme import Scheme
 from flexcam.linalg import FloatArray, IntArray
-from flexcam.system import AngleFunction, Formula, Formulated, System
+from flexcam.system import AngleFunction, Formula, Formulated, Kind, System
 
 _NONE = np.zeros((0, 0))
 
@@ -29,12 +29,15 @@ class PackedForces:
         Where the sensing and the acting vectors of each scalar begin, shape (2, c + 1).
     functions
         All functions of the cam angle.
+    loosely
+        Whether each of them only bounds a law, so that it need not be known well.
     """
 
     laws: IntArray
     constants: FloatArray
     places: IntArray
     functions: tuple[AngleFunction, ...]
+    loosely: tuple[bool, ...]
 
     @classmethod
     def of(cls, forces: LocalForces) -> PackedForces:
@@ -46,16 +49,18 @@ class PackedForces:
         rows: list[tuple[int, ...]] = []
         constants: list[float] = []
         functions: list[AngleFunction] = []
+        loosely: list[bool] = []
         first = 0
         for one, state in each:
             begin = len(constants)
             constants += [*one.constants, *(one.friction or ())]
             rows.append((one.kind, first, one.scalars, begin, len(functions), state, begin + len(one.constants)))
             functions += one.functions
+            loosely += [one.kind is Kind.LINE and i == 0 for i in range(len(one.functions))]
             first += one.scalars
         senses, acts = (_begins(stack.owner) for stack in (forces.sense, forces.act))
         laws = np.array(rows, dtype=np.intp).reshape(-1, 7)
-        return cls(laws, np.array(constants, dtype=float), np.vstack([senses, acts]), tuple(functions))
+        return cls(laws, np.array(constants, dtype=float), np.vstack([senses, acts]), tuple(functions), tuple(loosely))
 
     def cam(self, schedule: Schedule) -> FloatArray:
         """Return what follows from the cam side by side, a row per instant.
@@ -66,6 +71,14 @@ class PackedForces:
         parts = (schedule.sense, schedule.sense_rate, schedule.act, schedule.offset, schedule.offset_rate, *functions)
         return np.ascontiguousarray(np.hstack(parts))
 
+    def schedule(self, cam: FloatArray, angle: FloatArray, forces: LocalForces) -> Schedule:
+        """Return what such rows were made of, at their cam angles (rad)."""
+        senses, acts, c = len(forces.sense.vectors), len(forces.act.vectors), forces.count
+        cuts = np.cumsum([senses, senses, acts, c, c])
+        sense, sense_rate, act, offset, offset_rate, _ = np.split(cam, cuts, axis=1)
+        owners = forces.sense.owner, forces.act.owner
+        return Schedule(sense, sense_rate, act, offset, offset_rate, angle, *owners)
+
 
 def _begins(owner: FloatArray) -> IntArray:
     return np.concatenate([[0], np.cumsum(owner.sum(axis=1))]).astype(np.intp)
@@ -73,27 +86,25 @@ def _begins(owner: FloatArray) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class Operator:
-    """What a step of one length does to the motions of an uncoupled system.
+    """What a step of one length does to the motions of an uncoupled system, and room for that of parts of it.
 
     Parameters
     ----------
     scheme
-        Step (s), beta, gamma, alpha_m and alpha_f, shape (5,).
+        Step (s), beta, gamma, alpha_m and alpha_f, shape (2, 5).
     motions
-        Mass, damping, stiffness and, where damping couples nothing, the inverse of the step's operator, shape (4, n).
-    inverse
-        The same where it does, shape (n, n); else empty.
+        Mass, damping, stiffness and, where damping couples nothing, the inverse of the step's operator; then what a
+        unit along each acting vector adds to the accelerations, shape (2, 4 + acting, n).
     give
-        What a unit along each acting vector adds to the accelerations that are sensed, shape (acting, sensing).
-    answering
-        What it adds to those of the motions, shape (acting, n).
+        What it adds to those that are sensed, shape (2, acting, sensing).
+    inverse
+        The inverse where damping does couple, shape (n, n); else empty.
     """
 
     scheme: FloatArray
     motions: FloatArray
-    inverse: FloatArray
     give: FloatArray
-    answering: FloatArray
+    inverse: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,14 +117,16 @@ class PackedSystem:
         Mass, damping and stiffness, shape (3, n).
     coupled
         Damping beside its diagonal, shape (n, n); empty where there is none.
-    sensing, acting
-        Vectors of the local forces, shape (k, n) and (l, n).
+    vectors
+        Of the local forces, those that sense and then those that act, shape (sensing + acting, n).
+    sensing
+        How many sense.
     """
 
     motions: FloatArray
     coupled: FloatArray
-    sensing: FloatArray
-    acting: FloatArray
+    vectors: FloatArray
+    sensing: int
 
     @classmethod
     def of(cls, system: System, forces: LocalForces) -> PackedSystem:
@@ -121,8 +134,8 @@ class PackedSystem:
         own = system.damping.diagonal()
         beside = system.damping.dense() - np.diag(own)
         motions = np.array([system.mass.diagonal(), own, system.stiffness.diagonal()])
-        vectors = (np.ascontiguousarray(one) for one in (forces.sense.vectors, forces.act.vectors))
-        return cls(motions, beside if beside.any() else _NONE, *vectors)
+        vectors = np.vstack([forces.sense.vectors, forces.act.vectors])
+        return cls(motions, beside if beside.any() else _NONE, vectors, len(forces.sense.vectors))
 
     def operator(self, scheme: Scheme, step: float) -> Operator:
         """Return what a step does."""
@@ -131,13 +144,15 @@ class PackedSystem:
         whole = (1.0 - scheme.alpha_m) * mass + new * (
             scheme.gamma * step * damping + scheme.beta * step**2 * stiffness
         )
+        sensing, acting = self.vectors[: self.sensing], self.vectors[self.sensing :]
         single, inverse = np.zeros_like(whole), _NONE
         if len(self.coupled):
             inverse = np.asarray(np.linalg.inv(np.diag(whole) + new * scheme.gamma * step * self.coupled), dtype=float)
-            answering = np.ascontiguousarray(new * self.acting @ inverse.T)
+            answering = new * acting @ inverse.T
         else:
             single = 1.0 / whole
-            answering = new * self.acting * single
+            answering = new * acting * single
         weights = np.array([step, scheme.beta, scheme.gamma, scheme.alpha_m, scheme.alpha_f])
-        give = np.ascontiguousarray(answering @ self.sensing.T)
-        return Operator(weights, np.vstack([self.motions, single]), inverse, give, answering)
+        motions, give = np.vstack([self.motions, single, answering]), answering @ sensing.T
+        twice = [np.array([one, one]) for one in (weights, motions, give)]
+        return Operator(twice[0], twice[1], twice[2], inverse)

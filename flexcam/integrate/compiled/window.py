@@ -1,7 +1,8 @@
-"""What the cam prescribes within one step, from a few instants of it.
+"""What the cam prescribes within some steps, from a few instants of each.
 
 Where a contact switches, several instants of one step are looked at. Polynomials through a few of them give what lies
 between to rounding; where a law has a corner within the step they do not, and every instant is computed from the laws.
+Steps with events stand near each other, and laws are evaluated for many instants as fast as for few.
 """
 
 from __future__ import annotations
@@ -10,9 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flexcam.integrate.local import Schedule
-from flexcam.integrate.moment import Instant
-from flexcam.linalg import FloatArray
+from flexcam.linalg import FloatArray, IntArray
 
 _NODES = 0.5 * (1.0 - np.cos(np.pi * np.arange(6) / 5.0))
 """Chebyshev's points of the step, both ends among them."""
@@ -23,48 +22,82 @@ _WEIGHTS = np.array([0.5, -1.0, 1.0, -1.0, 1.0, -0.5])
 _CHECKED = np.array([0.05, 0.5, 0.8])
 """Where the polynomials are held against the laws."""
 
-_SAME = 1e-12
+_LOOKED_AT = np.concatenate([_NODES, _CHECKED])
 
-Prescribed = Callable[[FloatArray], tuple[FloatArray, Schedule]]
-"""Loads and schedule at some times, s."""
+SAME = 1e-9
+"""Of the largest value: laws that are inverted or tabulated have noise of some 1e-10, in rates that turn slowly."""
+
+LOOSE = 1e-3
+"""Of what only bounds a law, as the radius from which the load of a line contact is taken as straight on."""
+
+AT_ONCE = 16
+"""Steps that are looked into together."""
+
+Prescribed = Callable[[FloatArray], FloatArray]
+"""Loads and what follows from the cam at some times (s), side by side."""
 
 
-class Window:
-    """One step, looked into.
+def _shares(x: FloatArray) -> FloatArray:
+    """Return the shares of the points in the values at some parts of the step, shape (len(x), 6)."""
+    shares = _WEIGHTS / (x[:, None] - _NODES)
+    return shares / shares.sum(axis=1, keepdims=True)
+
+
+_BETWEEN = _shares(_CHECKED)
+
+
+class Windows:
+    """Some successive steps, looked into.
 
     Parameters
     ----------
-    begin, end
+    first
+        Number of the first among the steps that are marched.
+    ends
+        When each of them ends, s, shape (w,).
+    step
         s.
     prescribed
         What the laws say at some times.
+    same
+        By how much polynomials may miss every column, as a part of its largest value, shape (columns,).
+
+    Attributes
+    ----------
+    tables
+        Loads and what follows from the cam at the points of every step, shape (w, 6, columns).
+    rows
+        The first step, and of each whether polynomials tell what is between its points.
     """
 
-    def __init__(self, begin: float, end: float, prescribed: Prescribed) -> None:
-        self.begin, self.end = begin, end
-        loads, schedule = prescribed(begin + (end - begin) * np.concatenate([_NODES, _CHECKED]))
-        self._senses, self._acts = schedule.senses, schedule.acts
-        parts = (loads, schedule.sense, schedule.sense_rate, schedule.act, schedule.offset, schedule.offset_rate)
-        table = np.hstack([*parts, schedule.angle[:, None]])
-        self._cuts = np.cumsum([part.shape[1] for part in parts])
-        self._table = table[: len(_NODES)]
-        between = np.array([_blended(x) @ self._table for x in _CHECKED.tolist()])
-        size = np.abs(table).max(axis=0, initial=0.0)
-        self.smooth = bool((np.abs(between - table[len(_NODES) :]) <= _SAME * size).all())
+    def __init__(self, first: int, ends: FloatArray, step: float, prescribed: Prescribed, same: FloatArray) -> None:
+        times = (ends - step)[:, None] + step * _LOOKED_AT
+        found = prescribed(times.ravel()).reshape(len(ends), len(_LOOKED_AT), -1)
+        self.tables = np.ascontiguousarray(found[:, : len(_NODES)])
+        size = np.maximum(found.max(axis=(0, 1)), -found.min(axis=(0, 1)))
+        off = np.abs(_BETWEEN @ self.tables - found[:, len(_NODES) :])
+        smooth = (off <= same * size).all(axis=(1, 2))
+        self.rows: IntArray = np.array([first, *smooth], dtype=np.intp)
 
-    def at(self, time: float) -> Instant:
-        """Return what is prescribed at a time of the step, s."""
-        row = _blended((time - self.begin) / (self.end - self.begin)) @ self._table
-        load, sense, sense_rate, act, offset, offset_rate, angle = np.split(row[None], self._cuts, axis=1)
-        schedule = Schedule(sense, sense_rate, act, offset, offset_rate, angle[:, 0], self._senses, self._acts)
-        return Instant(time, load[0], schedule)
+    def cover(self, row: int) -> bool:
+        """Tell whether a step is among them."""
+        return 0 <= row - int(self.rows[0]) < len(self.tables)
+
+    def at(self, row: int, part: float) -> FloatArray | None:
+        """Return what is prescribed at a part of a step, shape (columns,); None where polynomials do not tell it."""
+        which = row - int(self.rows[0])
+        if not self.rows[1 + which] or not 0.0 <= part <= 1.0:
+            return None
+        table, nodes = self.tables[which], _NODES.tolist()
+        return table[nodes.index(part)] if part in nodes else _shares(np.array([part]))[0] @ table
 
 
-def _blended(x: float) -> FloatArray:
-    """Return the shares of the points in the value at a part x of the step, shape (6,)."""
-    apart = x - _NODES
-    nearest = int(np.argmin(np.abs(apart)))
-    if apart[nearest] == 0.0:
-        return np.eye(len(_NODES))[nearest]
-    shares = _WEIGHTS / apart
-    return shares / shares.sum()
+def points() -> FloatArray:
+    """Return the points of a step for machine code.
+
+    Returns
+    -------
+    ndarray
+        Points, their weights in the barycentric formula, and a row to work in, shape (3, 6).
+    """
+    return np.array([_NODES, _WEIGHTS, np.zeros(len(_NODES))])
