@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.integrate import solve
+from flexcam.integrate import Problem, SaveAt, State, newmark, solve
 from flexcam.integrate.compiled.window import SAME, Windows
 from flexcam.integrate.events import Walker
+from flexcam.linalg import Triplets
+from flexcam.system import AngleVector, ConstantSpeed, LocalForce, Probe, System
+from flexcam.train.penalty import Stop
 
 STEP = 1e-3
 ENDS = 0.5 + STEP * np.arange(1, 5)
@@ -51,6 +54,34 @@ def test_outside():
     assert [windows.cover(row) for row in (6, 7, 10, 11)] == [False, True, True, False]
     assert windows.at(7, -0.1) is None
     assert windows.at(7, 1.1) is None
+
+
+def moving(angle, order):
+    """Where the stops are: they come and go with the cam."""
+    return -0.1 + 0.05 * np.sin(angle) if order == 0 else 0.05 * np.cos(angle)
+
+
+def test_two_events_in_one_step():
+    """Two masses meet one stop one after the other: behind the first event the second is where the cam is by then."""
+    pytest.importorskip("numba")
+    stops = tuple(
+        LocalForce(name, (AngleVector.constant(row),), (AngleVector.constant(-row),), Stop(40.0), (moving,), (0,))
+        for name, row in zip("ab", np.eye(2), strict=True)
+    )
+    M, K = Triplets.from_dense(np.eye(2)), Triplets.from_dense(np.diag([1.0, 1.3]))
+    probe = Probe("masses", ("a", "b"), np.eye(2), (None, None))
+    system = System(M, Triplets.zeros(2), K, ("a", "b"), local_forces=stops, probes=(probe,))
+    start = State(np.zeros(2), np.array([0.61, 0.53]))
+    runs = [
+        solve(
+            Problem(system, ConstantSpeed(1.0), step=0.1, steps=12, start=start, path=path), newmark(),
+            save=SaveAt(field_every=1),
+        )
+        for path in ("general", "compiled")
+    ]  # fmt: skip
+    general, compiled = (run["masses"].displacement for run in runs)
+    assert [run.stats.events for run in runs] == [4, 4]
+    np.testing.assert_allclose(compiled, general, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["pushrod-engine/intake", "direct-acting/bucket"])  # alone, and coupled by damping

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexcam.integrate.compiled.machine import machine_code
 from flexcam.integrate.compiled.packed import Operator, PackedForces, PackedSystem
-from flexcam.integrate.compiled.window import LOOSE, SAME, Windows, points
+from flexcam.integrate.compiled.window import LOOSE, NOISE, SAME, Windows, points
 from flexcam.integrate.crossing import MOST_EVENTS
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.moment import Instant, Moment
@@ -131,10 +131,10 @@ class March:
 
     def same(self) -> FloatArray:
         """Return by how much every column of `given` may be missed between instants, as a part of its size."""
-        functions = [LOOSE if loosely else SAME for loosely in self.packed.loosely]
-        forces, n = self.forces, self._system.motions.shape[1]
-        others = n + 2 * len(forces.sense.vectors) + len(forces.act.vectors) + 2 * forces.count
-        return np.array([SAME] * others + functions + [SAME])
+        senses, acts, c = len(self.forces.sense.vectors), len(self.forces.act.vectors), self.forces.count
+        n, functions = self._system.motions.shape[1], [LOOSE if one else NOISE for one in self.packed.loosely]
+        parts = ((n + senses, SAME), (senses, NOISE), (acts + c, SAME), (c, NOISE))
+        return np.array([*(same for count, same in parts for _ in range(count)), *functions, SAME])
 
     def call(
         self, operator: Operator, moving: Moving, rows: tuple[int, int], given: FloatArray, found: FloatArray,

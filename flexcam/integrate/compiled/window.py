@@ -24,8 +24,11 @@ _CHECKED = np.array([0.05, 0.5, 0.8])
 
 _LOOKED_AT = np.concatenate([_NODES, _CHECKED])
 
-SAME = 1e-9
-"""Of the largest value: laws that are inverted or tabulated have noise of some 1e-10, in rates that turn slowly."""
+SAME = 1e-12
+"""By how much polynomials may miss what is prescribed, as a part of its largest value."""
+
+NOISE = 1e-9
+"""The same of rates and of what contacts take from the cam: laws that are inverted or tabulated have noise of 1e-10."""
 
 LOOSE = 1e-3
 """Of what only bounds a law, as the radius from which the load of a line contact is taken as straight on."""
