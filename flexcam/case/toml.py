@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from typing import Any, cast
 
@@ -37,6 +38,8 @@ def toml(text: str) -> dict[str, Any]:
     """
     if len(text) > _LONGEST:
         raise ValueError(f"{len(text)} characters, more than {_LONGEST}")
+    if _DOTTED.search(text):
+        raise ValueError(_TOO_DEEP)
     try:
         tables = tomllib.loads(text)
     except RecursionError:
@@ -48,6 +51,9 @@ def toml(text: str) -> dict[str, Any]:
             return tables
     raise ValueError(_TOO_DEEP)
 
+
+_DOTTED = re.compile(r"(?>[^\s.=]+[ \t]*\.[ \t]*){1000}")
+"""A key of so many parts: Python's reader takes memory by the square of their number."""
 
 _TOO_DEEP = f"tables or lists nested more than {_DEPTH} deep"
 
