@@ -37,6 +37,8 @@ def toml(text: str) -> dict[str, Any]:
     """
     if len(text) > _LONGEST:
         raise ValueError(f"{len(text)} characters, more than {_LONGEST}")
+    if any(map(_far_too_dotted, text.splitlines())):
+        raise ValueError(_TOO_DEEP)
     try:
         tables = tomllib.loads(text)
     except RecursionError:
@@ -50,6 +52,15 @@ def toml(text: str) -> dict[str, Any]:
 
 
 _TOO_DEEP = f"tables or lists nested more than {_DEPTH} deep"
+
+
+def _far_too_dotted(line: str) -> bool:
+    """Tell a key of thousands of parts: Python's reader takes memory by the square of their number."""
+    key = line.partition("=")[0]
+    return key.count(".") > _PARTS and "," not in key
+
+
+_PARTS = 1000
 
 
 def _inside(one: object) -> list[object]:

@@ -98,8 +98,9 @@ def fuzz(inputs: int, seed: int, processes: int, only: str = "", first: int = 0,
     for hand in hands:
         _next(hand, numbers)
     while busy := [hand for hand in hands if hand.number >= 0]:
+        heard = wait([one.pipe for one in busy], timeout=1.0)
         for hand in busy:
-            if hand.pipe in wait([one.pipe for one in busy], timeout=0.0) or hand.pipe in wait([hand.pipe], 0.02):
+            if hand.pipe in heard:
                 _heard(hand, found)
             elif time.monotonic() - hand.since > LIMIT_SECONDS + 50.0:
                 found.broken[hand.number] = "hang that no alarm ends"

@@ -62,6 +62,7 @@ FOUND = {
     "brackets without end": ("case", lambda text: text + "\nx = " + "[" * 50_000),
     "brackets, closed": ("case", lambda text: text + "\nx = " + "[" * 400 + "]" * 400),
     "dots without end": ("case", lambda text: text + "\n" + "a." * 400 + "a = 1"),
+    "a key of 50000 parts": ("case", lambda text: text + "\n" + "a." * 50_000 + "a = 1"),
     "a point of a profile that is nan": ("profile", lambda text: text.replace("20.000000, 0.000000", "nan, 0")),
     "a lift without end": ("lift", lambda text: text.replace("0.007308", "inf")),
 }
