@@ -23,6 +23,9 @@ _SHARE = 0.02
 _SPARE = 2
 """Times the size of the file that must be free for a copy: what is still to be written needs room too."""
 
+_LAID_OUT = 1 << 19
+"""Bytes that a file takes before its first step, with room to spare for a few hundred nodes."""
+
 
 class Draft:
     """A file that one process at a time writes.
@@ -44,12 +47,25 @@ class Draft:
         self.path, self._shown, self._copy = path, shown, path.with_suffix(".copying")
         try:
             self._held = _locked(path)
+            self._try()
         except BlockingIOError:
             allowed, why = "a result that nobody else is writing", "another run is writing it now"
             raise refuse("result", str(shown), allowed, why, "wait for its end, or name another folder") from None
         except OSError as fault:
-            raise refuse("result", str(path), "a file that can be written", str(fault), "name another folder") from None
+            allowed, remedy = "a file that can be written", "free space or name another folder"
+            raise refuse("result", str(path), allowed, fault.strerror or str(fault), remedy) from None
         self._last, self._cost = time.perf_counter(), 0.0
+
+    def _try(self) -> None:
+        """Find out now whether the disk is full: HDF5 does not survive that while it lays out a file."""
+        try:
+            done = 0
+            while done < _LAID_OUT:  # what does not fit is cut off without a word; behind it the system says why
+                done += os.pwrite(self._held, bytes(_LAID_OUT - done), done)
+            os.truncate(self._held, 0)
+        except OSError:
+            self.discard()
+            raise
 
     @property
     def due(self) -> bool:

@@ -39,14 +39,14 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-@pytest.mark.parametrize("file_size", [40_000, 130_000, 300_000])
+@pytest.mark.parametrize("file_size", [40_000, 700_000, 3_000_000])
 def test_a_disk_that_is_full(file_size, tried, tmp_path):
     """Before the first step, behind it, and later; the result before stays, and with room the run goes on."""
     (tmp_path / "out").mkdir()
     old = tmp_path / "out/case.vtkhdf"
     old.write_bytes(b"the result before")
-    done = flexcam(tmp_path, *RUN, "--overwrite", "--set", "run.revolutions=2", file_size=file_size)
-    assert done.returncode == (2 if file_size < 100_000 else 3)
+    done = flexcam(tmp_path, *RUN, "--overwrite", "--set", "run.revolutions=20", file_size=file_size)
+    assert done.returncode == (2 if file_size < 500_000 else 3)
     assert re.search(r"File too large.*free space or name another folder", done.stderr)
     assert done.stderr.count("\n") == 1
     assert old.read_bytes() == b"the result before"
