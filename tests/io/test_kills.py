@@ -23,7 +23,7 @@ from flexcam.response import Cause
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 
 RUNS = """
-import json, os, random, signal, sys, time
+import json, os, random, shutil, signal, sys, time
 from dataclasses import replace
 from pathlib import Path
 from flexcam import read_case
@@ -49,8 +49,8 @@ def run(into, told=None, resume=False):
 
 begun = time.perf_counter()
 run(folder / "whole")
-length, draws, rows = time.perf_counter() - begun, random.Random(seed), []
-for i in range(kills):
+length, draws, rows, i = time.perf_counter() - begun, random.Random(seed), [], 0
+while i < kills:
     into, (told, tell), after = folder / str(i), os.pipe(), draws.uniform(0.0, length)
     child = os.fork()
     if not child:
@@ -62,7 +62,12 @@ for i in range(kills):
     os.close(tell)
     said = b"".join(iter(lambda: os.read(told, 1 << 16), b""))
     os.close(told)
-    rows.append((i, after, ended, int.from_bytes(said[-8:], "little")))
+    if ended == -signal.SIGKILL:
+        rows.append((i, int.from_bytes(said[-8:], "little")))
+        i += 1
+    else:  # it was over before; what else the machine does decides how long a run takes
+        length *= 0.9
+        shutil.rmtree(into)
 (folder / "rows.json").write_text(json.dumps(rows))
 """
 
@@ -103,9 +108,7 @@ def kills(request, tmp_path_factory):
     script(RUNS, CASE, folder, request.param, request.param)
     rows = json.loads((folder / "rows.json").read_text())
     whole = folder / "whole/inline.vtkhdf"
-    killed = [Killed(partial_of(folder / str(i) / whole.name), said) for i, _, ended, said in rows if ended == -9]
-    # What else the machine does decides how many kills come too late, or before the first block.
-    assert len(killed) >= 0.3 * request.param, "many runs were still going on"
+    killed = [Killed(partial_of(folder / str(i) / whole.name), said) for i, said in rows]
     assert sum(one.reported > 0 for one in killed) >= 0.2 * request.param, "many had saved something"
     return Kills(folder, killed, read_result(whole).response)
 
