@@ -158,10 +158,10 @@ def test_another_case(broken, case, refused):
 
 @pytest.mark.parametrize("package", ["flexcam", "numpy"])
 def test_another_version(package, broken, refused, monkeypatch):
-    from flexcam import runner
+    from flexcam.runner import saving
 
-    partial, known = broken(), runner.version
-    monkeypatch.setattr(runner, "version", lambda name: "99.0" if name == package else known(name))
+    partial, known = broken(), saving.version
+    monkeypatch.setattr(saving, "version", lambda name: "99.0" if name == package else known(name))
     refused(partial, SAME, f"--resume: {package}: given 99.0", known(package))
 
 

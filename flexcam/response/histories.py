@@ -1,0 +1,187 @@
+"""What of a run is in memory: histories, fields, how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.checks import did_you_mean, finite_array, refuse
+from flexcam.linalg import FloatArray
+from flexcam.response.series import Series
+from flexcam.response.status import Stats, Status
+
+STATE = "state."
+"""Begins the name of a channel that holds an internal state: with them a run can go on from a result."""
+
+
+_SAME_INSTANT = 1e-9
+"""Part of a period by which rounding may have moved the instant at its beginning."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """Names of what a run saves, in the order of the block's columns.
+
+    Parameters
+    ----------
+    unknowns
+        Name per column of the fields.
+    probes
+        Pairs of probe name and its component names.
+    channels
+        Pairs of channel name and unit.
+    """
+
+    unknowns: tuple[str, ...]
+    probes: tuple[tuple[str, tuple[str, ...]], ...]
+    channels: tuple[tuple[str, str], ...]
+
+    def columns(self, name: str) -> slice:
+        """Return the columns of a probe, or of one component of it given as ``probe.component``.
+
+        Raises
+        ------
+        InputError
+            If nothing of that name was saved.
+        """
+        first = 0
+        known: list[str] = []
+        for probe, components in self.probes:
+            if name == probe:
+                return slice(first, first + len(components))
+            for i, one in enumerate(components):
+                if name == f"{probe}.{one}":
+                    return slice(first + i, first + i + 1)
+            known += [probe, *(f"{probe}.{one}" for one in components if len(components) > 1)]
+            first += len(components)
+        raise refuse("probe", repr(name), ", ".join(known) or "(no probe was saved)", remedy=did_you_mean(name, known))
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Motion of one probe over time.
+
+    Parameters
+    ----------
+    name
+        Of the probe.
+    components
+        Names of its scalars.
+    displacement, velocity, acceleration
+        m, m/s, m/s^2 (rad where a component is a rotation); shape (steps,) for a probe of one scalar, else
+        (steps, components).
+    """
+
+    name: str
+    components: tuple[str, ...]
+    displacement: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Result of a run.
+
+    Parameters
+    ----------
+    outline
+        Names of everything saved.
+    time, angle
+        Instants of the histories, s and rad (cam angle), shape (steps + 1,).
+    probes
+        Probe histories side by side; use ``response["valve"]``.
+    channels
+        Channel name to its history, shape (steps + 1,).
+    field_time, field_angle, fields
+        All unknowns at the saved instants.
+    status, stats
+        How the run ended, and its figures.
+
+    Examples
+    --------
+    ``response["valve"].displacement``, ``response["cam.uy"].velocity``, ``response.channels["contacts.intake.force"]``.
+    """
+
+    outline: Outline
+    time: FloatArray
+    angle: FloatArray
+    probes: Series
+    channels: Mapping[str, FloatArray]
+    field_time: FloatArray
+    field_angle: FloatArray
+    fields: Series
+    status: Status = field(default_factory=Status)
+    stats: Stats = field(default_factory=Stats)
+
+    @property
+    def inner(self) -> FloatArray:
+        """Internal states of the local laws at the end, shape (s,)."""
+        return np.array([values[-1] for name, values in self.channels.items() if name.startswith(STATE)], dtype=float)
+
+    def latest(self, period: float) -> NDArray[np.bool_]:
+        """Tell which instants lie within the last period of a run.
+
+        Parameters
+        ----------
+        period
+            Such as that of a revolution, s.
+
+        Returns
+        -------
+        ndarray
+            Shape (steps + 1,), bool: one instant per step, the period's first left out; all of a shorter run.
+        """
+        return self.time > self.time[-1:] - period * (1.0 - _SAME_INSTANT)
+
+    def at(self, times: FloatArray) -> Response:
+        """Return the response at other instants than its own: dense output.
+
+        Parameters
+        ----------
+        times
+            s, rising, within the run.
+
+        Returns
+        -------
+        Response
+            Probes by cubics, cam angle and channels by straight lines; the saved fields are those of the run.
+
+        Raises
+        ------
+        InputError
+            If a time is outside the run, or they do not rise.
+
+        Examples
+        --------
+        ``response.at(np.linspace(0.0, 0.01, 5000))["valve"].displacement``
+        """
+        given = finite_array("times", times, (None,))
+        if len(self.time) < 2 or not len(given):
+            raise refuse("times", f"{len(given)} of a run of {len(self.time)} instants", "some of a run of two or more")
+        if given[0] < self.time[0] or given[-1] > self.time[-1] or (np.diff(given) < 0.0).any():
+            allowed = f"rising times from {self.time[0]:.6g} to {self.time[-1]:.6g} s"
+            raise refuse("times", f"{given[0]:.6g} to {given[-1]:.6g} s", allowed)
+
+        def straight(values: FloatArray) -> FloatArray:
+            return np.interp(given, self.time, values)
+
+        return replace(
+            self, time=given, angle=straight(self.angle), probes=self.probes.between(self.time, given),
+            channels={name: straight(values) for name, values in self.channels.items()},
+        )  # fmt: skip
+
+    def __getitem__(self, name: str) -> History:
+        """Return the history of a probe, or of one component of it (``"cam.uy"``)."""
+        columns = self.outline.columns(name)
+        one = columns.stop - columns.start == 1
+        parts = dict(self.outline.probes)
+        components = parts[name] if name in parts else (name.rpartition(".")[2],)
+        picked = [
+            values[:, columns.start] if one else values[:, columns]
+            for values in (self.probes.displacement, self.probes.velocity, self.probes.acceleration)
+        ]
+        return History(name, components, *picked)

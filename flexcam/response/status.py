@@ -1,0 +1,148 @@
+"""How a run ended, and its figures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from flexcam.checks import FlexcamError
+
+
+class Cause(StrEnum):
+    """Why a run ended."""
+
+    DONE = "done"
+    INTERRUPTED = "interrupted"
+    NOT_FINITE = "not-finite"
+    NO_CONVERGENCE = "no-convergence"
+    SINGULAR = "singular"
+    NOT_SAVED = "not-saved"
+    TIME_LIMIT = "time-limit"
+    ROUNDING = "rounding"
+    STEP_TOO_SMALL = "step-too-small"
+    TOLERANCE = "tolerance-not-met"
+    NO_RENDERING = "no-rendering"
+    REFUSED = "refused"
+    WORKER_LOST = "worker-lost"
+    FAULT = "fault"
+
+
+@dataclass(frozen=True)
+class Status:
+    """How a run ended: the cause, the place and what to do.
+
+    Parameters
+    ----------
+    cause
+        One of `Cause`.
+    text
+        What happened, in words, with time, cam angle and unknown by name.
+    remedy
+        What to do about it.
+
+    Examples
+    --------
+    >>> Status().ok
+    True
+    """
+
+    cause: Cause = Cause.DONE
+    text: str = "the run is complete"
+    remedy: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the run reached its end."""
+        return self.cause is Cause.DONE
+
+    def __str__(self) -> str:
+        return f"{self.cause}: {self.text}" + (f"; {self.remedy}" if self.remedy else "")
+
+
+BUCKLED = Status(
+    Cause.SINGULAR, "the stiffness is not positive: an axial load is beyond buckling", "lower the compressive force"
+)
+"""How a computation ends whose stiffness is not positive."""
+
+
+TOO_FINE = Status(
+    Cause.ROUNDING,
+    "rounding in the stiffness takes too much of the answer: a member is cut into too many elements, or stiffnesses "
+    "lie too far apart for double precision",
+    "use fewer elements (up to some 1000 per span keep four digits)",
+)
+"""How a computation ends whose result would be rounding."""
+
+
+class RunFailedError(FlexcamError, RuntimeError):
+    """A computation that could not be finished.
+
+    Parameters
+    ----------
+    status
+        Cause, place and remedy.
+    """
+
+    def __init__(self, status: Status) -> None:
+        self.status = status
+        super().__init__(str(status))
+
+
+@dataclass(frozen=True)
+class Stats:
+    """Figures of a run.
+
+    Parameters
+    ----------
+    path
+        The way through time that was taken, see `flexcam.integrate.paths`.
+    steps
+        Steps done.
+    size
+        Unknowns of the whole mechanism; zero in results that do not tell it.
+    unknowns
+        Unknowns integrated; those that nothing can move are left out.
+    iterations
+        Newton iterations of local forces, all steps together.
+    events
+        Moments located inside a step, where a contact opens or closes.
+    substeps
+        Steps taken between the instants of the results, where steps are adaptive; else zero.
+    rejected
+        Steps of too large an error, taken again with half their length.
+    periodicity
+        By how much the start misses returning after a revolution, as a part of the motion; negative if not asked for.
+    imbalance
+        Largest force out of balance, as a part of the largest force; negative where channels were not computed.
+    seconds
+        Time spent in the step loop, s.
+    """
+
+    path: str = "general"
+    steps: int = 0
+    size: int = 0
+    unknowns: int = 0
+    iterations: int = 0
+    events: int = 0
+    substeps: int = 0
+    rejected: int = 0
+    periodicity: float = -1.0
+    imbalance: float = -1.0
+    seconds: float = 0.0
+
+
+def heed(status: Status) -> None:
+    """Go on being interrupted: one of many runs was stopped, and what asked for them all stops as well.
+
+    Parameters
+    ----------
+    status
+        Of the run.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If the user stopped it.
+    """
+    if status.cause is Cause.INTERRUPTED:
+        raise KeyboardInterrupt

@@ -1,0 +1,221 @@
+"""A case made ready to run: its model, its equations, the step, the start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from flexcam.budget import affordable_mesh
+from flexcam.case import Case, build_model
+from flexcam.checks import InputError, refuse
+from flexcam.integrate import (
+    Method,
+    Problem,
+    refused,
+)
+from flexcam.response import SaveAt
+from flexcam.starting import drive_of, revolution_of, started, steps_per_revolution
+from flexcam.system import Basis, Shapes, System
+from flexcam.train import (
+    Model,
+    build_rigid,
+    build_system,
+    chain_of,
+    modal_basis,
+    straight,
+)
+
+DEFAULT_STEPS_PER_REVOLUTION = 3600
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Everything a run needs, ready for `flexcam.integrate.solve`.
+
+    Parameters
+    ----------
+    case
+        The case.
+    model
+        Its model.
+    problem
+        System, drive, step and start.
+    scheme
+        Of the time integration.
+    save
+        What is kept.
+    """
+
+    case: Case
+    model: Model
+    problem: Problem
+    scheme: Method
+    save: SaveAt
+
+    @property
+    def revolution(self) -> float:
+        """Time of a camshaft revolution, s."""
+        return revolution_of(self.case, self.problem.drive)
+
+
+def prepare(
+    case: Case, *, rigid: bool = False, model: Model | None = None, until: float | None = None,
+    allow_large: bool = False,
+) -> Prepared:  # fmt: skip
+    """Build what a case describes, up to the point where time begins.
+
+    Parameters
+    ----------
+    case
+        A checked case.
+    rigid
+        The same mechanism with rigid members.
+    model
+        That of the case, where it is built already, such as for another speed.
+    until
+        When the search for a periodic start ends at the latest, s of `time.monotonic`; None for no limit.
+    allow_large
+        Whether the matrices may take more memory than there seems to be.
+
+    Returns
+    -------
+    Prepared
+        Model, problem and scheme.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+    RunFailedError
+        If the start has no balance.
+
+    Examples
+    --------
+    ``prepare(case).problem.system`` is the `System` of a case, for one's own studies.
+    """
+    model, system = described(case, rigid=rigid, model=model, allow_large=allow_large)
+    save = SaveAt(field_every=case.record.output.field_every)
+    scheme = case.record.run.integrator.made()
+    try:
+        problem = started(case, model, _problem(case, model, system), until=until)
+    except InputError as refusal:
+        raise _placed(case, refusal) from None
+    problem = replace(problem, basis=_basis(case, model, problem, _kind(case, rigid=rigid)))
+    if refusal := refused(problem, scheme):
+        raise _placed(case, refusal)
+    return Prepared(case, model, problem, scheme, save)
+
+
+def standing(case: Case) -> Prepared:
+    """Build what a case describes; from equilibrium where it asks for a periodic state, which takes time to find.
+
+    Parameters
+    ----------
+    case
+        A checked case.
+
+    Returns
+    -------
+    Prepared
+        As from `prepare`, of the case as it is.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together, or no periodic state fits the steps.
+    RunFailedError
+        If the start has no balance.
+    """
+    if case.record.run.start != "periodic":
+        return prepare(case)
+    ready = replace(prepare(case.with_run({"start": "equilibrium"})), case=case)
+    try:
+        steps_per_revolution(case, ready.problem)
+    except InputError as refusal:
+        raise _placed(case, refusal) from None
+    return ready
+
+
+def described(
+    case: Case, *, rigid: bool = False, model: Model | None = None, allow_large: bool = False
+) -> tuple[Model, System]:  # fmt: skip
+    """Return the model of a case and its equations, before any start is looked for.
+
+    Parameters
+    ----------
+    case, rigid, model, allow_large
+        As for `prepare`.
+
+    Returns
+    -------
+    tuple
+        Model and system.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+
+    Examples
+    --------
+    ``described(case)[1].names`` are the unknowns of a case.
+    """
+    kind = _kind(case, rigid=rigid)
+    model = model or build_model(case)
+    if not allow_large:
+        affordable_mesh(model.mesh)
+    model = straight(model) if kind in _CHAINS else model
+    make = build_rigid if kind == "rigid" else build_system
+    try:
+        return model, make(model, case.speed)
+    except InputError as refusal:
+        raise _placed(case, refusal) from None
+
+
+def _kind(case: Case, *, rigid: bool) -> str:
+    """Return which model of a case is meant."""
+    return "rigid" if rigid else case.record.fidelity.model
+
+
+_CHAINS = {"sdof": 1, "chain": None}
+"""Models of few masses, and how many where that is no choice."""
+
+
+_KEYS = {"count": "fidelity.masses", "contact": "fidelity.model"}
+"""What is asked of a chain, and the keys of a case that ask it."""
+
+
+def _basis(case: Case, model: Model, problem: Problem, kind: str) -> Basis | None:
+    """Return what a case is integrated in; None for its own unknowns."""
+    fidelity = case.record.fidelity
+    if not problem.system.size:
+        return None
+    if kind in _CHAINS:
+        try:
+            found = chain_of(model, case.speed, _CHAINS[kind] or fidelity.masses)
+        except InputError as refusal:
+            named = InputError(replace(one, where=_KEYS.get(one.where, one.where)) for one in refusal.faults)
+            raise _placed(case, named) from None
+        return Shapes(found.shapes, found.system.names)
+    by_parts = fidelity.reduction == "craig-bampton"
+    return None if fidelity.modes is None else modal_basis(problem, fidelity.modes, by_parts=by_parts)
+
+
+def _placed(case: Case, refusal: InputError) -> InputError:
+    """Return a refusal with its keys' lines in the case file, where they are not told yet."""
+    told = (fault if " (" in fault.where else replace(fault, where=case.place(tuple(fault.where.split("."))))
+            for fault in refusal.faults)  # fmt: skip
+    return InputError(told)
+
+
+def _problem(case: Case, model: Model, system: System) -> Problem:
+    run, drive = case.record.run, drive_of(case, model)
+    per_revolution = run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
+    revolution = revolution_of(case, drive)
+    step = run.step or revolution / per_revolution
+    steps = round(run.revolutions * revolution / step)
+    if steps < 1:
+        given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
+        raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
+    adaptive = run.adaptive.made() if run.adaptive else None
+    prune = case.record.fidelity.prune
+    return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, path=run.path)

@@ -1,0 +1,173 @@
+"""The result file of a run, and going on with one that broke off."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from flexcam.case import Case, unusual
+from flexcam.checks import Fault, InputError, refuse
+from flexcam.integrate import (
+    fingerprint,
+    outline,
+)
+from flexcam.io import Geometry, ResultFile, Unfinished, made_folder, partial_of
+from flexcam.response import Stats
+from flexcam.runner.prepared import Prepared
+from flexcam.train import (
+    Model,
+    build_structure,
+    element_loads,
+)
+
+
+def geometry_of(model: Model) -> Geometry:
+    """Return what the results of a model are drawn on.
+
+    Parameters
+    ----------
+    model
+        The model.
+
+    Returns
+    -------
+    Geometry
+        For the result files.
+    """
+    structure = build_structure(model)
+    sections = {name: member.section for name, member in model.members.items()}
+    return Geometry(model.mesh, structure.dofs, structure.beams, sections, element_loads(structure))
+
+
+def result_file(
+    ready: Prepared, folder: str | Path, *, overwrite: bool = False, resume: Unfinished | None = None,
+    warnings: Callable[[Stats], Sequence[str]] | None = None,
+) -> ResultFile:  # fmt: skip
+    """Open the result file of a run, to be given to `solve` as a sink.
+
+    Parameters
+    ----------
+    ready
+        From `prepare`.
+    folder
+        Where it goes, made if it does not exist; the file is named after the case.
+    overwrite
+        Whether an existing result may be replaced once the new one is complete.
+    resume
+        What an earlier run finished, from `unfinished`, to be given to `solve` as well.
+    warnings
+        Asked at the end for what is doubtful about the run, to be kept with its status; None for nothing.
+
+    Returns
+    -------
+    ResultFile
+        The sink; its `path` is the file.
+
+    Raises
+    ------
+    InputError
+        If the result exists and may not be replaced, another process is writing it, or the folder cannot be made.
+    """
+    path = made_folder(Path(folder)) / f"{ready.case.name}.vtkhdf"
+    about = _about(ready.case) if resume is None else resume.about
+    return ResultFile(
+        path, geometry_of(ready.model), outline(ready.problem.system), save=ready.save, about=about,
+        overwrite=overwrite, resume=resume is not None, warnings=warnings,
+    )  # fmt: skip
+
+
+def unfinished(ready: Prepared, folder: str | Path) -> Unfinished:
+    """Open what a run of a case finished before it was stopped, cut off or killed.
+
+    Parameters
+    ----------
+    ready
+        From `prepare`; the case must be the one the run was made of.
+    folder
+        Of the results.
+
+    Returns
+    -------
+    Unfinished
+        For `result_file` and `solve`: the run goes on from its last checkpoint, with the same bits as if it had never
+        broken off.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to go on from, it is damaged, or the case, flexcam or what it computes with is another.
+
+    Examples
+    --------
+    >>> def resumed(ready, folder):
+    ...     earlier = unfinished(ready, folder)
+    ...     file = result_file(ready, folder, resume=earlier)
+    ...     return solve(ready.problem, ready.scheme, save=ready.save, sinks=[file], resume=earlier)
+    """
+    path = Path(folder) / f"{ready.case.name}.vtkhdf"
+    if not partial_of(path).exists():
+        why = f"{path} is complete" if path.exists() else "there is no such file"
+        raise refuse("--resume", str(partial_of(path)), "the partial result of a run", why, "leave out --resume")
+    earlier = Unfinished(partial_of(path), geometry_of(ready.model), outline(ready.problem.system), ready.save)
+    _refuse_others(ready, earlier)
+    earlier.verify()
+    return earlier
+
+
+_DECISIVE = {
+    "case": "the text of the case", "overrides": "--set", "resolved": "values of the case",
+    "flexcam": "flexcam", "python": "python", "numpy": "numpy", "scipy": "scipy", "numba": "numba",
+}  # fmt: skip
+"""Texts of a result that must agree for the numbers to be the same, and what they are."""
+
+
+def _refuse_others(ready: Prepared, earlier: Unfinished) -> None:
+    """Refuse to go on with another case, other packages or another problem."""
+    now, then = _about(ready.case), earlier.about
+    differing = {what: key for key, what in _DECISIVE.items() if now[key] != then.get(key, "")}
+    if not differing and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
+        differing = {"a mesh or a table beside the case": ""}
+    why, remedy = "a run goes on only as it began", "restore it, or run the case again with --overwrite"
+    faults = [
+        Fault(f"--resume: {what}", _told(now.get(key, "")), _told(then.get(key, "")), why, remedy)
+        for what, key in differing.items()
+    ]
+    if faults:
+        raise InputError(faults)
+
+
+def _told(text: str) -> str:
+    """Return a text that is short enough to be told."""
+    return text if 0 < len(text) <= _SHORT else "another one"
+
+
+_SHORT = 60
+
+
+def _about(case: Case) -> dict[str, str]:
+    """Return what must be known of a result later: the case, as written and as resolved, and what computed it."""
+    return {
+        "title": case.record.title,
+        "case_file": str(case.path),
+        "case": case.text,
+        "overrides": json.dumps(case.overrides),
+        "resolved": case.record.model_dump_json(by_alias=True),
+        "warnings": "\n".join(unusual(case)),
+        "flexcam": version("flexcam"),
+        "python": platform.python_version(),
+        **{package: version(package) for package in ("numpy", "scipy", "h5py", "meshio")},
+        "numba": _version_if("numba"),
+        "platform": platform.platform(),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def _version_if(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "none"
