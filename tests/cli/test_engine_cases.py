@@ -154,7 +154,6 @@ def test_a_path_of_a_lever_is_a_length(engine, flexcam):
     assert done.code == 0, done.err
 
 
-@pytest.mark.xfail(strict=True, reason="only the run refuses it")
 def test_restitution_at_a_massless_point_is_found_by_check(engine, flexcam):
     case = engine(
         "case", ('valve = { at = "valve", mass = "0.09 kg" }\n', ""), ('mass = "60 g"\n', ""),
