@@ -1,7 +1,7 @@
 """What a run gives back: histories, fields, a status with its cause, and figures of the run.
 
-Imports `linalg` and `checks`. `solve` hands out its results in blocks; a `Sink` takes them: memory, a file, a progress
-bar. A new cause of an end is a line in `status`.
+Imports `linalg` and `checks`. Results leave a run in blocks; a `Sink` takes them: memory, a file, a progress bar. A new
+cause of an end is a line in `status`.
 """
 
 from flexcam.response.blocks import Block, SaveAt, Sink

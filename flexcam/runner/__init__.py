@@ -1,8 +1,8 @@
 """The one easy door: case, model, system, solve, response.
 
 May import `case` and everything below it. What `flexcam.run` does can be done by hand with the parts it names.
-What begins a run goes into `prepared`, what keeps it into `saving`; no file is called after a function, which it would
-hide.
+A new part of what begins a run goes into `prepared`, of what keeps it into `saving`; no file is called after a
+function, which it would hide.
 """
 
 from flexcam.runner.natural import mode_likeness, modes

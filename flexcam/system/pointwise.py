@@ -183,3 +183,29 @@ def oil(
     share = 1.0 / (1.0 + half * flow)
     pressed = (gap - begun) * share
     return pressed, gap - pressed, share
+
+
+def sliding(rate: float, speed: float) -> tuple[float, float]:
+    """Return how far Coulomb's friction has turned over, tanh(v/v0), and its derivative.
+
+    The derivative is sech^2 by one exponential: 1 - tanh^2 would lose all its digits where the tangent is flat.
+
+    Parameters
+    ----------
+    rate
+        v, m/s.
+    speed
+        v0, m/s.
+
+    Returns
+    -------
+    tuple
+        Dimensionless from -1 to 1, and 1/(m/s).
+
+    Examples
+    --------
+    >>> sliding(0.0, 2.0)
+    (0.0, 0.5)
+    """
+    decay = math.exp(-2.0 * abs(rate) / speed)
+    return math.tanh(rate / speed), 4.0 * decay / (1.0 + decay) ** 2 / speed

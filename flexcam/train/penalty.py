@@ -11,7 +11,7 @@ import numpy as np
 
 from flexcam.linalg import FloatArray
 from flexcam.system import ONE, AngleFunction, Formula, Formulated, Kind, LocalLaw, Reaction, Stored, Storing
-from flexcam.system.pointwise import dissipating, hunt_crossley, line_load, stop
+from flexcam.system.pointwise import dissipating, hunt_crossley, line_load, sliding, stop
 
 _MOST_ITERATIONS, _SETTLED, _LEAST = 60, 1e-14, 1e-300
 _WITH_FRICTION = 2
@@ -352,13 +352,13 @@ class Sliding(Stateless):
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return both forces and their tangent."""
         pressed = self.normal.respond(gap[:1], rate[:1], state, angle)
-        turned = math.tanh(float(rate[1]) / self.speed)
+        turned, turning = sliding(float(rate[1]), self.speed)
         share = self.coefficient * turned
         N = float(pressed.force[0])
         by_gap, by_rate = np.zeros((2, 2)), np.zeros((2, 2))
         by_gap[:, 0] = float(pressed.by_gap[0, 0]) * np.array([1.0, share])
         by_rate[:, 0] = float(pressed.by_rate[0, 0]) * np.array([1.0, share])
-        by_rate[1, 1] = self.coefficient * N * (1.0 - turned**2) / self.speed
+        by_rate[1, 1] = self.coefficient * N * turning
         return Reaction(np.array([N, share * N]), by_gap, by_rate)
 
     def formulas(self, count: int) -> tuple[Formula, ...] | None:

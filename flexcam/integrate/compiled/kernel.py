@@ -70,7 +70,7 @@ def inner(function: F) -> F:
 
 
 stop, hunt_crossley, oil = inner(pointwise.stop), inner(pointwise.hunt_crossley), inner(pointwise.oil)
-line_load, dissipating = inner(pointwise.line_load), inner(pointwise.dissipating)
+line_load, dissipating, sliding = inner(pointwise.line_load), inner(pointwise.dissipating), inner(pointwise.sliding)
 
 
 @inner
@@ -160,8 +160,8 @@ def respond(
         local[3, i], tangent[0, i, 0], tangent[1, i, 0] = N, by_depth, by_speed
         if laws[law, 2] == 2:  # Coulomb's friction on the scalar behind
             b = laws[law, 6]
-            turned = math.tanh(local[2, i + 1] / constants[b + 1])
+            turned, turning = sliding(local[2, i + 1], constants[b + 1])
             share = constants[b] * turned
             local[3, i + 1] = share * N
             tangent[0, i + 1, 0], tangent[1, i + 1, 0] = share * by_depth, share * by_speed
-            tangent[1, i + 1, 1] = constants[b] * N * (1.0 - turned * turned) / constants[b + 1]
+            tangent[1, i + 1, 1] = constants[b] * N * turning
