@@ -13,7 +13,8 @@ __all__ = ["FILES", "app", "load", "running"]
 
 FILES = {
     "cams": ("cam", "lift"),
-    "cases": ("check", "run", "modes", "compare"),
+    "cases": ("check", "modes"),
+    "compare": ("compare",),
     "fidelity": ("trade",),
     "files": ("export", "info", "schema"),
     "laws": ("law", "laws"),
@@ -21,6 +22,7 @@ FILES = {
     "new": ("new",),
     "plot": ("plot",),
     "report": ("report",),
+    "run": ("run",),
     "selftest": ("selftest",),
     "settings": ("settings",),
     "speeds": ("campbell", "orders"),

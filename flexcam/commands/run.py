@@ -1,0 +1,115 @@
+"""The command that solves a case in time: run."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from flexcam import fidelity
+from flexcam.budget import affordable
+from flexcam.case import Case
+from flexcam.checks import refuse
+from flexcam.commands.app import (
+    AllowLarge,
+    CaseFile,
+    Folder,
+    Json,
+    Overrides,
+    Overwrite,
+    app,
+    load,
+    quantity,
+    running,
+)
+from flexcam.console.doubts import run_doubts
+from flexcam.console.ran import Ran, ran_json, ran_parts
+from flexcam.console.watched import Watched
+from flexcam.integrate import solve
+from flexcam.response import Cause, RunFailedError, Stats, Status
+from flexcam.runner import (
+    budget_of,
+    prepare,
+    recent,
+    result_file,
+    scalar_probe,
+    unfinished,
+)
+from flexcam.terminal import out, print_json, progress
+from flexcam.train import StrengthSink, build_structure, operation
+
+Resume = Annotated[
+    bool, Parameter("--resume", negative=(), help="Go on with the run that left a partial result in the folder.")
+]
+TimeLimit = Annotated[
+    str | None,
+    Parameter("--time-limit", help="End the run after so long, such as 30s, 5min or 2h; what is done stays."),
+]
+
+
+@app.command(
+    help_prologue="""\
+flexcam run case.toml
+flexcam run case.toml -o results --set run.revolutions=4 --overwrite
+flexcam run case.toml -o results --resume
+flexcam run case.toml --time-limit 5min
+"""
+)
+def run(
+    case: CaseFile, *, folder: Folder = Path("results"), overrides: Overrides = None, overwrite: Overwrite = False,
+    time_limit: TimeLimit = None, resume: Resume = False, allow_large: AllowLarge = False, as_json: Json = False,
+) -> Status:  # fmt: skip
+    """Solve a case in time and write its result file."""
+    until = None if time_limit is None else time.monotonic() + _seconds(time_limit)
+    read, choice = fidelity.chosen(load(case, overrides))
+    probe = scalar_probe(prepare(read)) if read.record.fidelity.estimate else ""
+    ready = prepare(read, until=until, allow_large=allow_large)
+    if not allow_large:
+        affordable(budget_of(ready, "revolution"), folder)
+    earlier = unfinished(ready, folder) if resume else None
+    strength, kept, watched = StrengthSink(build_structure(ready.model)), recent(ready), Watched.of(ready)
+
+    def doubtful(stats: Stats) -> list[str]:
+        return run_doubts(ready, watched, operation(ready.model, kept.response(), ready.revolution), stats)
+
+    sink = result_file(ready, folder, overwrite=overwrite, resume=earlier, warnings=doubtful)
+    running.solving = True
+    with progress(ready.problem.steps) as bar:
+        response = solve(
+            ready.problem, ready.scheme, save=ready.save, sinks=[strength, *watched.sinks, sink, *bar],
+            stop=running.stopped, until=until, memory=kept, resume=earlier,
+        )  # fmt: skip
+    estimated = _estimated(read, probe) if probe and response.status.ok else ((), ())
+    ran = Ran(
+        ready, response, watched, sink.path if response.status.ok else sink.partial,
+        figures=tuple(operation(ready.model, response, ready.revolution)),
+        stressed=strength.members() if read.record.fidelity.model == "beams" else {},
+        errors=estimated[0], warnings=(*doubtful(response.stats), *estimated[1]), choice=choice,
+    )  # fmt: skip
+    if as_json:
+        print_json(ran_json(ran))
+    else:
+        for part in ran_parts(ran):
+            out().print(part)
+    if response.status.ok and choice is not None and not choice.met:
+        return Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}", "allow more, or refine the case")
+    return response.status
+
+
+def _seconds(text: str) -> float:
+    """Return the time a run is given, s."""
+    given = quantity("--time-limit", text, "time", "s")
+    if not given > 0.0:
+        raise refuse("--time-limit", text, "a time above zero, such as 30s, 5min or 2h")
+    return given
+
+
+def _estimated(case: Case, probe: str) -> tuple[tuple[fidelity.Error, ...], tuple[str, ...]]:
+    """Return how far the numbers may be off, or a sentence why that is not known."""
+    try:
+        return tuple(fidelity.estimate(case, probe)), ()
+    except RunFailedError as failure:
+        why = f"as a run with other steps or elements ended: {failure.status.text}"
+        return (), (f"Warning: no error is estimated, {why}",)
