@@ -123,7 +123,7 @@ def differing(found, wanted):
 SLOW = {
     "general, hydraulic adjuster", "general, lash, Hertz, dissipation", "modal, generalized-alpha", "HHT, contacts",
     "compiled, hydraulic adjuster", "scipy's Radau", "adaptive steps", "central difference", "exact", "chain",
-    "Craig-Bampton", "every unknown, none left out", "periodic start", "speed that swings",
+    "Craig-Bampton", "every unknown, none left out", "periodic start", "speed that swings", "one mass", "rigid",
 }  # fmt: skip
 """Ways that share what a checkpoint holds with another one."""
 
