@@ -10,6 +10,7 @@ from functools import reduce
 import numpy as np
 
 from flexcam.checkpoint import Arrays, Checkpoint, CheckpointSink, Earlier
+from flexcam.checks import refuse
 from flexcam.integrate.compiled.glancing import Glancing
 from flexcam.integrate.energy import PARTS, EnergyAccount
 from flexcam.integrate.engine import STOPPED, Engine
@@ -128,7 +129,11 @@ def solve(
     takers = (memory, *sinks)
     clock = _Clock(stop or _never, until)
     keepers = [sink for sink in sinks if isinstance(sink, CheckpointSink)]
-    problem_told = fingerprint(problem, scheme, keep) if keepers else ""
+    problem_told = fingerprint(problem, scheme, keep) if keepers or resume else ""
+    if resume and resume.checkpoint.problem != problem_told:
+        why = "a run goes on only with the problem it began with"
+        allowed = "what a run of this problem left"
+        raise refuse("resume", "what another problem left", allowed, why, "run it from its start")
     started = time.perf_counter()
     returns = problem.start.periodicity if problem.start else None
     way = way_of(problem, scheme, keep)
@@ -144,6 +149,8 @@ def solve(
             for block in resume.blocks():
                 _hand_out(block, takers)
             run.restore(resume.checkpoint.arrays)
+            for sink in keepers:  # what stops before the next block goes on from here again
+                sink.keep(resume.checkpoint)
             stats = run.counted(replace(stats, steps=resume.checkpoint.steps))
         for block in run.blocks(stats.steps):
             _hand_out(reduce(shown, way.bases, block), takers)

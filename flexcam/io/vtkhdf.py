@@ -84,6 +84,7 @@ class ResultFile:
         self.partial = partial_of(path)
         self._geometry, self._outline = geometry, outline
         self._checkpoint: Checkpoint | None = None
+        self._resumed = resume
         self._warnings = warnings
         self._draft = Draft(path.with_suffix(".writing"), self.partial)
         try:
@@ -203,6 +204,9 @@ class ResultFile:
         OSError
             If it cannot be written: what was shown of it before stays.
         """
+        if not status.ok and self._resumed and self._checkpoint is None:
+            self._abandon()  # it was stopped before it held what the earlier one holds: that one stays
+            return
         try:
             with plainly():
                 self._end(status, stats)

@@ -11,10 +11,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexcam import read_case, read_result
+from flexcam import InputError, read_case, read_result
+from flexcam import run as flexcam_run
 from flexcam.integrate import solve
 from flexcam.response import Cause, Status
-from flexcam.runner import prepare, result_file
+from flexcam.runner import prepare, result_file, unfinished
 
 WALKED = ("--set", "run.path=general", "--set", "run.revolutions=12")
 """A second of steps in Python."""
@@ -211,3 +212,31 @@ def test_a_result_that_is_there_already_needs_overwrite(flexcam, broken, refused
     refused(partial, SAME, "--overwrite")
     assert flexcam("run", "case.toml", "-o", "out", *SAME, "--overwrite").code == 0
     assert read_result(old).response.status.ok
+
+
+@pytest.mark.parametrize("after", [0, 1, 2])
+def test_what_stops_before_its_next_block_loses_nothing(after, broken, case, flexcam, tmp_path):
+    """While earlier blocks are read back (0 and 1), and before another one is finished (2)."""
+    words = ("run.revolutions=3",)
+    partial = broken(blocks=2)
+    held = len(read_result(partial).response.time)
+    ready = prepare(read_case(case, words))
+    earlier = unfinished(ready, partial.parent)
+    file = result_file(ready, partial.parent, resume=earlier)
+    again = solve(ready.problem, ready.scheme, save=ready.save, sinks=[Cut(after), file], resume=earlier)
+    assert again.status.cause is Cause.INTERRUPTED
+    assert len(read_result(partial).response.time) == held
+    assert unfinished(ready, partial.parent).checkpoint.steps == earlier.checkpoint.steps
+    assert [path.name for path in partial.parent.iterdir()] == [partial.name]
+    assert flexcam("run", "case.toml", "-o", "out", *SAME).code == 0
+    assert flexcam("run", "case.toml", "-o", "whole", *SAME[:2]).code == 0
+    assert_same(tmp_path / "out/case.vtkhdf", tmp_path / "whole/case.vtkhdf")
+
+
+def test_another_problem_from_python(broken, case):
+    """Nothing but `solve` stands between what was left and another lift."""
+    partial = broken()
+    earlier = unfinished(prepare(read_case(case, ("run.revolutions=3",))), partial.parent)
+    other = read_case(case, ("run.revolutions=3", "run.steps_per_revolution=3599"))
+    with pytest.raises(InputError, match="what another problem left"):
+        flexcam_run(other, resume=earlier)

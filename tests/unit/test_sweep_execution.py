@@ -196,7 +196,7 @@ def test_a_script_that_worker_processes_cannot_read_is_told_so(tmp_path):
     (tmp_path / "script.py").write_text(script, encoding="utf-8")
     done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert done.stderr.splitlines()[-1].startswith(
-        "flexcam.response.RunFailedError: worker-lost: no worker process could"
+        "flexcam.response.status.RunFailedError: worker-lost: no worker process could"
     )
 
 
