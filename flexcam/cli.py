@@ -13,6 +13,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Sequence
+from pathlib import Path
 from types import FrameType
 
 from cyclopts import CycloptsError
@@ -100,8 +101,10 @@ def _dispatch(words: Sequence[str]) -> int:
         code = _failed(failure.status, as_json)
     except KeyboardInterrupt:
         code = _failed(_INTERRUPTED, as_json)
-    except BrokenPipeError:
-        raise
+    except OSError as fault:
+        if fault.filename is None:  # of standard output, full or without a reader
+            raise
+        code = _crashed(words, as_json)
     except Exception:  # noqa: BLE001 - the one place where a fault of flexcam itself becomes a message
         code = _crashed(words, as_json)
     # A signal that arrived inside a finalizer was swallowed there; it still counts.
@@ -123,10 +126,28 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _on_signal)
+    _open_streams()
     try:
         code = _dispatch(list(sys.argv[1:] if arguments is None else arguments))
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader went away; Python would complain again when it closes the pipe
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # the reader went away
         code = DONE
+        _drop_output()
+    except OSError as fault:
+        sys.stderr.write(f"what was to be told could not be written: {fault.strerror}; free space\n")
+        code = FAILED
+        _drop_output()
     raise SystemExit(code)
+
+
+def _open_streams() -> None:
+    """Give a process that was started without standard streams, as by a daemon, some that lead nowhere."""
+    if sys.stdout is None:  # pyright: ignore[reportUnnecessaryComparison]
+        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the life of the process
+    if sys.stderr is None:  # pyright: ignore[reportUnnecessaryComparison]
+        sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
+
+
+def _drop_output() -> None:
+    """Lead standard output nowhere: Python would complain again when it closes it."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -25,7 +25,7 @@ from pydantic_core import CoreSchema, core_schema
 from flexcam.case import quantity as q
 from flexcam.case.toml import toml
 from flexcam.checks import InputError, did_you_mean, positive, refuse
-from flexcam.io import named_file, read_lift
+from flexcam.io import named_file, read_lift, text_of
 from flexcam.motion import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
 
 Table = Mapping[str, Any]
@@ -258,7 +258,7 @@ def toml_table(path: Path, name: str) -> dict[str, Any]:
         If the file cannot be read or has no such table.
     """
     try:
-        content = toml(path.read_text(encoding="utf-8"))
+        content = toml(text_of(path))
     except FileNotFoundError:
         near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
         raise refuse(str(path), "no such file", f"an existing file with a table [{name}]", "", near) from None

@@ -22,7 +22,7 @@ from flexcam.case.tables.sweep import SweepOnly, SweepRecord
 from flexcam.case.toml import toml
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
-from flexcam.io import Result, named_file, read_mesh
+from flexcam.io import Result, named_file, read_mesh, text_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,7 +322,7 @@ def _overridden(raw: dict[str, Any], text: str, overrides: Sequence[str]) -> tup
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return text_of(path)
     except FileNotFoundError:
         near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
         raise refuse("case file", str(path), "an existing file", "", near) from None

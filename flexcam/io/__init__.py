@@ -16,6 +16,7 @@ from flexcam.io.paraview_macro import macro_of, write_macro
 from flexcam.io.profile_file import ProfileTable, write_profile
 from flexcam.io.profile_points import read_profile
 from flexcam.io.pvd import write_pvd
+from flexcam.io.regular import text_of
 from flexcam.io.result import Result, read_result
 from flexcam.io.result_size import points_drawn, result_bytes
 from flexcam.io.sealed import seal, seal_fault
@@ -48,6 +49,7 @@ __all__ = [
     "result_bytes",
     "seal",
     "seal_fault",
+    "text_of",
     "verified",
     "write_csv",
     "write_law",

@@ -15,6 +15,7 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.checks import Fault, InputError, refuse
+from flexcam.io.regular import size_of
 
 _module: Any = h5py
 
@@ -52,9 +53,10 @@ def guarded(path: Path, where: str, allowed: str, remedy: str = "") -> Generator
         If it cannot be opened, holds what is not taken, or reading from it fails.
     """
     try:
+        size = size_of(path)
         with h5py.File(path, "r", locking=False) as opened:
             file: Any = opened
-            if faults := list(_faults(file, path.stat().st_size)):
+            if faults := list(_faults(file, size)):
                 raise InputError(faults)
             yield file
     except InputError as refusal:
@@ -62,12 +64,17 @@ def guarded(path: Path, where: str, allowed: str, remedy: str = "") -> Generator
             _in_file(fault, path) if fault.where.startswith("/") else fault for fault in refusal.faults
         ) from None
     except DAMAGE as fault:
-        why = "there is no such file" if not path.exists() else f"it is damaged or none of flexcam's: {_said(fault)}"
-        raise refuse(where, str(path), allowed, why, remedy) from None
+        raise refuse(where, str(path), allowed, _why(fault), remedy) from None
 
 
 def _in_file(fault: Fault, path: Path) -> Fault:
     return Fault(f"{path}, {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)
+
+
+def _why(fault: BaseException) -> str:
+    if isinstance(fault, FileNotFoundError):
+        return "there is no such file"
+    return f"it is damaged or none of flexcam's: {_said(fault)}"
 
 
 def _said(fault: BaseException) -> str:

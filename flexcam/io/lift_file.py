@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from flexcam.checks import Fault, InputError, refuse
+from flexcam.io.regular import text_of
 from flexcam.io.target import free_to_write, made_folder
 from flexcam.linalg import FloatArray
 
@@ -125,7 +126,7 @@ def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwri
 def _lines(path: Path) -> list[tuple[int, str]]:
     """Return the rows that hold something, with their numbers."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = text_of(path, "utf-8-sig")
     except (OSError, UnicodeDecodeError) as fault:
         raise refuse("lift table", str(path), "a readable text file", str(fault)) from None
     rows = [(number, line.partition("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1)]

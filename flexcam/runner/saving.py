@@ -72,6 +72,9 @@ def result_file(
     InputError
         If the result exists and may not be replaced, another process is writing it, or the folder cannot be made.
     """
+    if ready.case.name.endswith(_PARTIAL):
+        why = f"the partial result of {ready.case.name.removesuffix(_PARTIAL)}.toml has the name of this one's result"
+        raise refuse("case file", ready.case.path.name, f"a name that does not end in {_PARTIAL}", why, "rename it")
     path = made_folder(Path(folder)) / f"{ready.case.name}.vtkhdf"
     about = _about(ready.case) if resume is None else resume.about
     return ResultFile(
@@ -117,6 +120,9 @@ def unfinished(ready: Prepared, folder: str | Path) -> Unfinished:
     earlier.verify()
     return earlier
 
+
+_PARTIAL = ".partial"
+"""Ends the name of a partial result."""
 
 _DECISIVE = {
     "case": "the text of the case", "overrides": "--set", "resolved": "values of the case",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import resource
 import shutil
@@ -187,3 +188,44 @@ def test_two_processes_and_one_result(ready, tried, tmp_path):
     subprocess.run([sys.executable, "-c", HELD, left], timeout=60, check=False)
     assert solved(ready, result_file(ready, tmp_path / "out", overwrite=True)).status.ok
     tried("together", "two processes write one result", 3, "the second is refused; a dead one locks nobody out")
+
+
+@pytest.mark.parametrize("words", [("check", "case.toml"), ("laws",)])
+def test_standard_output_is_full(words, tmp_path):
+    shutil.copy(CASE, tmp_path / "case.toml")
+    command = [sys.executable, "-m", "flexcam", *words]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert done.returncode == 3
+    assert done.stderr == "what was to be told could not be written: No space left on device; free space\n"
+
+
+def test_no_standard_streams(tmp_path):
+    """As under a daemon that closes them."""
+    command = f"exec {sys.executable} -m flexcam laws >&- 2>&-"
+    assert subprocess.run(["/bin/sh", "-c", command], cwd=tmp_path, timeout=60).returncode == 0
+
+
+@pytest.mark.parametrize(("command", "name"), [("check", "pipe.toml"), ("info", "pipe.vtkhdf"), ("run", "/dev/zero")])
+def test_what_is_no_file_is_not_read(command, name, tmp_path):
+    """A pipe that nobody writes to never ends, nor does a device."""
+    if not name.startswith("/"):
+        os.mkfifo(tmp_path / name)
+    done = flexcam(tmp_path, command, name)
+    assert done.returncode == 2
+    assert "a device or a pipe stands there" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["check", "info"])
+def test_a_name_too_long(command, tmp_path):
+    done = flexcam(tmp_path, command, "a" * 400)
+    assert done.returncode == 2
+    assert "name too long" in done.stderr
+
+
+def test_a_case_named_like_a_partial_result(tmp_path):
+    """Its result would be deleted at the end of the run whose partial result has that name."""
+    shutil.copy(CASE, tmp_path / "case.partial.toml")
+    done = flexcam(tmp_path, "run", "case.partial.toml")
+    assert done.returncode == 2
+    assert "rename it" in done.stderr
