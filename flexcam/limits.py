@@ -20,12 +20,10 @@ from flexcam.motion import event_extremes
 from flexcam.response import Advance, Response, heed
 from flexcam.runner import Prepared, described, prepare, standing
 from flexcam.system import ConstantSpeed
-from flexcam.train import CamContact, Model, Seat, main_lift, seating, separation
+from flexcam.train import BOUNCE_HEIGHT, OPEN, CamContact, Model, Seat, main_lift, seating, separation
 from flexcam.units import RPM
 
 _REVOLUTIONS = 3.0
-_OPEN = math.radians(0.5)
-"""Cam angle over which a contact must be open to count as lost: a single step may be a numerical accident."""
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
 """Where the rigid train's contact force is looked at."""
@@ -59,7 +57,7 @@ class Search:
     lowest: float
     highest: float
     tolerance: float = RPM
-    bounce_height: float = 1e-4
+    bounce_height: float = BOUNCE_HEIGHT
     count: int = 25
 
     def __post_init__(self) -> None:
@@ -127,8 +125,8 @@ Answers = dict[str, bool] | str
 
 
 def find_limits(
-    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = 1e-4, count: int = 25,
-    advance: Advance | None = None,
+    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = BOUNCE_HEIGHT,
+    count: int = 25, advance: Advance | None = None,
 ) -> Limits:  # fmt: skip
     """Find the speeds at which a train loses contact, its valve bounces, its coils clash and its pushrod buckles.
 
@@ -344,7 +342,7 @@ def _lost(response: Response, ready: Prepared) -> bool:
     """Tell whether a follower is off its cam somewhere on the main lift, in the last revolution."""
     last = response.latest(ready.revolution)
     free = [name for name, one in ready.model.driven.items() if isinstance(one, CamContact) and one.unilateral]
-    return any(separation(ready.model, response, name, last) > _OPEN for name in free)
+    return any(separation(ready.model, response, name, last) > OPEN for name in free)
 
 
 def _bounces(response: Response, ready: Prepared, height: float) -> bool:

@@ -90,7 +90,7 @@ class ResultFile:
         try:
             free_to_write(
                 "partial result", self.partial, overwrite=overwrite or resume,
-                remedy="add --resume to go on with it, or --overwrite",
+                remedy="go on with it by --resume, or overwrite it by --overwrite or overwrite=True",
             )  # fmt: skip
             with plainly():
                 self._create(geometry, save, about)
@@ -123,6 +123,7 @@ class ResultFile:
     def _create_history(self, rows: int) -> None:
         history = self._file.create_group("history")
         history.attrs["steps"] = 0
+        history.attrs["size"] = len(self._outline.unknowns)
         self._time = Growing(history, "time", rows, "s")
         self._time.dataset.make_scale("time")
         self._angle = Growing(history, "cam_angle", rows, "rad")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import math
 import os
 import re
 import shutil
@@ -21,6 +22,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexcam import read_result
 from flexcam.response import RunFailedError
 from flexcam.view import rendering
 
@@ -92,6 +94,27 @@ def result(tmp_path_factory):
 
 
 @pytest.mark.usefixtures("drawing")
+def test_a_result_is_saved_at_full_lift(flexcam, result):
+    read = read_result(result)
+    open_ = read.response["valve"].displacement
+    top = math.degrees(read.response.angle[np.argmax(np.abs(open_))])
+    assert flexcam("view", result, *SIZE, "--save", "plain.png").code == 0
+    assert flexcam("view", result, *SIZE, "--at", f"{top}deg", "--save", "top.png").code == 0
+    assert flexcam("view", result, *SIZE, "--at", "0deg", "--save", "start.png").code == 0
+    assert np.array_equal(opened("plain.png"), opened("top.png"))
+    assert not np.array_equal(opened("plain.png"), opened("start.png"))
+
+
+@pytest.mark.parametrize(
+    ("first", "told"), [(0.0, "cam angle 10.0 deg"), (1080.0, "cam angle 10.0 deg of the last revolution")]
+)
+def test_the_angle_is_counted_within_its_revolution(first, told):
+    from flexcam.view.solid import _angle_words
+
+    assert _angle_words(np.radians(first + np.array([0.0, 10.0])), 1) == told
+
+
+@pytest.mark.usefixtures("drawing")
 def test_a_result_is_coloured_by_its_stress(flexcam, result, tmp_path):
     """As its picture says: the same scene, coloured apart from the rest, at the instant asked for."""
     moved = shutil.copy(result, tmp_path / "elsewhere.vtkhdf")
@@ -152,7 +175,7 @@ def test_nothing_is_written_over(flexcam, tmp_path):
     (tmp_path / "made.png").write_text("mine")
     refused = flexcam("view", FINGER, "--save", "made.png")
     assert refused.code == 2
-    assert "add --overwrite" in refused.err
+    assert "--overwrite or overwrite=True" in refused.err
     assert (tmp_path / "made.png").read_text() == "mine"
 
 
