@@ -27,6 +27,7 @@ extensions = [
     "backlinks",
     "bibliography",
     "cells",
+    "figures",
     "mathml",
     "reference",
     "linking",
