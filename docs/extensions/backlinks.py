@@ -11,7 +11,7 @@ from sphinx.application import Sphinx
 _BACK = re.compile(r'<a class="viewcode-back" href="(?P<page>[^"#]*)#(?P<name>[^"]*)">.*?</a>')
 
 
-def described(link: re.Match[str], names: dict[str, str]) -> str:
+def described(link: re.Match[str], names: dict[str, tuple[str, str]]) -> str:
     """Return a link as it is, or mended, or nothing where its page describes no such name.
 
     Sphinx knows one room to a file, but several rooms may hand on what stands in one file.
@@ -21,20 +21,20 @@ def described(link: re.Match[str], names: dict[str, str]) -> str:
     link
         As Sphinx writes it.
     names
-        Pages of all described names.
+        Page and anchor of all described names.
     """
     name, home = link["name"], link["page"].removesuffix(".html").lstrip("./")
-    if name in names and names[name] == home:
-        return link[0]
     parts = name.split(".")
-    tails = [".".join(parts[start:]) for start in range(1, len(parts))]
-    found = [known for tail in tails for known, at in names.items() if at == home and known.endswith(f".{tail}")]
+    tails = [f".{name}", *("." + ".".join(parts[start:]) for start in range(1, len(parts)))]
+    here = {known: anchor for known, (page, anchor) in names.items() if page == home}
+    found = [anchor for tail in tails for known, anchor in here.items() if f".{known}".endswith(tail)]
     return link[0].replace(f"#{name}", f"#{found[0]}") if found else ""
 
 
 def mend(app: Sphinx, page: str, template: str, context: dict[str, Any], tree: nodes.Node | None) -> None:
     if page.startswith("_modules/"):
-        names = {name: entry.docname for name, entry in app.env.domains["py"].objects.items()}  # pyright: ignore[reportAttributeAccessIssue]
+        told = app.env.domains["py"].objects  # pyright: ignore[reportAttributeAccessIssue]
+        names = {name: (entry.docname, entry.node_id) for name, entry in told.items()}
         context["body"] = _BACK.sub(lambda link: described(link, names), context["body"])
 
 
