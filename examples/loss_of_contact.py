@@ -23,8 +23,8 @@ open_for = {}
 for name, response in responses.items():
     gap, force = response.channels["contacts.intake.gap"], response.channels["contacts.intake.force"]
     lifted = np.abs(np.degrees(response.angle) % 360.0 - 180.0) < 70.0
-    open_for[name] = np.degrees(np.ptp(response.angle)) / len(gap) * np.count_nonzero(gap[lifted] > 0.0)
-    print(f"{name}: {open_for[name]:.0f} deg in the air on the lift, force up to {force[lifted].max():.0f} N")
+    open_for[name] = 360.0 / len(gap) * np.count_nonzero(gap[lifted] > 0.0)  # deg, on average over the revolutions
+    print(f"{name}: {open_for[name]:.0f} deg of a revolution in the air on the lift, up to {force[lifted].max():.0f} N")
     assert not force[gap > 0.0].any()
 
 assert open_for["5000 rpm"] == 0.0

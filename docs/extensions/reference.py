@@ -156,6 +156,18 @@ def command_pages() -> dict[str, str]:
     return {name: command_page(name, commands.app[name]) for name in known}
 
 
+def command_list() -> str:
+    """Return all commands with what they do, as ``flexcam --help`` lists them, in Markdown."""
+    rows = [f"| {{doc}}`{name} <commands/{name}>` | {purpose(commands.app[name])} |" for name in command_pages()]
+    return "\n".join(["| command | |", "|---|---|", *rows, ""])
+
+
+def purpose(command: App) -> str:
+    """Return the first sentence of a command's help."""
+    said = " ".join((command.help or "").split("\n\n")[0].split())
+    return said.replace("``", "`").replace("|", "\\|")
+
+
 def write(folder: Path, pages: dict[str, str]) -> None:
     """Write pages, leaving those alone that have not changed, so that Sphinx need not read them again."""
     folder.mkdir(exist_ok=True)
@@ -172,6 +184,7 @@ def write_pages(app: Sphinx) -> None:
     reference = Path(app.srcdir) / "reference"
     write(reference / "api", room_pages() | {"index": room_index()})
     write(reference / "commands", command_pages())
+    (reference / "commands/list.inc").write_text(command_list(), encoding="utf-8")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

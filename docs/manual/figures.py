@@ -25,6 +25,9 @@ from flexcam.view.axes import legend, looks, stacked
 ROOT = Path(__file__).resolve().parents[2]
 STYLE = {"svg.hashsalt": "flexcam", "svg.fonttype": "none", "path.simplify": True, "path.simplify_threshold": 0.05}
 DIGITS = re.compile(r"\d+\.\d{3,}")
+NAMED = re.compile(r'(?<=id=")[a-zA-Z][0-9a-f]{10}(?=["_])')
+"""Names of clips, markers and pieces of curves, which matplotlib makes from all digits of what they hold."""
+
 INSTANTS = 240
 """Of a revolution, as drawn."""
 
@@ -37,11 +40,18 @@ def case(name: str, *over: str) -> Case:
 
 
 def svg(draw: Callable[[], Figure]) -> str:
-    """Return a figure as text: no date, no random names, and two decimals, which rounding of a run does not reach."""
+    """Return a figure as text: no date, two decimals, which rounding of a run does not reach, and numbers for names."""
     written = io.StringIO()
     with rc_context(STYLE):
         draw().savefig(written, format="svg", metadata={"Date": None, "Creator": None})
-    return DIGITS.sub(lambda number: f"{float(number[0]):.2f}", written.getvalue())
+    return numbered(DIGITS.sub(lambda number: f"{float(number[0]):.2f}", written.getvalue()))
+
+
+def numbered(text: str) -> str:
+    """Return a figure whose parts are named by their order, so that another machine's last digits do not show."""
+    for number, name in enumerate(dict.fromkeys(NAMED.findall(text)), start=1):
+        text = text.replace(name, f"{name[0]}{number}")
+    return text
 
 
 def drawn(one: Case, *, rigid: bool = False) -> Response:

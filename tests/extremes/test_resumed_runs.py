@@ -152,3 +152,21 @@ def test_bit_by_bit(way, whole, tried, tmp_path):
     for name in ("displacement", "velocity", "acceleration"):
         assert np.array_equal(getattr(again.probes, name), getattr(response.probes, name)), name
     tried("killed", f"stopped twice and resumed: {way}", 2, "every dataset of the result is that of the run left alone")
+
+
+def test_time_over_before_the_first_new_block(whole, tmp_path):
+    """A time limit too short to get anywhere costs nothing: the next run goes on from the same checkpoint."""
+    way = "general, linear"
+    solved(prepared(way), tmp_path, cut=3)
+    ready = prepared(way)
+    earlier = unfinished(ready, tmp_path)
+    late = solve(
+        ready.problem, ready.scheme, save=ready.save, sinks=[result_file(ready, tmp_path, resume=earlier)],
+        resume=earlier, until=0.0,
+    )  # fmt: skip
+    assert late.status.cause is Cause.TIME_LIMIT
+    ready = prepared(way)
+    earlier = unfinished(ready, tmp_path)
+    assert earlier.checkpoint.steps >= 60
+    _, file = solved(ready, tmp_path, earlier=earlier)
+    assert not differing(content(file.path), whole(way)[1])

@@ -1,0 +1,27 @@
+"""Cells of tables: one that holds a number must not break, and a head without a word is no head."""
+
+from __future__ import annotations
+
+import re
+
+from docutils import nodes
+from sphinx.application import Sphinx
+
+NUMBER = re.compile(r"[<>±+\N{MINUS SIGN}-]{0,2}\s?\d[\d.,]*(e[+-]?\d+)?(\s?(%|[\w/^²³·]{1,8}))?")
+"""A number, with a unit or without."""
+
+
+def marked(app: Sphinx, tree: nodes.document) -> None:
+    """Give classes to cells and tables, for the style sheet."""
+    for cell in tree.findall(nodes.entry):
+        if NUMBER.fullmatch(cell.astext().strip()):
+            cell["classes"].append("number")
+    for table in tree.findall(nodes.table):
+        for head in table.findall(nodes.thead):
+            if not head.astext().strip():
+                table["classes"].append("headless")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    app.connect("doctree-read", marked)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
