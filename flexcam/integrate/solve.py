@@ -152,8 +152,6 @@ def solve(
             for sink in keepers:  # what stops before the next block goes on from here again
                 sink.keep(resume.checkpoint)
             stats = run.counted(replace(stats, steps=resume.checkpoint.steps))
-            for sink in keepers:  # the time may be over before the first new block
-                sink.keep(Checkpoint(stats.steps, problem_told, resume.checkpoint.arrays))
         for block in run.blocks(stats.steps):
             _hand_out(reduce(shown, way.bases, block), takers)
             stats = run.counted(replace(stats, steps=stats.steps + len(block.time)))
