@@ -24,8 +24,11 @@ from flexcam.train import CamContact, Model, Seat, main_lift, seating, separatio
 from flexcam.units import RPM
 
 _REVOLUTIONS = 3.0
-_OPEN = math.radians(0.5)
-"""Cam angle over which a contact must be open to count as lost: a single step may be a numerical accident."""
+OPEN = math.radians(0.5)
+"""Cam angle over which a contact must be open to count as lost, rad: a single step may be a numerical accident."""
+
+BOUNCE_HEIGHT = 1e-4
+"""Height above the seat from which a valve that has closed counts as bouncing, m."""
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
 """Where the rigid train's contact force is looked at."""
@@ -59,7 +62,7 @@ class Search:
     lowest: float
     highest: float
     tolerance: float = RPM
-    bounce_height: float = 1e-4
+    bounce_height: float = BOUNCE_HEIGHT
     count: int = 25
 
     def __post_init__(self) -> None:
@@ -127,7 +130,7 @@ Answers = dict[str, bool] | str
 
 
 def find_limits(
-    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = 1e-4, count: int = 25,
+    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = BOUNCE_HEIGHT, count: int = 25,
     advance: Advance | None = None,
 ) -> Limits:  # fmt: skip
     """Find the speeds at which a train loses contact, its valve bounces, its coils clash and its pushrod buckles.
@@ -344,7 +347,7 @@ def _lost(response: Response, ready: Prepared) -> bool:
     """Tell whether a follower is off its cam somewhere on the main lift, in the last revolution."""
     last = response.latest(ready.revolution)
     free = [name for name, one in ready.model.driven.items() if isinstance(one, CamContact) and one.unilateral]
-    return any(separation(ready.model, response, name, last) > _OPEN for name in free)
+    return any(separation(ready.model, response, name, last) > OPEN for name in free)
 
 
 def _bounces(response: Response, ready: Prepared, height: float) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 
 import numpy as np
@@ -13,13 +13,14 @@ from rich.table import Table
 from flexcam.budget import Budget, size
 from flexcam.case import Case
 from flexcam.case.report import filled
+from flexcam.console.mishaps import left_words
 from flexcam.console.words import fixed
 from flexcam.fidelity import Claim, Comparison
 from flexcam.integrate import reached
 from flexcam.linalg import FloatArray
 from flexcam.runner import Prepared
 from flexcam.terminal import bare, facts, table
-from flexcam.train import Adjuster, Contact, Lash, ModelModes, Seat, build_structure, member_masses
+from flexcam.train import Adjuster, Contact, Figure, Lash, ModelModes, Seat, build_structure, member_masses
 from flexcam.train import left_out as words_of
 from flexcam.units import RPM
 
@@ -53,13 +54,15 @@ def resolved(case: Case) -> str:
     return tomli_w.dumps(filled(case.record))
 
 
-def couplings(case: Case) -> list[str]:
+def couplings(case: Case, figures: Sequence[Figure] = ()) -> list[str]:
     """Return which formulation of the contact a result comes from, in words.
 
     Parameters
     ----------
     case
         The case.
+    figures
+        What its train did in a run, where there was one.
 
     Returns
     -------
@@ -67,7 +70,10 @@ def couplings(case: Case) -> list[str]:
         A sentence per kind of contact.
     """
     models = dict.fromkeys(contact.model for contact in case.record.contacts.values())
-    return [COUPLINGS[model] for model in models if model in COUPLINGS]
+    said = {model: COUPLINGS[model] for model in models if model in COUPLINGS}
+    if left := left_words(figures):  # only followers in true contact have such a figure
+        said["unilateral"] = f"{said['unilateral'].removesuffix('.')}: {left}."
+    return list(said.values())
 
 
 def model_table(ready: Prepared, modes: ModelModes, takes: Budget | None = None) -> Table:

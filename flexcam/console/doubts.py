@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from flexcam.case import unusual
+from flexcam.console.mishaps import mishaps
 from flexcam.console.watched import Watched
 from flexcam.held import loose, unheld
 from flexcam.linalg import share_lost
@@ -105,7 +106,7 @@ def run_doubts(ready: Prepared, watched: Watched, figures: list[Figure], stats: 
     list
         Sentences; none where nothing is doubtful.
     """
-    found = [*input_doubts(ready), *_unseen(ready), *_buckled(figures), *_unaccounted(watched.extremes)]
+    found = [*input_doubts(ready), *_unseen(ready), *mishaps(figures), *_unaccounted(watched.extremes)]
     found += [*_unbalanced(stats), *_rounded(ready, watched.extremes)]
     return found + _coarse(watched.fineness.found()) if _bodies(ready) else found
 
@@ -165,15 +166,6 @@ def balances(extremes: Extremes, stats: Stats) -> str:
     if stats.imbalance < 0.0:
         return ""
     return f"energy within {lost_energy(extremes):.1e} of the work, forces within {stats.imbalance:.1e} of the largest"
-
-
-def _buckled(figures: list[Figure]) -> list[str]:
-    return [
-        f"Warning: {figure.name.removesuffix('.buckling_margin').replace('.', ' ')} bears more than its buckling load, "
-        f"margin {figure.value:.4g}: a straight member bends without end"
-        for figure in figures
-        if figure.name.endswith(".buckling_margin") and figure.value < 1.0
-    ]
 
 
 def _bodies(ready: Prepared) -> bool:

@@ -100,7 +100,7 @@ def ran_parts(ran: Ran) -> Iterator[Table | str]:
         yield ""
         yield table
     chosen = choice_words(ran.choice) if ran.choice else []
-    yield from ("\n" + sentence for sentence in (*chosen, *couplings(ran.ready.case), *ran.warnings))
+    yield from ("\n" + sentence for sentence in (*chosen, *couplings(ran.ready.case, ran.figures), *ran.warnings))
     stats = ran.response.stats
     if stats.periodicity >= 0.0:
         yield f"\nThe start returns after a revolution within {stats.periodicity:.3g} of the motion"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from flexcam.console.results import unknowns
 from flexcam.fidelity import Comparison
 from flexcam.limits import Margins
 from flexcam.report.subject import Known, Subject
+from flexcam.train import Figure
 
 _SAME_LIFT = 0.01
 _SAME_ACCELERATION = 0.1
@@ -21,13 +23,15 @@ _MODELS = {
 }  # fmt: skip
 
 
-def modelled(about: Subject, known: Known) -> list[str]:
+def modelled(about: Subject, known: Known, figures: Sequence[Figure] = ()) -> list[str]:
     """Return what was modelled, and what was left out of the run.
 
     Parameters
     ----------
     about, known
         The result and its case.
+    figures
+        What the train did.
 
     Returns
     -------
@@ -55,7 +59,7 @@ def modelled(about: Subject, known: Known) -> list[str]:
             f"{response.stats.steps} steps ({per:.6g} per revolution) of {unknowns(known.response)}."
         ),
     ]
-    said += couplings(case)
+    said += couplings(case, figures)
     left = left_out(ready)
     return [*said, f"Left out of the run, as nothing moves it: {'; '.join(left)}."] if left else said
 

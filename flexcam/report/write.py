@@ -100,7 +100,7 @@ def _chapter(about: Subject, name: str, main: str, asked: Asked, share: int) -> 
     figures = operation(known.ready.model, known.response, known.ready.revolution)
     compared, lacking = _compared(about, known, main)
     more = extras(known.case, main, asked) if status.ok and main else []
-    summary = [*words.modelled(about, known), *_in_hand(known.case)]
+    summary = [*words.modelled(about, known, figures), *_in_hand(known.case)]
     doubts = _doubts(known, figures) if len(known.response.time) else []
     return Chapter(
         name=name,

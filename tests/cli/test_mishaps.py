@@ -1,0 +1,61 @@
+"""A run in which a train comes apart says so: where, and by how much."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from flexcam import read_case, read_result
+from flexcam.case import new_case
+from flexcam.console.cases import couplings
+from flexcam.console.mishaps import mishaps
+from flexcam.train import Figure
+
+FIGURES = (
+    Figure("contacts.intake.open_on_the_lift", math.radians(81.6), "rad"),
+    Figure("contacts.seat.bounces", 4.0, "1"),
+    Figure("contacts.seat.bounce_height", 0.1643e-3, "m"),
+    Figure("springs.valve.clearance.least", -0.231e-3, "m"),
+    Figure("members.pushrod.buckling_margin", 0.5643, "1"),
+)
+WELL = (math.radians(0.4), 4.0, 0.09e-3, 0.0, 1.001)
+"""What is told nowhere: a step without contact, ringing on the seat, coils that close, a load below that of buckling."""
+
+
+def test_every_mishap_is_told_with_number_and_place():
+    assert mishaps(FIGURES) == [
+        "Warning: the follower of 'intake' leaves its cam for 81.6 deg on the lift: "
+        "what follows is no valve event to design by",
+        "Warning: the valve bounces 4 times at 'seat', to 0.164 mm above its seat",
+        "Warning: coils of 'valve' touch: 0.231 mm beyond closed",
+        "Warning: member 'pushrod' bears more than its buckling load, margin 0.5643: "
+        "a straight member bends without end",
+    ]
+
+
+def test_a_train_that_keeps_together_is_told_of_nothing():
+    assert mishaps([replace(one, value=value) for one, value in zip(FIGURES, WELL, strict=True)]) == []
+
+
+@pytest.fixture
+def engine(tmp_path):
+    return new_case("pushrod-engine", tmp_path / "engine.toml")[0]
+
+
+def test_the_word_on_the_contact_tells_a_follower_that_left_its_cam(engine):
+    case = read_case(engine)
+    assert couplings(case)[0].endswith("and it may leave it.")
+    assert couplings(case, FIGURES)[0].endswith("and it may leave it: 'intake' left it for 82 deg.")
+
+
+def test_a_run_too_fast_keeps_it_with_its_result_and_its_report(flexcam, engine, tmp_path):
+    fast = ("--set", "run.crank_speed=8000rpm", "--set", "run.steps_per_revolution=720")
+    warnings = flexcam("run", engine, "-o", tmp_path, *fast, "--json").json["warnings"]
+    for word in ("leaves its cam", "bounces", "coils of 'valve' touch", "buckling"):
+        assert sum(word in one for one in warnings) == 1
+    assert list(read_result(tmp_path / "engine.vtkhdf").warnings) == warnings
+    assert flexcam("report", tmp_path / "engine.vtkhdf", "-o", tmp_path / "page.html").code == 0
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "leaves its cam for" in page and "left it for" in page
