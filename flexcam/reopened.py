@@ -64,11 +64,11 @@ def reopened(case: Case, result: Result) -> tuple[Prepared, Response]:
 
 def _beside(response: Response, names: tuple[str, ...], kind: str, at: IntArray) -> list[FloatArray]:
     """Return what no node has, of which results keep every step, at some of them."""
-    if response.stats.unknowns == 0:  # the inner parts of a spring lie still in a rigid train, which keeps none
-        return [np.zeros((len(at), len(names)))]
     try:
         return [np.asarray(getattr(response[name], kind))[at, None] for name in names]
     except InputError as refusal:
+        if response.stats.unknowns == 0:  # the inner parts of a spring lie still in a rigid train, which keeps none
+            return [np.zeros((len(at), len(names)))]
         why = f"it does not hold {refusal.faults[0].given}"
         raise refuse("result", "a result without an unknown of its case", "a result of its case", why) from None
 

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from flexcam.case import CaseRecord, build_model, read_case
 from flexcam.checks import refuse
 from flexcam.commands.app import Json, Overwrite, ResultPath, app
-from flexcam.console.results import info_table, verified_words
+from flexcam.console.results import info_table, stats_json, verified_words
 from flexcam.io import (
     Result,
     free_to_write,
@@ -122,7 +122,7 @@ def info(
     if as_json:
         print_json({
             "status": "ok", "run": str(response.status.cause), "message": response.status.text,
-            "stats": asdict(response.stats),
+            "stats": stats_json(response.stats),
             "saved_steps": len(response.time), "saved_fields": len(response.field_time),
             "probes": {name: list(components) for name, components in response.outline.probes},
             "channels": dict(response.outline.channels), "fields": [*read.field_names, *read.recovered],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from flexcam.console.doubts import balances
 from flexcam.console.words import fixed
 from flexcam.io import Result, Verified
 from flexcam.memory import Extremes
-from flexcam.response import Response
+from flexcam.response import Response, Stats
 from flexcam.terminal import facts, table
 from flexcam.train import Figure, MemberStrength
 from flexcam.units import shown
@@ -107,7 +108,7 @@ def strength_table(members: Mapping[str, MemberStrength]) -> Table:
 
 
 def unknowns(response: Response) -> str:
-    """Return of how many unknowns a result is, and how many of them were integrated.
+    """Return of how many unknowns a result is, and how many of them were integrated, as far as that is known.
 
     Parameters
     ----------
@@ -120,6 +121,8 @@ def unknowns(response: Response) -> str:
         Such as ``47 unknowns, 24 integrated, in their natural motions``.
     """
     every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
+    if not response.stats.told:
+        return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
     count = f"{every} unknowns" + (f", {integrated} integrated" if integrated != every else "")
     return count + _PATHS.get(response.stats.path, "")
 
@@ -147,6 +150,26 @@ def verified_words(path: Path, found: Verified) -> str:
     return f"{path} is sound: {found.datasets} datasets, {found.bytes} bytes, as they were written{partial}"
 
 
+def stats_json(stats: Stats) -> dict[str, object]:
+    """Return the figures of a run for JSON, as far as they are known.
+
+    Parameters
+    ----------
+    stats
+        Of the run.
+
+    Returns
+    -------
+    dict
+        Of a run that was killed, its steps and its unknowns alone.
+    """
+    return asdict(stats) if stats.told else {"steps": stats.steps, **({"size": stats.size} if stats.size else {})}
+
+
+def _seconds(stats: Stats) -> str:
+    return f", {stats.seconds:.3g} s" if stats.told else ""
+
+
 def info_table(result: Result) -> Table:
     """Return what a result file holds.
 
@@ -164,7 +187,7 @@ def info_table(result: Result) -> Table:
     about = [(name, text) for name, text in result.about.items() if name not in ("case", "resolved", "overrides")]
     rows = [
         ("run", str(response.status)),
-        ("steps", f"{response.stats.steps} of {unknowns(response)}, {response.stats.seconds:.3g} s"),
+        ("steps", f"{response.stats.steps} of {unknowns(response)}{_seconds(response.stats)}"),
         *(
             [("periodic within", f"{response.stats.periodicity:.3g} of the motion")]
             if response.stats.periodicity >= 0.0

@@ -123,6 +123,7 @@ class ResultFile:
     def _create_history(self, rows: int) -> None:
         history = self._file.create_group("history")
         history.attrs["steps"] = 0
+        history.attrs["size"] = len(self._outline.unknowns)
         self._time = Growing(history, "time", rows, "s")
         self._time.dataset.make_scale("time")
         self._angle = Growing(history, "cam_angle", rows, "rad")

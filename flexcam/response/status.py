@@ -95,13 +95,13 @@ class Stats:
     Parameters
     ----------
     path
-        The way through time that was taken, see `flexcam.integrate.paths`.
+        The way through time that was taken, see `flexcam.integrate.paths`; empty where a run was killed.
     steps
         Steps done.
     size
         Unknowns of the whole mechanism; zero in results that do not tell it.
     unknowns
-        Unknowns integrated; those that nothing can move are left out.
+        Unknowns integrated; those that nothing can move are left out. Zero where a run was killed.
     iterations
         Newton iterations of local forces, all steps together.
     events
@@ -115,7 +115,7 @@ class Stats:
     imbalance
         Largest force out of balance, as a part of the largest force; negative where channels were not computed.
     seconds
-        Time spent in the step loop, s.
+        Time spent in the step loop, s; negative where a run was killed before it could say.
     """
 
     path: str = "general"
@@ -129,6 +129,11 @@ class Stats:
     periodicity: float = -1.0
     imbalance: float = -1.0
     seconds: float = 0.0
+
+    @property
+    def told(self) -> bool:
+        """Whether the run could say them; of one that was killed, only its steps are known, and its size."""
+        return self.seconds >= 0.0
 
 
 def heed(status: Status) -> None:

@@ -10,13 +10,14 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from flexcam.case import Case, unusual
-from flexcam.checks import Fault, InputError, refuse
+from flexcam.checks import InputError, refuse
 from flexcam.integrate import (
     fingerprint,
     outline,
 )
 from flexcam.io import Geometry, ResultFile, Unfinished, made_folder, partial_of
 from flexcam.response import Stats
+from flexcam.runner.differing import difference, differing
 from flexcam.runner.prepared import Prepared
 from flexcam.train import (
     Model,
@@ -124,34 +125,14 @@ def unfinished(ready: Prepared, folder: str | Path) -> Unfinished:
 _PARTIAL = ".partial"
 """Ends the name of a partial result."""
 
-_DECISIVE = {
-    "case": "the text of the case", "overrides": "--set", "resolved": "values of the case",
-    "flexcam": "flexcam", "python": "python", "numpy": "numpy", "scipy": "scipy", "numba": "numba",
-}  # fmt: skip
-"""Texts of a result that must agree for the numbers to be the same, and what they are."""
-
 
 def _refuse_others(ready: Prepared, earlier: Unfinished) -> None:
     """Refuse to go on with another case, other packages or another problem."""
-    now, then = _about(ready.case), earlier.about
-    differing = {what: key for key, what in _DECISIVE.items() if now[key] != then.get(key, "")}
-    if not differing and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
-        differing = {"a mesh or a table beside the case": ""}
-    why, remedy = "a run goes on only as it began", "restore it, or run the case again with --overwrite"
-    faults = [
-        Fault(f"--resume: {what}", _told(now.get(key, "")), _told(then.get(key, "")), why, remedy)
-        for what, key in differing.items()
-    ]
-    if faults:
-        raise InputError(faults)
-
-
-def _told(text: str) -> str:
-    """Return a text that is short enough to be told."""
-    return text if 0 < len(text) <= _SHORT else "another one"
-
-
-_SHORT = 60
+    found = differing(_about(ready.case), earlier.about)
+    if not found and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
+        found = [difference("a mesh or a table beside the case")]
+    if found:
+        raise InputError(found)
 
 
 def _about(case: Case) -> dict[str, str]:

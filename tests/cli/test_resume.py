@@ -58,8 +58,13 @@ def test_after_kill_and_terminate(flexcam, case, tried, tmp_path):
     process, partial = begun(tmp_path, *WALKED)
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    first = len(read_result(partial).response.time)
+    killed = read_result(partial).response
+    first, size = len(killed.time), prepare(read_case(case)).problem.system.size
     assert first > 0
+    assert flexcam("info", partial, "--json").json["stats"] == {"steps": first - 1, "size": size}
+    assert f"{first - 1} of {size} unknowns\n" in "\n".join(
+        line.rstrip() for line in flexcam("info", partial).out.splitlines()
+    )
     process, partial = begun(tmp_path, *WALKED, "--resume")
     process.send_signal(signal.SIGTERM)
     assert "interrupted" in process.communicate()[1]
@@ -154,7 +159,11 @@ def test_another_override(broken, refused):
 def test_another_case(broken, case, refused):
     partial = broken()
     case.write_text(case.read_text().replace("6 mm", "7 mm"))
-    refused(partial, SAME, "the text of the case", "values of the case", "--overwrite")
+    line = next(i for i, one in enumerate(case.read_text().splitlines(), start=1) if "7 mm" in one)
+    refused(
+        partial, SAME, f'the text of the case, line {line}: given lift = "7 mm"; allowed: lift = "6 mm"',
+        "values of the case, cams.intake.lift: given 0.007; allowed: 0.006", "--overwrite",
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("package", ["flexcam", "numpy"])
