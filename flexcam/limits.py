@@ -130,8 +130,8 @@ Answers = dict[str, bool] | str
 
 
 def find_limits(
-    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = BOUNCE_HEIGHT, count: int = 25,
-    advance: Advance | None = None,
+    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = BOUNCE_HEIGHT,
+    count: int = 25, advance: Advance | None = None,
 ) -> Limits:  # fmt: skip
     """Find the speeds at which a train loses contact, its valve bounces, its coils clash and its pushrod buckles.
 

@@ -1,6 +1,6 @@
 """Numbers that are possible but hardly meant: told with the number that was likely meant, never refused.
 
-The bounds are those of machines that exist, with a decade or more to spare. A case beyond them still runs.
+The bounds are those of machines that exist, with room to spare. A case beyond them still runs.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from flexcam.case.read import Case
 from flexcam.case.report import filled, si_unit
-from flexcam.case.usual import USUAL, Usual
+from flexcam.case.usual import STRAIGHT, TWISTED, USUAL, Usual
 from flexcam.fem import Mesh
 
 _SLENDER = 2000.0
@@ -40,7 +40,9 @@ def unusual(case: Case) -> list[str]:
     """
     tables = filled(case.record)
     found = [_told(case, path, value, one) for one in USUAL for path, value in _beyond(tables, one)]
-    return list(dict.fromkeys([*found, *_held_twice(case), *_on_held(case), *_ill_proportioned(case)]))
+    return list(
+        dict.fromkeys([*found, *_soft_or_stiff(case), *_held_twice(case), *_on_held(case), *_ill_proportioned(case)])
+    )
 
 
 def _beyond(tables: Mapping[str, Any], usual: Usual) -> Iterator[tuple[tuple[str, ...], float]]:
@@ -48,7 +50,7 @@ def _beyond(tables: Mapping[str, Any], usual: Usual) -> Iterator[tuple[tuple[str
     for path, value in _values(tables, tuple(usual.key.split(".")), ()):
         several = cast("list[object]", value) if isinstance(value, list) else [value]
         numbers = [abs(float(x)) for x in several if isinstance(x, int | float) and not isinstance(x, bool)]
-        if beyond := [x for x in numbers if x and not usual.least <= x <= usual.most]:
+        if beyond := [x for x in numbers if (x or usual.zero) and not usual.least <= x <= usual.most]:
             yield path, beyond[0]
 
 
@@ -69,6 +71,16 @@ def _told(case: Case, path: tuple[str, ...], value: float, usual: Usual) -> str:
     meant = f": did you mean {near[0]}?" if near else ""
     given, outside = f"{value:g} {unit}".rstrip(), f"{bounds} {unit}".rstrip()
     return f"Warning: {case.place(path)}: {given} is no usual {usual.what} ({outside}){meant}"
+
+
+def _soft_or_stiff(case: Case) -> Iterator[str]:
+    """Yield the springs of hardly any stiffness, or too much; what is soft depends on whether they twist."""
+    tables = filled(case.record)
+    twist = {name for name, one in case.record.springs.items() if str(one.direction).lstrip("+-").startswith("r")}
+    for usual, turning in ((STRAIGHT, False), (TWISTED, True)):
+        for path, value in _beyond(tables, usual):
+            if (path[1] in twist) == turning:
+                yield _told(case, path, value, usual)
 
 
 def _held_twice(case: Case) -> Iterator[str]:

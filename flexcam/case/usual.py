@@ -1,4 +1,4 @@
-"""What the keys of a case usually hold: bounds of machines that exist, with a decade or more to spare."""
+"""What the keys of a case usually hold: bounds of machines that exist, with room to spare."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ class Usual:
     what
         The quantity in the engineer's words.
     least, most
-        SI; zero is never told.
+        SI.
     meant
         Units in which the number may have been meant, with their size in SI, the likeliest first.
     si
         Unit, where the key's place alone does not tell it.
+    zero
+        Whether zero is told as well.
     """
 
     key: str
@@ -32,6 +34,7 @@ class Usual:
     most: float
     meant: Mapping[str, float]
     si: str = ""
+    zero: bool = False
 
 
 _LENGTH = {"mm": 1e-3, "um": 1e-6, "in": 0.0254, "m": 1.0}
@@ -43,7 +46,7 @@ _ANGULAR = {"rpm": RPM}
 
 USUAL = (
     Usual("materials.*.E", "Young's modulus of a solid", 1e6, 1.5e12, _STRESS),
-    Usual("materials.*.density", "density of a solid", 10.0, 3e4, {"g/cm^3": 1e3, "kg/m^3": 1.0}),
+    Usual("materials.*.density", "density of a solid", 500.0, 2.5e4, {"g/cm^3": 1e3}, zero=True),
     Usual("materials.*.ultimate_strength", "strength", 1e5, 2e10, {"MPa": 1e6, "GPa": 1e9}),
     Usual("materials.*.endurance_limit", "strength", 1e5, 2e10, {"MPa": 1e6, "GPa": 1e9}),
     Usual("nodes.*", "coordinate of a machine", 0.0, 20.0, _LENGTH),
@@ -56,15 +59,14 @@ USUAL = (
     Usual("sections.*.Iy", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
     Usual("sections.*.Iz", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
     Usual("sections.*.J", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
-    Usual("masses.*.mass", "mass in a valve train", 1e-7, 1e4, _MASS),
+    Usual("masses.*.mass", "mass in a valve train", 1e-7, 20.0, _MASS),
     Usual("masses.*.inertia", "inertia in a valve train", 1e-14, 1e5, _INERTIA),
     Usual("masses.*.offset", "offset of a mass", 0.0, 10.0, _LENGTH),
-    Usual("springs.*.stiffness", "stiffness of a spring", 1e-3, 1e12, _STIFF),
     Usual("springs.*.damping", "damping of a spring", 1e-9, 1e8, {"N s/mm": 1e3, "N s/m": 1.0}),
     Usual("springs.*.installed_force", "force of a spring", 1e-4, 1e6, {"N": 1.0, "mN": 1e-3}),
     Usual("springs.*.installed_compression", "travel of a spring", 1e-7, 2.0, _LENGTH),
     Usual("springs.*.clash_travel", "travel of a spring", 1e-7, 2.0, _LENGTH),
-    Usual("springs.*.mass", "mass of a spring", 1e-8, 1e3, _MASS),
+    Usual("springs.*.mass", "mass of a spring", 1e-8, 20.0, _MASS),
     Usual("springs.*.wire.diameter", "diameter of a wire", 1e-6, 0.3, _LENGTH),
     Usual("springs.*.wire.coil_diameter", "diameter of a coil", 1e-5, 3.0, _LENGTH),
     Usual("springs.*.wire.shear_modulus", "shear modulus of a solid", 1e6, 1e12, _STRESS),
@@ -84,8 +86,14 @@ USUAL = (
     Usual("contacts.*.stiffness", "stiffness of a contact", 10.0, 1e13, _STIFF),
     Usual("contacts.*.gap", "play", 1e-8, 0.02, _LENGTH),
     Usual("contacts.*.plunger_force", "force of a plunger", 1e-3, 1e4, {"N": 1.0}),
-    Usual("run.speed", "camshaft speed", 1e-3, 2100.0, _ANGULAR),
-    Usual("run.crank_speed", "crankshaft speed", 1e-3, 4200.0, _ANGULAR),
+    Usual("run.speed", "camshaft speed", 1e-3, 1250.0, _ANGULAR),
+    Usual("run.crank_speed", "crankshaft speed", 1e-3, 2500.0, _ANGULAR),
     Usual("run.gravity", "acceleration of gravity", 0.0, 100.0, {"mm/s^2": 1e-3}),
 )  # fmt: skip
 """What is usual, by key."""
+
+STRAIGHT = Usual("springs.*.stiffness", "stiffness of a spring", 100.0, 1e12, _STIFF, "N/m")
+"""Of springs along a line: any that presses something on is stiffer, and 50 is hardly 50 N/m."""
+
+TWISTED = Usual("springs.*.stiffness", "stiffness of a spring", 1e-3, 1e12, {"kN m/rad": 1e3}, "N m/rad")
+"""Of springs that twist."""

@@ -109,7 +109,8 @@ def _short(text: str) -> str:
 
 
 _DECISIVE: dict[str, tuple[str, Callable[[str, str], Iterator[Part]]]] = {
-    "case": ("the text of the case", _lines), "overrides": ("--set", _overrides), "resolved": ("values of the case", _values),
+    "case": ("the text of the case", _lines), "overrides": ("--set", _overrides),
+    "resolved": ("values of the case", _values),
     **{name: (name, _whole) for name in ("flexcam", "python", "numpy", "scipy", "numba")},
 }  # fmt: skip
 """Texts of a result that must agree for the numbers to be the same, what they are, and how they are told."""

@@ -21,7 +21,7 @@ FIGURES = (
     Figure("members.pushrod.buckling_margin", 0.5643, "1"),
 )
 WELL = (math.radians(0.4), 4.0, 0.09e-3, 0.0, 1.001)
-"""What is told nowhere: a step without contact, ringing on the seat, coils that close, a load below that of buckling."""
+"""What is not told: a step without contact, ringing on the seat, coils that close, a load below that of buckling."""
 
 
 def test_every_mishap_is_told_with_number_and_place():

@@ -10,7 +10,7 @@ import pytest
 
 from flexcam import InputError, prepare, read_case, read_result
 from flexcam.case import unusual
-from flexcam.case.usual import USUAL
+from flexcam.case.usual import STRAIGHT, TWISTED, USUAL
 from flexcam.cli import main
 from flexcam.console.doubts import input_doubts
 
@@ -28,7 +28,11 @@ DOUBTFUL = {
     "strength in MPa": (CASE, "materials.steel.ultimate_strength=800", "800 Pa", "did you mean 800 MPa?"),
     "diameter in mm": (CASE, "sections.shaft.diameter=25", "25 m is no usual diameter", "did you mean 25 mm?"),
     "a node in mm": (CASE, "nodes.rear=[180,0,0]", "nodes.rear", "did you mean 180 mm?"),
-    "mass in g": (CASE, "masses.valve.mass=100000", "100000 kg", "did you mean 100000 g?"),
+    "mass in g": (CASE, "masses.valve.mass=90", "90 kg", "did you mean 90 g?"),
+    "density of nothing": (CASE, "materials.steel.density=0", "0 kg/m^3 is no usual density", "500 to 25000 kg/m^3"),
+    "stiffness in kN/m": (CASE, "springs.valve.stiffness=50", "50 N/m is no usual stiffness", "did you mean 50 kN/m?"),
+    "engine speed in rpm": (PUSHROD, "run.crank_speed=4000", "4000 rad/s", "did you mean 4000 rpm?"),
+    "camshaft speed in rpm": (CASE, "run.speed=2000", "2000 rad/s is no usual", "did you mean 2000 rpm?"),
     "arms in mm": (CASE, "rockers.rocker.arms=[25,40]", "25 m is no usual arm", "did you mean 25 mm?"),
     "inertia in kg mm^2": (CASE, "rockers.rocker.inertia=100000", "kg m^2 is no usual inertia", "did you mean"),
     "lift in mm": (CASE, "cams.intake.lift=6", "6 m is no usual lift", "did you mean 6 mm?"),
@@ -67,7 +71,7 @@ def test_a_sound_case_is_not_doubted(path):
     assert input_doubts(replace(prepare(standing), case=case)) == []
 
 
-@pytest.mark.parametrize("usual", USUAL, ids=lambda one: one.key)
+@pytest.mark.parametrize("usual", [*USUAL, STRAIGHT, TWISTED], ids=lambda one: one.key)
 def test_bounds_are_bounds(usual):
     """What a number may have been meant in leads back between them somewhere."""
     assert 0.0 <= usual.least < usual.most
