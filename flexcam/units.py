@@ -203,7 +203,11 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
         raise refuse(where, repr(value), allowed, "it does not begin with a number")
     factor, exponents = _unit_product(text, where) if text else (1.0, kind.exponents)
     if not _same_kind(exponents, kind.exponents):
-        raise refuse(where, repr(value), allowed, f"the unit {text!r} does not measure {article} {kind.name}")
+        why = f"the unit {text!r} does not measure {article} {kind.name}"
+        remedy = (
+            f"give the {kind.name} in a unit of its own, as in {kind.example!r}" if kind.si else "leave the unit out"
+        )
+        raise refuse(where, repr(value), allowed, why, remedy)
     si = number * factor
     if not math.isfinite(si):
         raise refuse(where, repr(value), allowed, "the number is not finite")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+
+from flexcam.checks import Fault
 
 _TABLE = re.compile(r"\s*\[{1,2}\s*([^\]]+?)\s*\]{1,2}\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
@@ -53,6 +56,36 @@ class Places:
             if path[:end] in self.notes:
                 return f"{'.'.join(path)} ({self.notes[path[:end]]})"
         return ".".join(path) or "case file"
+
+
+_LINE = re.compile(r" \(line (\d+)\)")
+
+
+def in_order(faults: Iterable[Fault]) -> list[Fault]:
+    """Return faults by the lines they are on; those of one line stand together, those of no line come last.
+
+    Parameters
+    ----------
+    faults
+        In any order.
+
+    Returns
+    -------
+    list
+        The same.
+
+    Examples
+    --------
+    >>> late, early = (Fault(f"run.speed (line {n})", "", "", "", "") for n in (12, 3))
+    >>> in_order([late, early]) == [early, late]
+    True
+    """
+
+    def line(fault: Fault) -> float:
+        told = _LINE.search(fault.where)
+        return int(told[1]) if told else math.inf
+
+    return sorted(faults, key=line)
 
 
 def _parts(dotted: str) -> Path:

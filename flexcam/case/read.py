@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 from pydantic import ValidationError
 
 from flexcam.case.lines import Path as KeyPath
-from flexcam.case.lines import Places
+from flexcam.case.lines import Places, in_order
 from flexcam.case.records import CamsRecord, CaseRecord
 from flexcam.case.references import References
 from flexcam.case.report import faults
@@ -264,7 +264,7 @@ class CaseFile:
         record, record_faults = _record(CaseRecord, raw, places, self.path.parent)
         found += [*record_faults, *mesh_faults, *References(raw, own, places).faults(), *_either_or(raw, places)]
         if found or record is None:
-            raise InputError(found)
+            raise InputError(in_order(found))
         return Case(self.path, self.text, tuple(overrides), record, own, places)
 
     @property

@@ -40,7 +40,7 @@ def orders_table(found: Waterfall, scale: float) -> Table:
     ]
     what = f"acceleration of {found.signal.name}" if found.signal.probe else found.signal.name
     title = f"Orders of {what}, {found.unit}, in the last revolution: the largest of {found.amplitudes.shape[1] - 1}"
-    head = (f"{shaft_name(scale)} rpm", "mean", *(f"order {n}" for n in shown), "open by")
+    head = (f"{shaft_name(scale)} rpm", "mean", *(f"order {n}" for n in shown), "not periodic by")
     return table(title, head, rows)
 
 
@@ -67,7 +67,7 @@ def orders_csv(found: Sequence[Waterfall], scale: float) -> str:
     str
         With a head: history, unit, speed, order, amplitude, and by how much the revolution misses closing.
     """
-    lines = [f"history,unit,{shaft_name(scale)} speed [rpm],order,amplitude,open by"]
+    lines = [f"history,unit,{shaft_name(scale)} speed [rpm],order,amplitude,not periodic by"]
     for one in found:
         for i, rpm in enumerate((scale * one.rpm).tolist()):
             for n, size in enumerate(one.amplitudes[i].tolist()):

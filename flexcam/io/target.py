@@ -6,8 +6,10 @@ from pathlib import Path
 
 from flexcam.checks import refuse
 
+_REMEDY = "overwrite it by --overwrite or overwrite=True"
 
-def free_to_write(where: str, path: Path, *, overwrite: bool, remedy: str = "add --overwrite") -> None:
+
+def free_to_write(where: str, path: Path, *, overwrite: bool, remedy: str = _REMEDY) -> None:
     """Refuse a target that exists.
 
     Parameters

@@ -90,7 +90,7 @@ class ResultFile:
         try:
             free_to_write(
                 "partial result", self.partial, overwrite=overwrite or resume,
-                remedy="add --resume to go on with it, or --overwrite",
+                remedy="go on with it by --resume, or overwrite it by --overwrite or overwrite=True",
             )  # fmt: skip
             with plainly():
                 self._create(geometry, save, about)

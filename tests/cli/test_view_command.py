@@ -152,7 +152,7 @@ def test_nothing_is_written_over(flexcam, tmp_path):
     (tmp_path / "made.png").write_text("mine")
     refused = flexcam("view", FINGER, "--save", "made.png")
     assert refused.code == 2
-    assert "add --overwrite" in refused.err
+    assert "--overwrite or overwrite=True" in refused.err
     assert (tmp_path / "made.png").read_text() == "mine"
 
 

@@ -4,7 +4,14 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
+from pathlib import Path
+
 import pytest
+
+from flexcam import InputError
+from flexcam.case.read import CaseFile
 
 # changes, and the key paths of which each must have its fault in the one report
 MANY = {
@@ -116,3 +123,18 @@ def test_the_report_names_each_on_a_line_of_its_own(text, changed, faults_of, tm
     changes, keys = MANY["every table"]
     faults = faults_of(changed(text, *changes))
     assert len("\n".join(map(str, faults)).splitlines()) == len(faults) >= len(keys)
+
+
+def test_faults_stand_in_the_order_of_the_file():
+    """Faults of units, of keys and of references are found apart, and told by line; those of one line together."""
+    laid = Path(__file__).parents[1] / "data/inline.toml"
+    text = laid.read_text(encoding="utf-8")
+    for old, new in (('"207 GPa"', '"207 kg"'), ('diameter = "25 mm"', 'diameter = "-25 mm", foo = 2'),
+                     ('"40 kN/m"', '"40 kN"'), ('at = "valve"', 'at = "valv"'), ('"3000 rpm"', '"3000 kg"')):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new)
+    with pytest.raises(InputError) as refusal:
+        CaseFile(laid, text, tomllib.loads(text)).read()
+    lines = [int(re.search(r"\(line (\d+)\)", fault.where)[1]) for fault in refusal.value.faults]
+    assert lines == sorted(lines)
+    assert len(set(lines)) < len(lines)
