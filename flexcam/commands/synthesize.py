@@ -13,6 +13,7 @@ from flexcam.checks import positive, refuse
 from flexcam.commands.app import Json, Overrides, Overwrite, Picture, app, load, quantity
 from flexcam.commands.cams import CamName
 from flexcam.console.synthesis import (
+    LEGEND,
     harmonic_table,
     or_null,
     pareto_table,
@@ -101,6 +102,7 @@ def synthesize_law(
         )
         return
     out().print(pareto_table(front) if against else synthesis_table(front[0]))
+    out().print(LEGEND)
     for path in files:
         out().print(f'{path}  (in a case: law = "{path.name}")' if path.suffix == ".toml" else str(path))
 

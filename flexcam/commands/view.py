@@ -22,6 +22,12 @@ if TYPE_CHECKING:
     from flexcam.scene import Motion
 
 
+At = Annotated[
+    str | None,
+    Parameter("--at", help="Cam angle of a picture, or to begin with: 120deg. A result begins at full lift."),
+]
+
+
 @app.command(
     help_prologue="""\
 flexcam view results/intake.vtkhdf
@@ -35,7 +41,7 @@ def view(
     picture: Annotated[Path | None, Parameter("--save", help="Write it (.png, .gif, .mp4, .html), no window.")] = None,
     color: Annotated[str | None, Parameter(help="Colour members by a saved field or recovered stress.")] = None,
     scale: Annotated[float, Parameter(help="Of what the members give way; the lift is shown as it is.")] = 1.0,
-    at: Annotated[str | None, Parameter("--at", help="Cam angle of a picture, or to begin with: 120deg.")] = None,
+    at: At = None,
     mode: Annotated[int | None, Parameter(help="Swing a natural mode, counted as by flexcam modes.")] = None,
     size: Annotated[str, Parameter(help="Of the window, pixels.")] = "1024x768",
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
@@ -54,7 +60,7 @@ def view(
     case, result = _read(source, overrides)
     structure = build_structure(build_model(case))
     motion, title = _motion(case, structure, result, color, mode)
-    drawn, still = mechanism(structure), 0 if angle is None else motion.nearest(angle)
+    drawn, still = mechanism(structure), _still(case, result, motion, angle, mode)
     ready_to_render(off_screen=picture is not None)
     from flexcam.view.solid import Looks, Stage, show
 
@@ -71,6 +77,15 @@ def view(
         out().print(sentence)
     if picture is not None:
         out().print(str(picture))
+
+
+def _still(case: Case, result: Result | None, motion: Motion, angle: float | None, mode: int | None) -> int:
+    """Return the instant of a picture: the one asked for, else full lift of a result, else the first."""
+    from flexcam.scene import full_lift
+
+    if angle is not None:
+        return motion.nearest(angle)
+    return 0 if result is None or mode is not None else full_lift(case, result.response, motion.angle)
 
 
 def _pixels(text: str) -> tuple[int, int]:

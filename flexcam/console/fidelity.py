@@ -22,6 +22,10 @@ _DIGITS = 12
 _KINDS = ("lift", "velocity", "acceleration")
 
 
+TRADE_LEGEND = "* no other model beats it in both work and error; work is unknowns times steps of the run"
+"""What the marks and the heads of `trade_table` mean."""
+
+
 def trade_table(against: Reference, found: Sequence[Traded]) -> Table:
     """Return the ladder of a case.
 

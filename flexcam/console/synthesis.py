@@ -37,6 +37,13 @@ def synthesis_json(found: Synthesized) -> dict[str, object]:
     }  # fmt: skip
 
 
+LEGEND = (
+    "C_v, C_a, C_j: largest velocity, acceleration and jerk of the law, lift 1 over angle 1; "
+    "C_m: largest product of velocity and acceleration, which the torque of inertia follows"
+)
+"""What the heads of the tables of laws mean."""
+
+
 def synthesis_table(found: Synthesized) -> Table:
     """Return a law found, and how good it is.
 

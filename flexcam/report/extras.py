@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from flexcam import fidelity
 from flexcam.case import Case
 from flexcam.checks import InputError
-from flexcam.console.fidelity import error_table, plus_minus, trade_table
+from flexcam.console.fidelity import TRADE_LEGEND, error_table, plus_minus, trade_table
 from flexcam.console.limits import limits_table
 from flexcam.limits import Limits, find_limits
 from flexcam.report.content import Picture, Sheet
@@ -118,6 +118,9 @@ def _trade(case: Case, probe: str) -> Extra:
     against, rungs = fidelity.trade(case, probe, repeats=1)
     table = sheet(trade_table(against, rungs))
     best = ", ".join(f"{one.rung} at {one.steps} steps" for one in rungs if one.best)
-    words = f"Error over work, both logarithmic. No other model beats, in both: {best}. The table has the numbers."
+    words = (
+        f"Error over work, both logarithmic. No other model beats, in both: {best}. "
+        f"The table has the numbers ({TRADE_LEGEND})."
+    )
     title = "What a cheaper model costs in error"
     return Extra((), (table,), (Picture(title, png_of(work_precision_figure(rungs)), words),))

@@ -5,6 +5,7 @@ place in `layout` and a line in `assembly`.
 """
 
 from flexcam.scene.assembly import Mechanism, mechanism
+from flexcam.scene.full_lift import full_lift
 from flexcam.scene.instant import Instant
 from flexcam.scene.motion import Motion, case_motion, mode_motion, result_motion
 from flexcam.scene.solid import Solid, loft, merged
@@ -15,6 +16,7 @@ __all__ = [
     "Motion",
     "Solid",
     "case_motion",
+    "full_lift",
     "loft",
     "mechanism",
     "merged",

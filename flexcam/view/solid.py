@@ -118,7 +118,7 @@ class Stage:
         for kind, mesh in self._meshes(i).items():
             self._actors[kind].mapper.SetInputData(mesh)
         angle, words = self._motion.angle, [self._looks.title] if self._looks.title else []
-        words += [f"cam angle {math.degrees(float(angle[i])):.1f} deg"] if np.ptp(angle) > 0.0 else []
+        words += [_angle_words(angle, i)] if np.ptp(angle) > 0.0 else []
         words += [f"elastic part x {self._looks.scale:g}"] if self._looks.scale != 1.0 else []
         self.plotter.add_text("\n".join(words), position="upper_left", font_size=11, color="black", name="words")
 
@@ -187,6 +187,13 @@ def _mesh(solid: Solid) -> pyvista.PolyData:
         mesh.point_data["value"] = solid.values
     shaded: Any = mesh.compute_normals(split_vertices=True, feature_angle=_SHARP, consistent_normals=False)
     return shaded
+
+
+def _angle_words(angle: FloatArray, i: int) -> str:
+    """Return the cam angle of an instant, counted from the start of the revolution that is shown."""
+    turns = math.floor(float(angle[0]) / (2.0 * math.pi) + 1e-9)
+    told = f"cam angle {math.degrees(float(angle[i])) - 360.0 * turns:.1f} deg"
+    return f"{told} of the last revolution" if turns else told
 
 
 def show(stage: Stage, still: int, *, swings: bool) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import math
 import os
 import re
 import shutil
@@ -21,6 +22,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexcam import read_result
 from flexcam.response import RunFailedError
 from flexcam.view import rendering
 
@@ -89,6 +91,27 @@ def result(tmp_path_factory):
     words = ["run", INTAKE, "-o", folder, "--set", "run.revolutions=0.6", "--set", "run.steps_per_revolution=1800"]
     subprocess.run([sys.executable, "-m", "flexcam", *map(str, words)], check=True, capture_output=True, timeout=120)
     return folder / "intake.vtkhdf"
+
+
+@pytest.mark.usefixtures("drawing")
+def test_a_result_is_saved_at_full_lift(flexcam, result):
+    read = read_result(result)
+    open_ = read.response["valve"].displacement
+    top = math.degrees(read.response.angle[np.argmax(np.abs(open_))])
+    assert flexcam("view", result, *SIZE, "--save", "plain.png").code == 0
+    assert flexcam("view", result, *SIZE, "--at", f"{top}deg", "--save", "top.png").code == 0
+    assert flexcam("view", result, *SIZE, "--at", "0deg", "--save", "start.png").code == 0
+    assert np.array_equal(opened("plain.png"), opened("top.png"))
+    assert not np.array_equal(opened("plain.png"), opened("start.png"))
+
+
+@pytest.mark.parametrize(
+    ("first", "told"), [(0.0, "cam angle 10.0 deg"), (1080.0, "cam angle 10.0 deg of the last revolution")]
+)
+def test_the_angle_is_counted_within_its_revolution(first, told):
+    from flexcam.view.solid import _angle_words
+
+    assert _angle_words(np.radians(first + np.array([0.0, 10.0])), 1) == told
 
 
 @pytest.mark.usefixtures("drawing")
