@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from flexcam.fem.deflection import deflection
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.report.content import Scene, Shape
 from flexcam.report.subject import Subject
+from flexcam.train import Structure
 
 _PARTS = 6
 """Of an element, where a page has room for them."""
@@ -109,9 +111,33 @@ def _modes(about: Subject, lines: _Lines) -> list[Shape]:
     found, structure = about.modes, about.known.structure
     moved = lines.of_beams(structure.beams, structure.dofs.nodal(found.modes.shapes.T))
     return [
-        Shape(f"mode {i + 1}, {frequency:.4g} Hz", found.words(i), moved[i : i + 1])
-        for i, frequency in enumerate(found.modes.frequencies.tolist())
+        Shape(f"mode {i + 1}, {frequency:.4g} Hz", found.words(i) + _unseen(structure, shares), moved[i : i + 1])
+        for i, (frequency, shares) in enumerate(zip(found.modes.frequencies.tolist(), found.shares, strict=True))
     ]
+
+
+def _unseen(structure: Structure, shares: Mapping[str, float]) -> str:
+    """Return that what moves most in a mode is no member, and so not among the lines; empty where it is one."""
+    most = max(shares, key=lambda part: shares[part], default="")
+    return f". What moves most, {most}, is no member: the lines show only what moves with it" * (
+        most in _beside(structure)
+    )
+
+
+def _beside(structure: Structure) -> set[str]:
+    """Return the parts of modes that no line shows: rockers, springs, and masses off the members."""
+    model = structure.model
+    lines = set(model.mesh.elements().ravel().tolist())
+    off = (
+        name
+        for name, part in model.masses.items()
+        if model.rocker_at(part.at) is not None or model.mesh.node(part.at) not in lines
+    )
+    return {
+        *(f"mass {name}" for name in off),
+        *(f"rocker {name}" for name in model.rockers),
+        *(f"spring {name}" for name in model.springs),
+    }
 
 
 def _motion(about: Subject, lines: _Lines) -> list[Shape]:

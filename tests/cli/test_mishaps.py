@@ -64,3 +64,5 @@ def test_a_run_too_fast_keeps_it_with_its_result_and_its_report(flexcam, engine,
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "leaves its cam for" in page
     assert "left it for" in page
+    assert "What moves most, spring valve, is no member" in page
+    assert "What moves most, camshaft" not in page

@@ -184,6 +184,7 @@ def test_a_law_of_least_acceleration(told, tmp_path, monkeypatch):
     assert law["Cj"] <= 52.5
     assert 0.0 <= law["gap"] == law["objective"] - law["family_bound"] < 1e-6
     assert law["bound_over_all_laws"] == pytest.approx(8 / (1 + math.sqrt(1 - 32 / 52.5)), rel=1e-12)
+    assert "C_m: largest product of velocity and acceleration" in " ".join(told(*LEAST).out.split())
     said = facts(told, "law", "new/best.toml")
     assert [said[key] for key in LAW[5:9]] == [law[key] for key in LAW[5:9]]
     monkeypatch.setenv("FLEXCAM_FILES", str(tmp_path))
