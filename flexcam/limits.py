@@ -20,15 +20,10 @@ from flexcam.motion import event_extremes
 from flexcam.response import Advance, Response, heed
 from flexcam.runner import Prepared, described, prepare, standing
 from flexcam.system import ConstantSpeed
-from flexcam.train import CamContact, Model, Seat, main_lift, seating, separation
+from flexcam.train import BOUNCE_HEIGHT, OPEN, CamContact, Model, Seat, main_lift, seating, separation
 from flexcam.units import RPM
 
 _REVOLUTIONS = 3.0
-OPEN = math.radians(0.5)
-"""Cam angle over which a contact must be open to count as lost, rad: a single step may be a numerical accident."""
-
-BOUNCE_HEIGHT = 1e-4
-"""Height above the seat from which a valve that has closed counts as bouncing, m."""
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
 """Where the rigid train's contact force is looked at."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from flexcam.limits import BOUNCE_HEIGHT, OPEN
-from flexcam.train import Figure
+from flexcam.train import BOUNCE_HEIGHT, OPEN, Figure
 
 
 def mishaps(figures: Iterable[Figure]) -> list[str]:

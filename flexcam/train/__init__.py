@@ -32,7 +32,17 @@ from flexcam.train.model import (
     Wire,
 )
 from flexcam.train.modes import ModelModes, model_modes
-from flexcam.train.operation import Figure, Seating, main_lift, operation, operation_names, seating, separation
+from flexcam.train.operation import (
+    BOUNCE_HEIGHT,
+    OPEN,
+    Figure,
+    Seating,
+    main_lift,
+    operation,
+    operation_names,
+    seating,
+    separation,
+)
 from flexcam.train.published import follower_train
 from flexcam.train.resolution import CoarseCam, coarse_cams
 from flexcam.train.rigid import build_rigid
@@ -41,6 +51,8 @@ from flexcam.train.structure import Structure
 from flexcam.train.transfer import lift_transfer, valve_ratio
 
 __all__ = [
+    "BOUNCE_HEIGHT",
+    "OPEN",
     "Adjuster",
     "Cam",
     "CamContact",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -19,6 +20,12 @@ _TOUCH = 1e-6
 
 _PARTED = 0.05
 """Part of the lift, above ramps and play, from which on a cam is on its main lift: below it ringing decides."""
+
+OPEN = math.radians(0.5)
+"""Cam angle over which a contact must be open to count as lost, rad: a single step may be a numerical accident."""
+
+BOUNCE_HEIGHT = 1e-4
+"""Height above the seat from which a valve that has closed counts as bouncing, m."""
 
 
 @dataclass(frozen=True)
