@@ -149,8 +149,6 @@ def solve(
             for block in resume.blocks():
                 _hand_out(block, takers)
             run.restore(resume.checkpoint.arrays)
-            for sink in keepers:  # what stops before the next block goes on from here again
-                sink.keep(resume.checkpoint)
             stats = run.counted(replace(stats, steps=resume.checkpoint.steps))
         for block in run.blocks(stats.steps):
             _hand_out(reduce(shown, way.bases, block), takers)
