@@ -157,9 +157,6 @@ def solve(
                 reached = Checkpoint(stats.steps, problem_told, run.state())
                 for sink in keepers:
                     sink.keep(reached)
-        if resume is not None and stats.steps == resume.checkpoint.steps:  # the time was over before a new block
-            for sink in keepers:
-                sink.keep(Checkpoint(stats.steps, problem_told, resume.checkpoint.arrays))
         status = TIME_UP if clock.late and run.status is STOPPED else _advised(run.status, way.path)
     except KeyboardInterrupt:
         status = STOPPED

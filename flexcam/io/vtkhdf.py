@@ -63,7 +63,7 @@ class ResultFile:
     overwrite
         Whether an existing result may be replaced, once the new one is complete.
     resume
-        Whether the run goes on from the partial result, which then stays until more than it holds is written.
+        The state from which the run goes on with the partial result, which stays until all that it holds is written.
     warnings
         Asked at the end for what is doubtful about the run; None for nothing.
 
@@ -76,20 +76,19 @@ class ResultFile:
 
     def __init__(
         self, path: Path, geometry: Geometry, outline: Outline, *,
-        save: SaveAt, about: Mapping[str, str], overwrite: bool = False, resume: bool = False,
+        save: SaveAt, about: Mapping[str, str], overwrite: bool = False, resume: Checkpoint | None = None,
         warnings: Callable[[Stats], Sequence[str]] | None = None,
     ) -> None:  # fmt: skip
         free_to_write("result", path, overwrite=overwrite)
         self.path = path
         self.partial = partial_of(path)
         self._geometry, self._outline = geometry, outline
-        self._checkpoint: Checkpoint | None = None
-        self._resumed = resume
+        self._checkpoint = resume
         self._warnings = warnings
         self._draft = Draft(path.with_suffix(".writing"), self.partial)
         try:
             free_to_write(
-                "partial result", self.partial, overwrite=overwrite or resume,
+                "partial result", self.partial, overwrite=overwrite or resume is not None,
                 remedy="go on with it by --resume, or overwrite it by --overwrite or overwrite=True",
             )  # fmt: skip
             with plainly():
@@ -101,7 +100,7 @@ class ResultFile:
         except BaseException:
             self._draft.discard()
             raise
-        if not resume:
+        if resume is None:
             self._draft.show()
 
     def _create(self, geometry: Geometry, save: SaveAt, about: Mapping[str, str]) -> None:
@@ -205,7 +204,7 @@ class ResultFile:
         OSError
             If it cannot be written: what was shown of it before stays.
         """
-        if not status.ok and self._resumed and self._checkpoint is None:
+        if self._checkpoint is not None and len(self._time) < self._checkpoint.steps:
             self._abandon()  # it was stopped before it held what the earlier one holds: that one stays
             return
         try:

@@ -80,7 +80,7 @@ def result_file(
     about = _about(ready.case) if resume is None else resume.about
     return ResultFile(
         path, geometry_of(ready.model), outline(ready.problem.system), save=ready.save, about=about,
-        overwrite=overwrite, resume=resume is not None, warnings=warnings,
+        overwrite=overwrite, resume=None if resume is None else resume.checkpoint, warnings=warnings,
     )  # fmt: skip
 
 
