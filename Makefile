@@ -10,6 +10,9 @@ JOBS ?= 2
 # The matrices are small: threads of the linear algebra would only hinder each other.
 export OPENBLAS_NUM_THREADS := 1
 
+# What the tests of a file share is then computed by one worker, mostly.
+PYTEST := -m pytest -n $(JOBS) --dist worksteal
+
 # A copy, not a link to the source: the demo then proves what a plain `pip install .` gives.
 $(VENV)/.demo: pyproject.toml $(shell find flexcam -type f -not -name '*.pyc')
 	$(PYTHON) -m venv $(VENV)
@@ -37,10 +40,10 @@ demo: $(VENV)/.demo
 	@echo "The report, in any browser, without a network: $(REPORT)"
 
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest -n $(JOBS)
+	$(BIN)/python $(PYTEST)
 
 test-slow: $(VENV)/.dev
-	$(BIN)/python -m pytest -n $(JOBS) -m "slow or not slow"
+	$(BIN)/python $(PYTEST) -m "slow or not slow"
 
 # Every fault of tests/planted must make the suite fail.
 planted: $(VENV)/.dev
@@ -91,12 +94,12 @@ test-slow-rotation: $(VENV)/.dev
 
 # The verification manual, from the rows that the tests record.
 verification: $(VENV)/.dev
-	$(BIN)/python -m pytest -n $(JOBS) -m "slow or not slow" tests/verification
+	$(BIN)/python $(PYTEST) -m "slow or not slow" tests/verification
 	$(BIN)/python docs/make_verification.py --take
 
 # The page of extremes, from the rows that the tests record; `make test` and this script keep the rows of slow ones.
 extremes: $(VENV)/.dev
-	$(BIN)/python -m pytest -n $(JOBS) -m "slow or not slow" --ignore-glob="*_random_*" tests/extremes
+	$(BIN)/python $(PYTEST) -m "slow or not slow" --ignore-glob="*_random_*" tests/extremes
 	$(BIN)/python docs/make_extremes.py
 
 # The page of bad input and injected faults, from the rows that the tests record; run the tests first.

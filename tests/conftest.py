@@ -11,6 +11,7 @@ Machine code is kept for the session in a folder of its own, unless FLEXCAM_CACH
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import os
@@ -53,6 +54,12 @@ def pytest_configure(config):
 def pytest_testnodedown(node, error):
     for page, rows in json.loads(getattr(node, "workeroutput", {}).get("rows", "{}")).items():
         node.config.stash[ROWS][page].extend(rows)
+
+
+def pytest_collection_finish():
+    """Take what stays to the end out of what Python's collector walks through again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_sessionfinish(session):
@@ -200,6 +207,12 @@ def local_force():
         return LocalForce(name, (AngleVector.constant(row),), (AngleVector.constant(-row),), law, (constant(0.0),))
 
     return make
+
+
+@pytest.fixture
+def machine_code(monkeypatch):
+    """Let runs with contacts take machine code however short, as long ones do; it is there for the session anyway."""
+    monkeypatch.setattr("flexcam.integrate.paths._WORTH_COMPILING", 0)
 
 
 @pytest.fixture(scope="session")

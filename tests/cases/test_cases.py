@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import prepare, read_case, run
+from flexcam import prepare, read_case
 from flexcam.cams import cam_facts, load_cams
 from flexcam.fidelity import deviation
 
@@ -54,8 +54,9 @@ CAMS = [name for name in CASES if "/cams/" in name]
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if name not in (*PUBLISHED, *CAMS)])
-def test_runs(name):
-    assert run(read_case(ROOT / name)).status.ok
+def test_runs(name, flown):
+    response, _ = flown(name.removeprefix("cases/").removesuffix(".toml"))
+    assert response.status.ok
 
 
 SMOOTH = {"li-fb2": 3, "li-swing": 3, "petrescu-cos": 2, "roussev-single-dwell": 4}

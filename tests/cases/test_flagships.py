@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import prepare, read_case, run
+from flexcam import prepare, read_case
 from flexcam.cams import cam_facts
 
 ROOT = Path(__file__).parents[2]
@@ -17,21 +17,6 @@ CYLINDERS = (1, 3, 4, 2)
 LOBES = [f"{kind}-{i}" for i in (1, 2, 3, 4) for kind in ("intake", "exhaust")]
 """From the drive to the free end."""
 DIRECT = ("bucket", "finger")
-
-
-@pytest.fixture(scope="module")
-def flown():
-    """Return the response, model and case of a file, each run once."""
-    kept = {}
-
-    def make(name, *over, rigid=False):
-        key = (name, *over, rigid)
-        if key not in kept:
-            case = read_case(ROOT / f"cases/{name}.toml", list(over))
-            kept[key] = run(case, rigid=rigid), prepare(case).model
-        return kept[key]
-
-    return make
 
 
 def on_lift(response, model, cam="intake", above=0.02):

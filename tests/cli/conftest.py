@@ -106,6 +106,23 @@ def case(tmp_path):
     return Path(shutil.copy(ROOT / "tests/data/inline.toml", tmp_path / "case.toml"))
 
 
+KEPT: dict[str, bytes] = {}
+"""The result of the inline case, from its first run."""
+
+
+@pytest.fixture
+def result(flexcam, case, tmp_path):
+    """Return the result of the inline case, which is computed once and then copied."""
+    path = tmp_path / "out/case.vtkhdf"
+    if KEPT:
+        path.parent.mkdir()
+        path.write_bytes(KEPT["result"])
+        return path
+    assert flexcam("run", case.name, "-o", "out").code == 0
+    KEPT["result"] = path.read_bytes()
+    return path
+
+
 @pytest.fixture(scope="session")
 def tayeb():
     return lambda model, law="shm": ROOT / f"cases/tayeb/model-{model}-{law}.toml"

@@ -14,9 +14,21 @@ FEW = ("run.revolutions=1", "run.steps_per_revolution=360")
 FEW_SET = [word for one in FEW for word in ("--set", one)]
 
 
+TOLD: dict[str, object] = {}
+"""What `ladder` was told."""
+
+
 @pytest.fixture
 def trade(flexcam, tayeb):
     return lambda *words: flexcam("trade", tayeb(1), *FEW_SET, "--repeats", 1, *words)
+
+
+@pytest.fixture
+def ladder(trade):
+    """Return what `trade` tells in JSON, asked once."""
+    if not TOLD:
+        TOLD.update(trade("--json").json)
+    return TOLD
 
 
 @pytest.fixture
@@ -51,25 +63,24 @@ def test_table_and_files(trade):
         assert "</svg>" in file.read()
 
 
-def test_json_holds_the_ladder(trade):
-    done = trade("--json").json
-    rungs = done["rungs"]
+def test_json_holds_the_ladder(ladder):
+    rungs = ladder["rungs"]
     work = [one["work"] for one in rungs]
     assert work == sorted(work)
     worst = [max(one["errors"].values()) for one in rungs]
     # A rung is marked exactly where it is closer than all before it.
     assert [one["best"] for one in rungs] == [all(error < w for w in worst[:i]) for i, error in enumerate(worst)]
     assert worst[work.index(0)] > 0.1  # this train deflects by some 17 % of its lift
-    assert done["reference"]["steps_per_revolution"] == 1440
+    assert ladder["reference"]["steps_per_revolution"] == 1440
     # Twice the elements and the steps of the case: within twice what it says of itself and of the reference.
-    own, finest = done["reference"]["errors"]["lift"], rungs[-1]["errors"]["lift"]
+    own, finest = ladder["reference"]["errors"]["lift"], rungs[-1]["errors"]["lift"]
     assert 0.0 < own < finest < 1e-4
 
 
-def test_other_elements_have_other_numbers(trade):
+def test_other_elements_have_other_numbers(trade, ladder):
     """Seven elements in the pushrod have six nodes inside, of which what is along it moves."""
-    one, other = ({r["model"]: r for r in trade(*words, "--json").json["rungs"]}
-                  for words in ((), ("--set", "members.pushrod.elements=7")))  # fmt: skip
+    finer = trade("--set", "members.pushrod.elements=7", "--json").json
+    one, other = ({r["model"]: r for r in told["rungs"]} for told in (ladder, finer))
     assert other["beams"]["unknowns"] == one["beams"]["unknowns"] + 6
     assert other["beams"]["errors"]["acceleration"] != one["beams"]["errors"]["acceleration"]
     assert other["rigid"]["unknowns"] == 0
@@ -103,7 +114,7 @@ def test_trade_refuses(flexcam, tayeb, tmp_path, words, said):
 
 
 @pytest.mark.parametrize(("asked", "tolerance"), [("20 %", 0.2), ("10 %", 0.1), ("1 %", 0.01), ("0.1 %", 0.001)])
-def test_the_cheapest_within_a_tolerance(ran, trade, fine, asked, tolerance):
+def test_the_cheapest_within_a_tolerance(ran, ladder, fine, asked, tolerance):
     done = ran(f'tolerance="{asked}"')
     assert done.code == 0
     choice = done.json["choice"]
@@ -113,11 +124,10 @@ def test_the_cheapest_within_a_tolerance(ran, trade, fine, asked, tolerance):
     best = fine.displacement[::every]
     assert np.sqrt(np.mean((valve - best) ** 2)) <= tolerance * np.ptp(best)
     # No rung of less work is within it, by the table of `flexcam trade`.
-    told = trade("--json").json
-    own = told["reference"]["errors"]["lift"]
-    within = [one for one in told["rungs"] if one["errors"]["lift"] + own <= tolerance]
+    own = ladder["reference"]["errors"]["lift"]
+    within = [one for one in ladder["rungs"] if one["errors"]["lift"] + own <= tolerance]
     assert choice["model"]["work"] == min(one["work"] for one in within)
-    assert choice["tried"] < len(told["rungs"])
+    assert choice["tried"] < len(ladder["rungs"])
     assert (choice["cheaper"] is None) == (asked == "20 %")  # nothing is cheaper than the rigid train at fewest steps
 
 
@@ -131,8 +141,8 @@ def test_a_tolerance_that_nothing_meets(ran, asked):
     assert re.search(r"closest of 18 models is off by lift 0\.00\d+ % \(the reference 0\.00\d+ %\)", choice["why"])
     assert "tolerance is not met" in done.err
     assert len(read_result(done.json["result"]).response.time) > 1  # the result is kept
-    said = ran(f"tolerance={asked}", json=False).out
-    assert "The tolerance is not met" in said
+    if asked == "0":
+        assert "The tolerance is not met" in ran(f"tolerance={asked}", json=False).out
 
 
 def test_a_table_of_tolerances(ran):

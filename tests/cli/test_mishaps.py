@@ -54,6 +54,7 @@ def test_the_word_on_the_contact_tells_a_follower_that_left_its_cam(engine):
     assert couplings(case, FIGURES)[0].endswith("and it may leave it: 'intake' left it for 82 deg.")
 
 
+@pytest.mark.usefixtures("machine_code")
 def test_a_run_too_fast_keeps_it_with_its_result_and_its_report(flexcam, engine, tmp_path):
     fast = ("--set", "run.crank_speed=8000rpm", "--set", "run.steps_per_revolution=720")
     warnings = flexcam("run", engine, "-o", tmp_path, *fast, "--json").json["warnings"]

@@ -15,12 +15,6 @@ import pytest
 from flexcam import read_result
 
 
-@pytest.fixture
-def result(flexcam, case, tmp_path):
-    assert flexcam("run", "case.toml", "-o", "out").code == 0
-    return tmp_path / "out/case.vtkhdf"
-
-
 def test_info(flexcam, result):
     told = flexcam("info", result, "--json")
     assert (told.code, told.err) == (0, "")

@@ -36,12 +36,6 @@ SAME = 10
 """Bits by which a picture may differ: other fonts and versions of matplotlib move labels; others differ by 22."""
 
 
-@pytest.fixture
-def result(flexcam, case, tmp_path):
-    assert flexcam("run", "case.toml", "-o", "out").code == 0
-    return tmp_path / "out/case.vtkhdf"
-
-
 def words_of(path):
     """Return the comments of an SVG file, in which matplotlib keeps the texts it draws."""
     parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))  # noqa: S314 - our own file

@@ -16,12 +16,6 @@ ROOM = 6_000_000
 """Bytes of a page."""
 
 
-@pytest.fixture
-def result(flexcam, case, tmp_path):
-    assert flexcam("run", "case.toml", "-o", "out").code == 0
-    return tmp_path / "out/case.vtkhdf"
-
-
 def data_of(text):
     return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)[1])
 

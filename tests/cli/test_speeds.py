@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
 QUICK = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1")
+
+pytestmark = pytest.mark.usefixtures("machine_code")
 
 
 def test_limits_as_json(flexcam):

@@ -30,7 +30,7 @@ METHODS = {
     "generalized-alpha": '{ method = "generalized-alpha", rho_inf = 0.8 }',
 }  # fmt: skip
 EVERY = SaveAt(field_every=1, fields_per_block=64)
-COARSE, LENGTH = "run.steps_per_revolution=720", 360
+COARSE, LENGTH = "run.steps_per_revolution=480", 240
 """Half a revolution: valves open, bounce and close."""
 
 
@@ -56,7 +56,7 @@ def legs():
     return make
 
 
-STOPS = [1, 64, 300]
+STOPS = [1, 64, 200]
 SERIES = ("displacement", "velocity", "acceleration")
 
 

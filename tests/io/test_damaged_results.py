@@ -20,7 +20,7 @@ from flexcam.sweep import read_table
 from tests.fuzz import damage
 
 ROOT = Path(__file__).parents[2]
-FLIPS = 60
+FLIPS = 30
 
 
 @pytest.fixture(scope="module")

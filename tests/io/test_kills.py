@@ -1,6 +1,8 @@
-"""Runs ended by ``kill -9`` at any time: what is shown of them is whole, and they go on as if nothing had been.
+"""Runs that a signal ends anywhere: what is shown of them is whole, and they go on as if nothing had been.
 
-Copies are shown after every block here, a hundred times as often as in use, so that many kills fall into one.
+Where is not left to the clock. ``kill -9`` comes at a call that is drawn from all calls of the run, and, for what HDF5
+does within one of them, the kernel ends the process where a file is to grow beyond a size drawn from all sizes. Copies
+are shown after every block here, a hundred times as often as in use, so that many kills fall into one.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from flexcam.response import Cause
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 
 RUNS = """
-import json, os, random, shutil, signal, sys, time
+import itertools, json, os, random, resource, signal, sys
 from dataclasses import replace
 from pathlib import Path
 from flexcam import read_case
@@ -47,33 +49,44 @@ def run(into, told=None, resume=False):
         file.keep = kept
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[file], resume=earlier)
 
-begun = time.perf_counter()
+def at_call(number):  # ends this process at so many calls of Python functions and C functions from now on
+    calls = itertools.count(1)
+    def called(frame, event, _):
+        if event in ("call", "c_call") and next(calls) == number:
+            os.kill(os.getpid(), signal.SIGKILL)
+    sys.setprofile(called)
+    return calls
+
+def at_size(size):  # ends it where a file grows beyond a size
+    signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+run(folder / "first")  # everything is imported and everything cached
+calls = at_call(0)
 run(folder / "whole")
-length, draws, rows, i = time.perf_counter() - begun, random.Random(seed), [], 0
-while i < kills:
-    into, (told, tell), after = folder / str(i), os.pipe(), draws.uniform(0.0, length)
-    child = os.fork()
-    if not child:
+sys.setprofile(None)
+most, size = next(calls), (folder / "whole" / f"{case.stem}.vtkhdf").stat().st_size
+draws, rows = random.Random(seed), []
+for i in range(kills):
+    into, (told, tell) = folder / str(i), os.pipe()
+    ends, last = ((at_call, most), (at_size, size))[i % 2]
+    where = draws.randrange(last // 4, last * 19 // 20)  # behind the last block there is nothing left to show
+    if not os.fork():
+        ends(where)
         run(into, tell)
         os._exit(0)
-    time.sleep(after)
-    os.kill(child, signal.SIGKILL)
-    ended = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    ended = os.waitstatus_to_exitcode(os.wait()[1])
+    assert ended in (-signal.SIGKILL, -signal.SIGXFSZ), (ends.__name__, where, last, ended)
     os.close(tell)
     said = b"".join(iter(lambda: os.read(told, 1 << 16), b""))
     os.close(told)
-    complete = (into / f"{case.stem}.vtkhdf").exists()  # killed behind its end, with nothing left to show
-    if ended == -signal.SIGKILL and not complete:
-        rows.append((i, int.from_bytes(said[-8:], "little")))
-        i += 1
-    else:  # it was over before; what else the machine does decides how long a run takes
-        length *= 0.9
-        shutil.rmtree(into)
+    rows.append((i, int.from_bytes(said[-8:], "little")))
 (folder / "rows.json").write_text(json.dumps(rows))
 """
 
 RESUMED = (
-    RUNS[: RUNS.index("begun =")]
+    RUNS[: RUNS.index("def at_call")]
     + """
 for i in map(int, sys.argv[5:]):
     run(folder / str(i), resume=True)
@@ -103,7 +116,7 @@ def script(text, *words):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.fixture(scope="module", params=[20, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=[12, pytest.param(300, marks=pytest.mark.slow)])
 def kills(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("kills")
     script(RUNS, CASE, folder, request.param, request.param)
@@ -144,7 +157,8 @@ def test_every_reported_step_is_there_and_right(kills, tried):
         except (AssertionError, InputError) as fault:
             wrong[one.path.parent.name] = str(fault)
     assert not wrong
-    tried("killed", "kill -9 at a random time", len(kills.runs), "every step reported as saved is there, bit by bit")
+    what = "kill -9 at any call, or where a file grows"
+    tried("killed", what, len(kills.runs), "every step reported as saved is there, bit by bit")
 
 
 def test_h5py_reads_every_chunk(kills, tried):
@@ -184,7 +198,7 @@ def test_vtk_reads_every_step(kills, tried):
 
 def test_killed_runs_go_on_to_the_same_end(kills, tried):
     """And leave nothing of what the killed process was writing."""
-    some = [one.path.parent for one in kills.runs if one.reported][:60:4]
+    some = [one.path.parent for one in kills.runs if one.reported][:60:5]
     script(RESUMED, CASE, kills.folder, 0, 0, *(folder.name for folder in some))
     assert some
     for folder in some:

@@ -65,7 +65,7 @@ def error(system, scheme, steps, phase, after):
 )
 def test_order_through_touchdown_and_parting(scheme, fitted_order):
     """After contact the mass flies up with V0; the contact itself costs what the scheme's period error costs."""
-    counts = np.array([100, 200, 400, 800])
+    counts = np.array([50, 100, 200, 400])
     rms = []
     for count in counts.tolist():
         errors = []

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -17,6 +18,7 @@ COPIED = (
     "CITATION.cff", ".pre-commit-config.yaml", *(page.name for page in ROOT.glob("*.md")),
 )  # fmt: skip
 """What the tests look at."""
+WORKERS = os.cpu_count() or 1
 FAULTS = tomllib.loads((ROOT / "tests/planted/faults.toml").read_text(encoding="utf-8"))["fault"]
 
 
@@ -29,10 +31,17 @@ def copy_tree(target: Path) -> None:
             shutil.copy(source, target / name)
 
 
-def failures(tree: Path, tests: list[str]) -> str:
-    """Run the tests on the tree; return what pytest says if one fails (a suite that cannot even run proves nothing)."""
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
-    environment = {**os.environ, "PYTHONPATH": str(tree), "FLEXCAM_VERIFICATION_JSON": str(tree / "verification.json")}
+def failures(tree: Path, tests: list[str], kept: Path, workers: int = 0) -> str:
+    """Run the tests on the tree; return what pytest says if one fails (a suite that cannot even run proves nothing).
+
+    Machine code is kept for all of them in one folder: it is found by the text it was made from, so that a tree with a
+    fault in this text has its own.
+    """
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-n", str(workers), *tests]
+    environment = {
+        **os.environ, "PYTHONPATH": str(tree), "FLEXCAM_CACHE": str(kept),
+        "FLEXCAM_VERIFICATION_JSON": str(tree / "verification.json"),
+    }  # fmt: skip
     done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, check=False)
     if done.returncode not in (0, 1):
         sys.stderr.write(done.stdout + done.stderr)
@@ -50,30 +59,31 @@ def plant(fault: dict[str, str], tree: Path) -> None:
     path.write_text(text.replace(fault["old"], fault["new"]), encoding="utf-8")
 
 
-def control() -> None:
+def control(kept: Path) -> None:
     """Every selection of tests must be green before a fault is planted, or its failing would prove nothing."""
     with tempfile.TemporaryDirectory() as folder:
         copy_tree(Path(folder))
         everything = sorted({test for fault in FAULTS for test in fault["tests"]})
-        if said := failures(Path(folder), everything):
+        if said := failures(Path(folder), everything, kept, WORKERS):
             message = f"{said}\nthe suite fails without any fault planted"
             raise SystemExit(message)
 
 
-def caught(fault: dict[str, str]) -> bool:
+def caught(fault: dict[str, str], kept: Path) -> bool:
     """Tell whether the tests of a fault fail on a tree that has it."""
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder)
         copy_tree(tree)
         plant(fault, tree)
-        return bool(failures(tree, fault["tests"]))
+        return bool(failures(tree, fault["tests"], kept))
 
 
 def main() -> int:
-    control()
     survived = []
-    with ThreadPoolExecutor(os.cpu_count()) as threads:  # each waits for a process of its own
-        for fault, seen in zip(FAULTS, threads.map(caught, FAULTS), strict=True):
+    # Each thread waits for a process of its own.
+    with tempfile.TemporaryDirectory() as kept, ThreadPoolExecutor(WORKERS) as threads:
+        control(Path(kept))
+        for fault, seen in zip(FAULTS, threads.map(partial(caught, kept=Path(kept)), FAULTS), strict=True):
             sys.stdout.write(f"{'caught' if seen else 'SURVIVED'}: {fault['name']}\n")
             sys.stdout.flush()
             survived += [] if seen else [fault["name"]]

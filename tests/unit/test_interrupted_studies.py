@@ -70,11 +70,12 @@ def test_a_run_behind_another_is_heeded_too(where, ask, monkeypatch):
         ask(read_case(TAYEB, SHORT))
 
 
+@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize("where", STUDIES)
 def test_each_is_told_of(where):
     path, ask = STUDIES[where]
     told = []
-    found = ask(read_case(path, SHORT), advance=told.append)
+    found = ask(read_case(path, [*SHORT, "run.steps_per_revolution=360"]), advance=told.append)
     assert told == [1] * (len(found[1]) if where == "flexcam.fidelity.trade" else 2)
 
 

@@ -6,6 +6,7 @@ taken at the new instant, its period error at x = w dt is x / (2 asin(x/2)) - 1 
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -126,13 +127,17 @@ def test_a_conditionally_stable_scheme_diverges_on_a_massless_joint():
     assert np.isfinite(response["all"].displacement).all()
 
 
+@functools.cache
+def joined(method, steps):
+    """Return mass - spring - joint without mass, pushed - spring - mass, run once by a method."""
+    system = chain([2.0, 0.0, 1.0], [30.0, 20.0, 25.0], push=[0.5, 1.0, -0.3])
+    return end(system, method, steps, State(np.array([0.01, 0.0, 0.02]), np.array([0.1, 0.0, -0.2])))
+
+
 @pytest.mark.parametrize("name", sorted(set(ALL) - {"linear acceleration"}))
 def test_all_reach_the_same_with_a_massless_joint(record, name):
-    """Mass - spring - joint without mass, pushed - spring - mass: every method against Radau at 1e-12."""
-    system = chain([2.0, 0.0, 1.0], [30.0, 20.0, 25.0], push=[0.5, 1.0, -0.3])
-    start = State(np.array([0.01, 0.0, 0.02]), np.array([0.1, 0.0, -0.2]))
-    reference = end(system, radau(tolerance=1e-12), 20, start)
-    found = end(system, ALL[name], 2000, start)
+    """Every method against Radau at 1e-12."""
+    reference, found = joined(radau(tolerance=1e-12), 20), joined(ALL[name], 2000)
     for quantity in ("displacement", "velocity"):
         # Second order at 1/200 of the highest period over 2 pi. The joint's velocity is no unknown of the others.
         masses = [0, 2] if quantity == "velocity" else [0, 1, 2]
@@ -161,12 +166,16 @@ def stop_at(n, where, behind):
     )
 
 
+@functools.cache
+def stopped(method, steps):
+    """Return two masses that strike a one-sided spring several times, run once by a method."""
+    return end(chain([2.0, 1.0], [30.0, 20.0], forces=(stop_at(2, 1, 0.01),), push=[0.0, 3.0]), method, steps)
+
+
 @pytest.mark.parametrize("check", [radau(tolerance=1e-10), dop853(tolerance=1e-10)])
 def test_scipy_agrees_through_a_stop(record, check):
-    """Two masses strike a one-sided spring several times: located events, two codes."""
-    system = chain([2.0, 1.0], [30.0, 20.0], forces=(stop_at(2, 1, 0.01),), push=[0.0, 3.0])
-    reference, found = end(system, check, 50), end(system, newmark(), 20000)
-    contact = end(system, newmark(), 50)
+    """Located events, two codes."""
+    reference, found, contact = stopped(check, 50), stopped(newmark(), 20000), stopped(newmark(), 50)
     assert contact.displacement.max() > 0.012  # the stop is reached
     record(source=SOURCE, case=f"two masses against a stop, {check.name}", quantity="largest displacement", unit="m",
            reference=np.abs(reference.displacement).max(), computed=np.abs(found.displacement[::400]).max(),
@@ -190,8 +199,7 @@ def test_exact_refuses_contacts_by_name():
 
 
 def test_explicit_run_through_a_stop(record):
-    system = chain([2.0, 1.0], [30.0, 20.0], forces=(stop_at(2, 1, 0.01),), push=[0.0, 3.0])
-    implicit, explicit = end(system, newmark(), 20000), end(system, central_difference(), 20000)
+    implicit, explicit = stopped(newmark(), 20000), stopped(central_difference(), 20000)
     record(source=SOURCE, case="two masses against a stop, central difference", quantity="displacement after 1 s",
            unit="m", reference=implicit.displacement[-1, 1], computed=explicit.displacement[-1, 1], tolerance=1e-4,
            reason="both of second order, with opposite period errors")  # fmt: skip
