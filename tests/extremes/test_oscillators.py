@@ -14,16 +14,13 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.integrate import Problem, State, bathe, generalized_alpha, hht, newmark, solve
+from flexcam.integrate import Problem, State, newmark, solve
 from flexcam.motion import LAWS, LiftEvent
 from flexcam.system import ConstantSpeed
+from tests.integrators import WITH_CONTACTS
 
 DAMPED, JUMPS = "damping", "jumps of the parabolic law"
 END, COUNT = 10.0, 1000
-SCHEMES = {
-    "Newmark": newmark(), "HHT -0.1": hht(alpha=-0.1), "generalized-alpha 0.8": generalized_alpha(rho_inf=0.8),
-    "Bathe": bathe(),
-}  # fmt: skip
 
 
 def decay(ratio, t, velocity):
@@ -54,13 +51,13 @@ def released(system_of):
 
 
 @pytest.mark.parametrize("ratio", [0.0, 1.0, 2.0, 10.0])
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("name", WITH_CONTACTS)
 def test_damping_that_the_steps_resolve(expect, released, name, ratio):
     # Period error at most (w dt)^2/5 over 10 rad times an amplitude of sqrt 2; of z = 10 the fast rate, 20, in it:
     # (20 dt)^2/5 of its part in the motion, 1/20.
     allowed = (END / COUNT) ** 2 / 5.0 * END * math.sqrt(2.0) + (2.0 * ratio * END / COUNT) ** 2 / 5.0 / 20.0
     expect.right(DAMPED, f"{name}, damping ratio {ratio:g}, struck", what="off the closed form by", reference=0.0,
-                 computed=released(SCHEMES[name], ratio, 1.0), tolerance=allowed, absolute=True)  # fmt: skip
+                 computed=released(WITH_CONTACTS[name], ratio, 1.0), tolerance=allowed, absolute=True)  # fmt: skip
 
 
 @pytest.mark.parametrize("ratio", [1e3, 1e6])
@@ -68,16 +65,16 @@ def test_damping_that_the_steps_resolve(expect, released, name, ratio):
 def test_damping_far_beyond_what_the_steps_resolve(expect, released, name, ratio):
     """The fast part, 1/(2 z) of the motion after the blow, is over within a step; what it leaves is no larger."""
     expect.right(DAMPED, f"{name}, damping ratio {ratio:g}, struck", what="off the closed form by",
-                 reference=0.0, computed=released(SCHEMES[name], ratio, 1.0), tolerance=1.0 / (2.0 * ratio),
+                 reference=0.0, computed=released(WITH_CONTACTS[name], ratio, 1.0), tolerance=1.0 / (2.0 * ratio),
                  absolute=True)  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("name", WITH_CONTACTS)
 def test_overdamped_and_let_go(expect, released, name):
     """The velocity settles to 1/(2 z) within the first step, and a dissipative scheme errs by its size there."""
     ratio = 1e6
     expect.right(DAMPED, f"{name}, damping ratio {ratio:g}, let go at rest", what="off the closed form by",
-                 reference=0.0, computed=released(SCHEMES[name], ratio, 0.0), tolerance=1.2 / (2.0 * ratio),
+                 reference=0.0, computed=released(WITH_CONTACTS[name], ratio, 0.0), tolerance=1.2 / (2.0 * ratio),
                  absolute=True)  # fmt: skip
 
 
@@ -90,7 +87,7 @@ OVERSHOOT = "goes on to its end; the overshoot of these schemes takes {} of the 
 ])  # fmt: skip
 def test_overdamped_and_struck_with_a_dissipative_scheme(expect, released, name):
     expect.right(DAMPED, f"{name}, damping ratio 1e+06, struck", what="off the closed form by", reference=0.0,
-                 computed=released(SCHEMES[name], 1e6, 1.0), tolerance=1e-3, absolute=True)  # fmt: skip
+                 computed=released(WITH_CONTACTS[name], 1e6, 1.0), tolerance=1e-3, absolute=True)  # fmt: skip
 
 
 RISE, HELD = 1.0, 1.0

@@ -11,15 +11,12 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.integrate import Problem, SaveAt, State, bathe, generalized_alpha, hht, newmark, solve
+from flexcam.integrate import Problem, SaveAt, State, newmark, solve
 from flexcam.system import ConstantSpeed
+from tests.integrators import WITH_CONTACTS
 
 STEPS, TURNS = "step times frequency", "many revolutions"
 EPS = float(np.finfo(float).eps)
-SCHEMES = {
-    "Newmark": newmark(), "HHT -0.1": hht(alpha=-0.1), "generalized-alpha 0.8": generalized_alpha(rho_inf=0.8),
-    "Bathe": bathe(),
-}  # fmt: skip
 SWEEP = [10.0**n for n in range(-4, 7)]
 
 
@@ -37,17 +34,17 @@ def swing(system_of):
     return run
 
 
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("name", WITH_CONTACTS)
 def test_no_mode_grows(expect, name):
-    worst = max(SCHEMES[name].spectral_radius(x) for x in SWEEP)
+    worst = max(WITH_CONTACTS[name].spectral_radius(x) for x in SWEEP)
     # Double eigenvalues at -1 keep half the digits, sqrt(eps) = 1.5e-8.
     expect.right(STEPS, f"{name}, omega dt 1e-4 to 1e6", what="spectral radius above 1 by", reference=0.0,
                  computed=max(worst - 1.0, 0.0), tolerance=1e-7, absolute=True)  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("name", WITH_CONTACTS)
 def test_the_amplitude_stays_bounded(expect, swing, name):
-    peaks = [np.abs(swing(SCHEMES[name], x, 300)["all"].displacement).max() for x in SWEEP]
+    peaks = [np.abs(swing(WITH_CONTACTS[name], x, 300)["all"].displacement).max() for x in SWEEP]
     # The first acceleration, (w dt)^2 in dt^2 a, is rounded: eps (w dt)^2 = 2e-4 of the displacement at the largest.
     expect.right(STEPS, f"{name}, omega dt 1e-4 to 1e6, 300 steps", what="amplitude above 1 by", reference=0.0,
                  computed=max(0.0, max(peaks) - 1.0), tolerance=EPS * SWEEP[-1] ** 2, absolute=True)  # fmt: skip
@@ -63,11 +60,11 @@ def test_average_acceleration_follows_its_own_theory(expect, swing, x):
                  tolerance=500 * EPS * (1.0 + 0.25 * x**2))  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("name", WITH_CONTACTS)
 def test_small_steps_are_right(expect, swing, name):
     """Period error of order (w dt)^2: at most 1/5 of it for these schemes, times the angle turned through."""
     x, steps = 1e-4, 10_000
-    history = swing(SCHEMES[name], x, steps)
+    history = swing(WITH_CONTACTS[name], x, steps)
     exact = np.cos(history.time)
     expect.right(STEPS, f"{name}, omega dt = 1e-4, {steps} steps", what="off cos(omega t) by", reference=0.0,
                  computed=float(np.abs(history["all"].displacement - exact).max()), absolute=True,

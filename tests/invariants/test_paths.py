@@ -14,15 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexcam.checks import InputError
-from flexcam.integrate import Problem, SaveAt, State, generalized_alpha, hht, newmark, solve
+from flexcam.integrate import Problem, SaveAt, State, newmark, solve
 from flexcam.linalg import Triplets
 from flexcam.system import ConstantSpeed, Load, Probe, System
+from tests.integrators import SCHEMES
 
-SCHEMES = {
-    "newmark": newmark(), "newmark damped": newmark(beta=0.3025, gamma=0.6), "hht": hht(),
-    "hht -1/3": hht(alpha=-1 / 3),
-    "generalized-alpha 0.9": generalized_alpha(), "generalized-alpha 0": generalized_alpha(rho_inf=0.0),
-}  # fmt: skip
 SERIES = ("displacement", "velocity", "acceleration")
 DAMPING = ["none", "Rayleigh", "any", "massless"]
 STEPS = 120

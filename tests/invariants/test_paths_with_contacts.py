@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from flexcam.fem.elements.shallow import Arch
-from flexcam.integrate import Problem, State, generalized_alpha, hht, newmark, solve
+from flexcam.integrate import Problem, State, newmark, solve
 from flexcam.linalg import Triplets
 from flexcam.system import AngleVector, ConstantSpeed, FluctuatingSpeed, Load, LocalForce, Probe, System, constant
 from flexcam.train.adjuster import OilColumn
@@ -23,11 +23,9 @@ from flexcam.train.lever import LeverEnd
 from flexcam.train.parts import Pulsation
 from flexcam.train.penalty import Bilateral, HertzLine, HuntCrossley, Inclined, Sliding, Stop
 from flexcam.train.rockers import Lever
+from tests import integrators as tried
 
-SCHEMES = {
-    "newmark": newmark(), "newmark damped": newmark(beta=0.3025, gamma=0.6), "hht": hht(),
-    "generalized-alpha": generalized_alpha(rho_inf=0.7),
-}  # fmt: skip
+SCHEMES = {name: one for name, one in tried.SCHEMES.items() if name in (*tried.METHODS, "newmark damped")}
 STEPS = 100
 SETTLED = 1e-12
 """Of the largest force, as `settle` and the compiled step leave it."""

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from flexcam import InputError
-from flexcam.integrate import Adaptive, Problem, State, bathe, generalized_alpha, hht, newmark, solve
+from flexcam.integrate import Adaptive, Problem, State, bathe, newmark, solve
 from flexcam.response import Cause
 from flexcam.system import ConstantSpeed
+from tests.integrators import WITH_CONTACTS
 
 START, SPEED0, END = np.array([0.2, -0.1]), np.array([-0.5, 0.8]), 2.0
 
@@ -24,7 +25,7 @@ def run(system, method, steps, adaptive=None):
     return solve(problem, method)
 
 
-@pytest.mark.parametrize("method", [newmark(), hht(alpha=-0.1), generalized_alpha(rho_inf=0.8), bathe()])
+@pytest.mark.parametrize("method", WITH_CONTACTS.values(), ids=WITH_CONTACTS)
 def test_error_follows_the_tolerance(pair, exact_end, fitted_order, method):
     d, _ = exact_end()
     tolerances = np.array([1e-4, 1e-5, 1e-6, 1e-7])

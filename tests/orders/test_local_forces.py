@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexcam.integrate import Problem, State, equilibrium, generalized_alpha, hht, newmark, solve
+from flexcam.integrate import Problem, State, equilibrium, newmark, solve
 from flexcam.system import AngleVector, ConstantSpeed, LocalForce, constant
+from tests.integrators import WITH_CONTACTS
 
-SCHEMES = {"newmark": newmark(), "hht": hht(alpha=-0.1), "generalized-alpha": generalized_alpha(rho_inf=0.8)}
 STEPS = np.array([200, 400, 800])
 ROW, SPRING, DAMPER, SLOW = np.array([1.0, -1.0]), 400.0, 6.0, 40.0
 K = np.array([[30.0, -12.0], [-12.0, 20.0]])
 C = np.array([[0.4, -0.1], [-0.1, 0.3]])
 
 
-@pytest.fixture(scope="module", params=sorted(SCHEMES))
+@pytest.fixture(scope="module", params=sorted(WITH_CONTACTS))
 def scheme(request):
-    return SCHEMES[request.param]
+    return WITH_CONTACTS[request.param]
 
 
 @pytest.mark.parametrize(("k", "c"), [(SPRING, 0.0), (0.0, DAMPER), (SPRING, DAMPER), (1e5, 0.0)])
