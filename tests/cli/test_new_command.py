@@ -31,6 +31,7 @@ def test_every_key_has_a_comment(name):
     assert tomllib.loads(text)["title"]
 
 
+@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize("name", NAMES)
 def test_it_passes_the_check_and_runs(name, flexcam):
     """Without a warning: a beginner's first case must not begin with one."""

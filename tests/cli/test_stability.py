@@ -15,6 +15,8 @@ ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
 MATHIEU = ROOT / "cases/checks/mathieu.toml"
 QUICK = ("--set", "run.steps_per_revolution=360")
 
+pytestmark = pytest.mark.usefixtures("machine_code")
+
 
 @pytest.mark.parametrize(("rpm", "verdict"), [(1000, []), (2000, []), (4000, ["resonance"])])
 def test_published_claim(flexcam, rpm, verdict):

@@ -140,6 +140,7 @@ def check(count, folder):
         assert np.median([estimated / true for estimated, true in holding]) < 5.0, quantity
 
 
+@pytest.mark.usefixtures("machine_code")
 def test_twenty_trains(tmp_path):
     check(20, tmp_path)
 
