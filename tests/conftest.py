@@ -209,6 +209,12 @@ def local_force():
     return make
 
 
+@pytest.fixture(scope="session")
+def on_a_screen():
+    """Return how a command begins that needs a screen; every process looks for one from a number of its own on."""
+    return ["xvfb-run", "-a", "-n", str(100 + os.getpid() % 30_000), "-s", "-screen 0 800x600x24"]
+
+
 @pytest.fixture
 def machine_code(monkeypatch):
     """Let runs with contacts take machine code however short, as long ones do; it is there for the session anyway."""

@@ -267,14 +267,14 @@ stage.plotter.screenshot(sys.argv[2])
 """
 
 
-def test_the_slider_of_the_window_turns_the_cam(tmp_path):
+def test_the_slider_of_the_window_turns_the_cam(on_a_screen, tmp_path):
     """In a window of a virtual display, as a user drags it."""
     if shutil.which("xvfb-run") is None:
         if os.environ.get("FLEXCAM_REQUIRE_PARAVIEW") == "1":
             pytest.fail("FLEXCAM_REQUIRE_PARAVIEW=1, but xvfb-run cannot be found")
         pytest.skip("NO WINDOW WAS OPENED: no xvfb-run; apt-get install xvfb xauth")
     made = tmp_path / "window.png"
-    command = ["xvfb-run", "-a", "-s", "-screen 0 800x600x24", sys.executable, "-c", WINDOW, FINGER, made, TITLE]
+    command = [*on_a_screen, sys.executable, "-c", WINDOW, FINGER, made, TITLE]
     environment = {name: value for name, value in os.environ.items() if name != "VTK_DEFAULT_OPENGL_WINDOW"}
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
     assert done.returncode == 0, done.stderr

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import subprocess
 
 import numpy as np
-import pytest
 
 from flexcam.io import write_pvd
 
@@ -30,16 +27,6 @@ for time in source.TimestepValues:
 print("TOLD " + json.dumps(told))
 """
 SCALE = 3.0
-
-
-@pytest.fixture(scope="module")
-def pvbatch():
-    lacking = [name for name in ("pvbatch", "xvfb-run") if shutil.which(name) is None]
-    if lacking and os.environ.get("FLEXCAM_REQUIRE_PARAVIEW") == "1":
-        pytest.fail(f"FLEXCAM_REQUIRE_PARAVIEW=1, but {' and '.join(lacking)} cannot be found")
-    if lacking:
-        pytest.skip(f"PARAVIEW WAS NOT TRIED: no {' and '.join(lacking)}; apt-get install paraview xvfb xauth")
-    return ["xvfb-run", "-a", "pvbatch"]
 
 
 def in_paraview(command, path, folder):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import ast
 import json
-import os
-import shutil
 import subprocess
 
 import numpy as np
@@ -31,16 +29,6 @@ print("TOLD " + json.dumps({
     "angle": text.GetRowData().GetAbstractArray(0).GetValue(0),
 }))
 """
-
-
-@pytest.fixture(scope="module")
-def pvbatch():
-    lacking = [name for name in ("pvbatch", "xvfb-run") if shutil.which(name) is None]
-    if lacking and os.environ.get("FLEXCAM_REQUIRE_PARAVIEW") == "1":
-        pytest.fail(f"FLEXCAM_REQUIRE_PARAVIEW=1, but {' and '.join(lacking)} cannot be found")
-    if lacking:
-        pytest.skip(f"PARAVIEW WAS NOT TRIED: no {' and '.join(lacking)}; apt-get install paraview xvfb xauth")
-    return ["xvfb-run", "-a", "pvbatch"]
 
 
 @pytest.fixture

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import subprocess
 
 import numpy as np
@@ -31,16 +29,6 @@ for time in source.TimestepValues:
     told.append({"time": time, "bounds": moved.GetBounds(), "tube": drawn.GetNumberOfCells()})
 print("TOLD " + json.dumps({"names": names, "mode": mode, "steps": told}))
 """
-
-
-@pytest.fixture(scope="module")
-def pvbatch():
-    lacking = [name for name in ("pvbatch", "xvfb-run") if shutil.which(name) is None]
-    if lacking and os.environ.get("FLEXCAM_REQUIRE_PARAVIEW") == "1":
-        pytest.fail(f"FLEXCAM_REQUIRE_PARAVIEW=1, but {' and '.join(lacking)} cannot be found")
-    if lacking:
-        pytest.skip(f"PARAVIEW WAS NOT TRIED: no {' and '.join(lacking)}; apt-get install paraview xvfb xauth")
-    return ["xvfb-run", "-a", "pvbatch"]
 
 
 def test_twenty_four_instants_warp_and_tube(pvbatch, ready, tmp_path):
