@@ -14,15 +14,18 @@ from typing import Any
 
 import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.checks import Fault
-from flexcam.io.guard import SCALES, children
+from flexcam.io.guard import SCALES, attribute_names, children
 
 SEAL = "seal"
 """Attribute of the root that holds the digest, hexadecimal."""
 
 SUM = "crc32"
 """Attribute of a dataset that holds the checksum of its rows."""
+
+_LEFT_OUT = frozenset(name.encode() for name in (*SCALES, SEAL))
 
 _module: Any = h5py
 
@@ -93,32 +96,39 @@ def seal_fault(file: Any) -> Fault | None:  # noqa: ANN401
 
 
 def _parts(file: Any) -> Iterator[bytes]:  # noqa: ANN401
-    groups: list[Any] = [file]
+    groups: list[tuple[Any, bytes]] = [(file.id, b"")]
     seen: set[int] = set()
     while groups:
-        group = groups.pop()
+        group, path = groups.pop()
         yield from _attributes(group)
-        for name, one in children(group):
-            yield f"{group.name}/{name}".encode()
-            address = int(_module.h5o.get_info(one.id).addr)
+        for name, address, one in children(group):
+            yield (path or b"/") + b"/" + name
             if address in seen:
                 continue
             seen.add(address)
-            if isinstance(one, _module.Dataset):
+            if isinstance(one, _module.h5d.DatasetID):
                 yield from _dataset(one)
             else:
-                groups.append(one)
+                groups.append((one, path + b"/" + name))
 
 
 def _attributes(one: Any) -> Iterator[bytes]:  # noqa: ANN401
-    for name in sorted(one.attrs):
-        if name not in SCALES and name != SEAL:
-            value = np.asarray(one.attrs[name])
-            yield f"{name} {value.dtype.kind} {value.shape} {value.tolist()!r}".encode()
+    for name in attribute_names(one):
+        if name not in _LEFT_OUT:
+            value = _value(_module.h5a.open(one, name))
+            yield f"{name.decode()} {value.dtype.kind} {value.shape} {value.tolist()!r}".encode()
+
+
+def _value(attribute: Any) -> NDArray[Any]:  # noqa: ANN401
+    value = np.empty(attribute.shape, attribute.dtype)
+    attribute.read(value)
+    return value
 
 
 def _dataset(one: Any) -> Iterator[bytes]:  # noqa: ANN401
     yield f"{one.dtype.str} {one.shape}".encode()
     yield from _attributes(one)
-    if SUM not in one.attrs and one.size:
-        yield np.asarray(one[()]).tobytes()
+    if not _module.h5a.exists(one, SUM.encode()):
+        whole = np.asarray(_module.Dataset(one)[()])
+        if whole.size:
+            yield whole.tobytes()
