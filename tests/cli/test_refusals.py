@@ -54,9 +54,9 @@ def test_refused_in_json(name, flexcam, files):
 
 
 @pytest.mark.parametrize("name", ["bad case", "unknown option", "result exists", "folder of an export is a file"])
-def test_refused_in_words(name, spawned, files):
+def test_refused_in_words(name, flexcam, files):
     (files / "out/case.vtkhdf").write_text("mine")
-    done = spawned(*COMMANDS[name])
+    done = flexcam(*COMMANDS[name])
     assert done.code == 2
     assert done.out == "", "messages go to standard error"
     assert len(done.err.splitlines()) >= 1

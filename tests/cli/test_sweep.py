@@ -206,9 +206,9 @@ def completed(process):
     assert process.returncode == 0, out + err
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_stopped_sweep_says_what_it_kept(case, tmp_path, number, code):
-    process = begun(tmp_path, "--workers", "2", "--json")
+@pytest.mark.parametrize(("number", "code", "workers"), [(signal.SIGINT, 130, 2), (signal.SIGTERM, 143, 0)])
+def test_a_stopped_sweep_says_what_it_kept(case, tmp_path, number, code, workers):
+    process = begun(tmp_path, "--workers", str(workers), "--json")
     with_rows(process, tmp_path / "out", 3)
     process.send_signal(number)
     out, err = process.communicate(timeout=30)
@@ -226,7 +226,7 @@ def untouched(tmp_path_factory):
     """Return the tables of a sweep that nobody disturbed."""
     folder = tmp_path_factory.mktemp("untouched")
     (folder / "case.toml").write_bytes((Path(__file__).parents[1] / "data/inline.toml").read_bytes())
-    completed(begun(folder, "--workers", "2"))
+    completed(begun(folder, "--workers", "0"))
     return {name: (folder / "out" / name).read_bytes() for name in NAMES}
 
 
@@ -251,7 +251,7 @@ def killed_and_resumed(folder, untouched, kills, seed):
 
 
 def test_a_sweep_killed_and_resumed_is_the_one_nobody_disturbed(case, tmp_path, untouched):
-    killed_and_resumed(tmp_path, untouched, 2, seed=1)
+    killed_and_resumed(tmp_path, untouched, 1, seed=1)
 
 
 @pytest.mark.slow
