@@ -372,17 +372,23 @@ def _largest(response: Response, ready: Prepared, end: str) -> float:
 
 
 def _rigid(case: Case) -> float | None:
-    """Return the camshaft speed at which the rigid train's contact force first falls to zero, rpm."""
+    """Return the camshaft speed at which the rigid train's inertia first takes up its springs and loads, rpm."""
     one = prepare(case.at_speed(1.0), rigid=True)
     worst: list[float] = []
     for name, contact in one.model.driven.items():
         lifted = one.model.cams[contact.cam].event(_ANGLES) > main_lift(one.model, contact.cam)
-        still, moving = (_rigid_force(case, name, speed, _ANGLES)[lifted] for speed in (1e-3, 1.0))
-        inertia = moving - still  # per (rad/s)^2
+        still, _, inertia = _by_speed(case, name)[:, lifted]
         pulls = inertia < 0.0
         if pulls.any():
-            worst.append(float(np.sqrt((still[pulls] / -inertia[pulls]).min())))
+            worst.append(float(np.sqrt((np.maximum(still[pulls], 0.0) / -inertia[pulls]).min())))
     return min(worst) / RPM if worst else None
+
+
+def _by_speed(case: Case, contact: str) -> FloatArray:
+    """Return what of the rigid train's contact force is constant, per rad/s and per (rad/s)^2, shape (3, angles)."""
+    speeds = case.speed * np.array([0.5, 1.0, 2.0])
+    forces = [_rigid_force(case, contact, float(speed), _ANGLES) for speed in speeds]
+    return np.asarray(np.linalg.solve(np.vander(speeds, increasing=True), forces), dtype=np.float64)
 
 
 def _rigid_force(case: Case, contact: str, speed: float, angle: FloatArray) -> FloatArray:

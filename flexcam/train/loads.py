@@ -6,7 +6,7 @@ import numpy as np
 
 from flexcam.fem.loads import element_weight, gathered, spread_force
 from flexcam.linalg import FloatArray
-from flexcam.system import Load
+from flexcam.system import ConstantSpeed, Load
 from flexcam.train.model import PublishedLoad
 from flexcam.train.published import follower_train, steady
 from flexcam.train.springs import spring_row
@@ -43,6 +43,24 @@ def constant_loads(structure: Structure) -> list[Load]:
     if any(model.gravity):
         loads.append(Load("gravity", _weight(structure), steady(1.0), installed=True, steady=True))
     return loads
+
+
+def steady_load(structure: Structure) -> FloatArray:
+    """Return the sum of all constant loads: weight, springs' installed forces and given forces.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+
+    Returns
+    -------
+    ndarray
+        Shape (n,), N and N m.
+    """
+    still = ConstantSpeed(1.0).at(np.zeros(1))
+    loads = (float(load.history(still)[0]) * load.vector for load in constant_loads(structure))
+    return sum(loads, np.zeros(structure.dofs.size))
 
 
 def _of_a_published_load(structure: Structure, row: FloatArray) -> bool:

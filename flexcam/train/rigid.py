@@ -26,8 +26,9 @@ from flexcam.train.assembled import build_structure
 from flexcam.train.build import probe_of
 from flexcam.train.following import completed, shifted, with_springs
 from flexcam.train.lever import refuse_far_turns
+from flexcam.train.loads import steady_load
 from flexcam.train.model import CamContact, Lash, Lever, Model, PublishedLoad, path_name, tip_name
-from flexcam.train.published import FollowerTrain, follower_train, preload, stated_forces
+from flexcam.train.published import FollowerTrain, follower_train, preload
 from flexcam.train.springs import spring_parts
 from flexcam.train.structure import Structure
 
@@ -45,27 +46,29 @@ class RigidTrain:
         Shape (b, n): the first is everything that moves in proportion to the lift, then the ends of levers.
     coordinates
         One per motion.
-    mass, stiffness
-        Of these motions, shape (b, b).
+    mass, damping, stiffness
+        Of these motions, shape (b, b): springs, dampers and Rayleigh's damping (that of modes is of elastic motions).
     force
-        Of the installed springs along them, N, shape (b,).
+        Of the installed springs, the weight and the given loads along them, N, shape (b,).
     """
 
     motions: FloatArray
     coordinates: tuple[Coordinate, ...]
     mass: FloatArray
+    damping: FloatArray
     stiffness: FloatArray
     force: FloatArray
 
     def contact_force(self, event: Event) -> Callable[[CamMotion], FloatArray]:
-        """Return the force at the follower by virtual work, N: ``h'.(M (h' s.. + h'' s.^2) + K h + f)``."""
+        """Return the force at the follower by virtual work, N: ``h'.(M (h' s.. + h'' s.^2) + C h' s. + K h + f)``."""
 
         def history(motion: CamMotion) -> FloatArray:
             s, slope, bend = (event(motion.angle, order) for order in range(3))
             speed, rate = slope * motion.speed, bend * motion.speed**2 + slope * motion.rate
             h, h1, h2 = (np.stack(one, axis=-1) for one in zip(*(c(s) for c in self.coordinates), strict=True))
             inertia = (h1 * rate[..., None] + h2 * speed[..., None] ** 2) @ self.mass
-            return np.sum(h1 * (inertia + h @ self.stiffness + self.force), axis=-1)
+            damped = (h1 * speed[..., None]) @ self.damping
+            return np.sum(h1 * (inertia + damped + h @ self.stiffness + self.force), axis=-1)
 
         return history
 
@@ -91,18 +94,26 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     """
     train = follower_train(structure, contact, where)
     motions, coordinates = _split(structure, train)
-    springs = structure.model.springs.items()
-    stretch = [(s.stiffness * s.elements, motions @ (high - low))
-               for name, s in springs for low, high in spring_parts(structure, name, s)]  # fmt: skip
-    stiffness = sum((k * np.outer(row, row) for k, row in stretch), np.zeros((len(motions),) * 2))
     mass = motions @ structure.mass.times_all(motions.T)
+    damping, stiffness = _stretched(structure, motions)
+    given = structure.model.damping
+    force = -motions @ steady_load(structure)
     if isinstance(contact, PublishedLoad):
-        force = np.zeros(len(motions))
-        force[0] = preload(structure, contact, train, structure.model.cams[contact.cam], speed)
-    else:
-        given = [(size, motions @ row) for size, row in stated_forces(structure, train)]
-        force = sum((size * row for size, row in given), np.zeros(len(motions)))
-    return RigidTrain(motions, coordinates, mass, stiffness, force)
+        force[0] += preload(structure, contact, train, structure.model.cams[contact.cam], speed)
+    return RigidTrain(
+        motions, coordinates, mass, damping + given.alpha * mass + given.beta * stiffness, stiffness, force
+    )
+
+
+def _stretched(structure: Structure, motions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return damping and stiffness of the springs' parts along motions, shape (b, b) each."""
+    damping, stiffness = np.zeros((2, len(motions), len(motions)))
+    for name, spring in structure.model.springs.items():
+        for low, high in spring_parts(structure, name, spring):
+            row = motions @ (high - low)
+            damping += spring.damping * spring.elements * np.outer(row, row)
+            stiffness += spring.stiffness * spring.elements * np.outer(row, row)
+    return damping, stiffness
 
 
 def _split(structure: Structure, train: FollowerTrain) -> tuple[FloatArray, tuple[Coordinate, ...]]:
@@ -188,7 +199,7 @@ def build_rigid(model: Model, speed: float) -> System:
     -------
     System
         Of size zero; its probes are prescribed, its channels hold the contact force (for a train in proportion to the
-        lift ``P_pr + K s + M (s'' omega^2 + s' omega')``) and the torque of that force.
+        lift ``P_pr + K s + C s' omega + M (s'' omega^2 + s' omega')``) and the torque of that force.
 
     Raises
     ------

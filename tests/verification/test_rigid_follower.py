@@ -14,7 +14,7 @@ import pytest
 from scipy.optimize import brentq
 
 from flexcam import build_model, read_case, run
-from flexcam.limits import find_limits
+from flexcam.limits import find_limits, margins
 
 SOURCE = "Rigid follower"
 MASS, SPRING, INSTALLED = 0.5, 20e3, 300.0
@@ -206,23 +206,30 @@ def test_limits_names_the_rigid_speed(record, train):
     assert loss.tolerance_rpm == pytest.approx(0.08 * rpm, rel=1e-6)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="rigid.rigid_train counts mass, springs and their installed forces alone: forces of [loads], gravity and "
-    "the dampers of springs are missing in the contact force, and in the speed of jump that `flexcam limits` names",
-)
 @pytest.mark.parametrize(
     ("key", "more"),
     [
         ("loads.push={ at = 'tappet', direction = '-uy', force = 100.0 }", lambda v: 100.0),
         ("run.gravity=[0, '-100 m/s^2', 0]", lambda v: 100.0 * M),
         ("springs.valve.damping=100.0", lambda v: 100.0 * v),
+        ("run.damping={ alpha = 200.0, beta = 0.002 }", lambda v: (200.0 * M + 0.002 * SPRING) * v),
     ],
 )
 def test_all_forces_on_the_rigid_model(train, key, more):
+    """Weight, given forces and dampers act on the rigid train as they do on the flexible one."""
     case, event = train(60.0, key)
     flexible, rigid = run(case), run(case, rigid=True)
     expected = needed(event, rigid.angle, 60.0) + more(event(rigid.angle, 1) * 60.0)
     force = flexible.channels["contacts.intake.force"]
     np.testing.assert_allclose(force, expected, atol=5e-3 * expected.max())  # so does the flexible one
     np.testing.assert_allclose(rigid.channels["contacts.intake.force"], expected, atol=1e-6 * expected.max())
+
+
+def test_the_rigid_speed_counts_given_forces_and_no_damper(train):
+    """A steady push closes the contact; a damper is none of inertia and springs, at any speed of the case."""
+    event = train(1.0)[1]
+    case = train(60.0, "loads.push={ at = 'tappet', direction = '-uy', force = 100.0 }", "springs.valve.damping=100.0")
+    s, bend = event(ANGLES, 0), event(ANGLES, 2)
+    down = bend < 0.0
+    expected = math.sqrt(float(np.min((SPRING * s + INSTALLED + 100.0)[down] / (-M * bend[down]))))
+    assert margins(case[0]).rigid_rpm == pytest.approx(expected * 30.0 / math.pi, rel=1e-5)
