@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from flexcam import build_model, read_case
 from flexcam.fem import Material, Member, Section
+from flexcam.train import buckling_load, build_structure
 
 SOURCE = "Euler columns, cubic elements"
 DIGITS = {
@@ -54,3 +56,26 @@ def test_convergence_to_euler(record, plane_beam, fitted_order, supports):
         computed=fitted_order(1 / counts, errors), tolerance=0.1, absolute=True,
         reason="cubic elements: 2 (p + 1 - m) = 4; fitted over 4 to 32 elements",
     )  # fmt: skip
+
+
+ROD = """
+format = 1
+nodes = {{ root = [0.1, 0.0, 0.0], tip = {tip} }}
+materials.steel = {{ E = "207 GPa", nu = 0.29, density = "7800 kg/m^3" }}
+sections.tube = {{ shape = "tube", outer_diameter = "8 mm", inner_diameter = "5 mm" }}
+members.rod = {{ nodes = ["root", "tip"], elements = 8, material = "steel", section = "tube" }}
+supports = {supports}
+[run]
+speed = "60 rpm"
+"""
+
+
+@pytest.mark.parametrize("supports", ["{}", '{ root = ["ux", "uy", "uz"] }', '{ root = ["uy"], tip = ["uz"] }'])
+@pytest.mark.parametrize("tip", [(0.35, 0.0, 0.0), (0.25, 0.16, -0.12)])
+def test_ends_that_supports_leave_free_are_hinged(tmp_path, supports, tip):
+    """A rod that springs or other members hold: Euler's load whichever way it lies and whatever else is held."""
+    path = tmp_path / "rod.toml"
+    path.write_text(ROD.format(tip=list(tip), supports=supports), encoding="utf-8")
+    euler = math.pi**2 * 207e9 * Section.tube(0.008, 0.005).Iz / 0.25**2
+    # Eight cubic elements are (pi/8)^4/720 = 3.3e-5 too stiff.
+    assert buckling_load(build_structure(build_model(read_case(path))), "rod") == pytest.approx(euler, rel=4e-5)
