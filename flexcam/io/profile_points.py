@@ -23,7 +23,7 @@ def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
     ----------
     path
         CSV; a first row of names says which columns are ``x`` and ``y`` (those of ``profile`` where there are several)
-        and in which unit, such as ``x [mm], y [mm]``. Without it there are two columns.
+        and in which unit, such as ``x [mm], y [mm]`` or ``x_mm, y_mm``. Without it there are two columns.
     unit
         ``um``, ``mm``, ``cm``, ``m`` or ``in``, where the head does not say so.
 
@@ -68,12 +68,16 @@ def _numbers(parts: list[str], columns: tuple[int, int]) -> list[float]:
     return found if all(map(math.isfinite, found)) else []
 
 
+def _words(name: str) -> list[str]:
+    return re.findall(r"[a-z]+", name.lower())
+
+
 def _columns(head: list[str], path: Path) -> tuple[int, int]:
     if not head:
         return 0, 1
     found: list[int] = []
     for axis in "xy":
-        named = [i for i, name in enumerate(head) if re.search(rf"\b{axis}\b", name.lower())]
+        named = [i for i, name in enumerate(head) if axis in _words(name)]
         own = [i for i in named if head[i].lower().startswith("profile")]
         if len(own or named) != 1:
             given = ", ".join(head)[:60]
@@ -83,8 +87,8 @@ def _columns(head: list[str], path: Path) -> tuple[int, int]:
 
 
 def _scale(head: list[str], given: str | None, path: Path) -> float:
-    named = [word for name in head if re.search(r"\b[xy]\b", name.lower())
-             for word in re.findall(r"[a-z]+", name.lower()) if word in _LENGTHS]  # fmt: skip
+    columns = [words for words in map(_words, head) if {"x", "y"} & set(words)]
+    named = [word for words in columns for word in words if word in _LENGTHS]
     unit = given or (named[0] if named else None)
     if unit not in _LENGTHS:
         remedy = "add --unit mm, or a first row such as x [mm], y [mm]"

@@ -72,9 +72,12 @@ def test_a_hollow_that_is_bridged(told, tmp_path):
 
 
 def test_a_circle_within_its_base_circle(told, tmp_path):
-    written(tmp_path, HarmonicLift(0.003, (-0.003,), (0.0,)), FlatFollower(0.017), "")
+    eccentric = HarmonicLift(0.003, (-0.003,), (0.0,))
+    written(tmp_path, eccentric, FlatFollower(0.017), "")
     assert "check its radius" in told("lift", "p.csv", "--unit", "mm", *FLAT).out
     assert told("lift", "p.csv", *FLAT).code == 2
+    written(tmp_path, eccentric, FlatFollower(0.017), "x_mm, y_mm")  # as the heads of lift tables
+    assert "check its radius" in told("lift", "p.csv", *FLAT).out
 
 
 @pytest.mark.parametrize(("text", "words", "said"), [
