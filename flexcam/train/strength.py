@@ -43,7 +43,8 @@ class StrengthSink:
 
     Per place on the outline it keeps the least and the largest normal stress, and per section those of the torsional
     stress. Mean and amplitude are combined as ``sqrt(sigma^2 + 3 tau^2)``, and safety is Goodman's line, with no credit
-    for compressive means: J. E. Shigley, Mechanical Engineering Design, 9th ed., eqs. 6-46, 6-55 and 6-56.
+    for compressive means (torsion has no sign): J. E. Shigley, Mechanical Engineering Design, 9th ed., eqs. 6-46, 6-55
+    and 6-56.
 
     Parameters
     ----------
@@ -82,20 +83,22 @@ class StrengthSink:
         """Return the most stressed place of every member; empty if nothing was saved."""
         if self._normal is None or self._shear is None:
             return {}
-        mean, alternating = (
-            _equivalent(n, t) for n, t in zip(_halves(*self._normal), _halves(*self._shear), strict=True)
-        )
-        return {name: self._member(name, part, mean, alternating) for name, part in self._ranges().items()}
+        (normal, swing), (shear, twist) = _halves(*self._normal), _halves(*self._shear)
+        mean, alternating = _equivalent(normal, shear), _equivalent(swing, twist)
+        pulled = _equivalent(np.maximum(normal, 0.0), shear)
+        return {name: self._member(name, part, mean, alternating, pulled) for name, part in self._ranges().items()}
 
     def _ranges(self) -> Mapping[str, slice]:
         return self._structure.model.mesh.element_ranges()
 
-    def _member(self, name: str, part: slice, mean: FloatArray, alternating: FloatArray) -> MemberStrength:
+    def _member(
+        self, name: str, part: slice, mean: FloatArray, alternating: FloatArray, pulled: FloatArray
+    ) -> MemberStrength:
         model: Model = self._structure.model
         material = model.members[name].material
         m, a = mean[part], alternating[part]
         if material.ultimate_strength and material.endurance_limit:
-            use = a / material.endurance_limit + np.maximum(m, 0.0) / material.ultimate_strength
+            use = a / material.endurance_limit + pulled[part] / material.ultimate_strength
         else:
             use = a + np.abs(m)
         element, end, fibre = np.unravel_index(int(np.argmax(use)), use.shape)

@@ -186,11 +186,12 @@ def test_torsion_of_a_rectangle(record, ratio, k2, upright):
     )  # fmt: skip
 
 
-def strength_under(material, tension):
-    """Return what a sink says of a bar whose stress follows a history, Pa."""
+def strength_under(material, tension, torsion=0.0):
+    """Return what a sink says of a bar whose stress follows a history under a steady torsional stress, Pa."""
     bar = Cantilever(np.array([1.0, 0, 0]), 1, Member(material, Section.circle(0.01)))
     structure = build_structure(bar.model())
     fields = np.outer(tension, bar.dofs.vector(1, np.eye(6)[0])) * LENGTH / material.E
+    fields += bar.dofs.vector(1, np.eye(6)[3]) * torsion * LENGTH / (material.G * 0.005)
     still, nothing = np.zeros_like(fields), np.zeros(len(tension))
     series, empty = Series(fields, still, still), Series(*3 * [np.zeros((len(tension), 0))])
     sink = StrengthSink(structure)
@@ -214,6 +215,14 @@ def test_goodman_factor(record, mean, amplitude):
         quantity="Goodman's factor", unit="1", reference=expected, computed=found.safety, tolerance=1e-9,
         reason="rounding",
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("mean", [0.0, -1e8])
+def test_no_compression_hides_torsion(mean):
+    """The steady torsional stress counts whatever the sign of the normal one beside it."""
+    found = strength_under(STEEL, mean + 5e7 * np.sin(np.arange(81) * math.pi / 40.0), torsion=2e8)
+    expected = 1.0 / (5e7 / STEEL.endurance_limit + math.sqrt(3.0) * 2e8 / STEEL.ultimate_strength)
+    assert found.safety == pytest.approx(expected, rel=1e-9)
 
 
 def test_no_factor_without_strengths():
