@@ -216,9 +216,11 @@ def _contact(record: contacts.ContactRecord, case: CaseRecord, mesh: Mesh) -> tr
     match record:
         case contacts.SeatRecord():
             along = np.zeros(6) if record.direction is None else fem.direction(record.direction)
-            return train.Seat(record.at, along, record.stiffness, record.damping, record.restitution)
+            resisting = record.stiffness, record.damping, record.restitution, record.damping_depth
+            return train.Seat(record.at, along, *resisting)
         case contacts.LashRecord():
-            return train.Lash(record.at, record.gap, record.stiffness, record.damping, *_between(record))
+            resisting = record.stiffness, record.damping
+            return train.Lash(record.at, record.gap, *resisting, *_between(record), record.damping_depth)
         case contacts.AdjusterRecord():
             size = record.stiffness, record.leak, record.refill, record.plunger_force
             return train.Adjuster(record.at, *size, *_between(record))

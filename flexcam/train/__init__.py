@@ -12,6 +12,7 @@ from flexcam.train.chain import Chain, chain_of, straight
 from flexcam.train.fineness import Fineness, FinenessSink
 from flexcam.train.free_running import free_running, free_speed
 from flexcam.train.left_out import left_out
+from flexcam.train.links import DAMPING_DEPTH
 from flexcam.train.loads import element_loads
 from flexcam.train.modal_basis import modal_basis
 from flexcam.train.model import (
@@ -52,6 +53,7 @@ from flexcam.train.transfer import lift_transfer, valve_ratio
 
 __all__ = [
     "BOUNCE_HEIGHT",
+    "DAMPING_DEPTH",
     "OPEN",
     "Adjuster",
     "Cam",

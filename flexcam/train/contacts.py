@@ -73,7 +73,7 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
         raise refuse(
             f"contacts.{name}", given, "a point that is free along the seat's direction", why, 'add direction = "uy"'
         )
-    law = Stop(seat.stiffness, seat.damping)
+    law = Stop(seat.stiffness, seat.damping, seat.damping_depth)
     force = conservative(f"contacts.{name}", AngleVector.constant(-row), law, restitution=seat.restitution)
     return Coupling((), (force,), (
         Channel(f"contacts.{name}.force", "N", force_sum(0)),
@@ -101,7 +101,8 @@ def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
     """
     where = f"contacts.{name}"
     row, gap = play_row(structure, lash, where), constant(-lash.gap)
-    force = conservative(where, AngleVector.constant(row), Stop(lash.stiffness, lash.damping), gap)
+    law = Stop(lash.stiffness, lash.damping, lash.damping_depth)
+    force = conservative(where, AngleVector.constant(row), law, gap)
     return Coupling((), (force,), (
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.gap", "m", lambda seen: -seen.gaps[:, 0]),

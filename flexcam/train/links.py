@@ -103,6 +103,10 @@ class CamContact:
     friction_speed: float = 0.01
 
 
+DAMPING_DEPTH = 1e-5
+"""Depth over which a stop's damper takes hold where none is given, m: of the size of seats of engines."""
+
+
 @dataclass(frozen=True, eq=False)
 class Seat:
     """A stop at a point, such as a valve seat: it resists motion against the point's positive direction.
@@ -117,6 +121,8 @@ class Seat:
         N/m and N s/m.
     restitution
         Rate of parting per rate of approach of an impact; None where they meet without one.
+    damping_depth
+        Depth over which the damper takes hold, m.
     """
 
     at: str
@@ -124,6 +130,7 @@ class Seat:
     stiffness: float
     damping: float = 0.0
     restitution: float | None = None
+    damping_depth: float = DAMPING_DEPTH
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +149,8 @@ class Lash:
         Names of the pushing and the pushed node; None at a rocker.
     direction
         In which the first pushes the second, shape (6,); None at a rocker.
+    damping_depth
+        Depth over which the damper takes hold, m.
     """
 
     rocker: str | None
@@ -150,6 +159,7 @@ class Lash:
     damping: float = 0.0
     ends: tuple[str, str] | None = None
     direction: FloatArray | None = None
+    damping_depth: float = DAMPING_DEPTH
 
 
 @dataclass(frozen=True, eq=False)

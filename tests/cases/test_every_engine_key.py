@@ -58,6 +58,7 @@ CHANGED = {
     "contacts.play.gap": "contacts.play.gap=0",
     "contacts.play.stiffness": "contacts.play.stiffness=5e6",
     "contacts.play.damping": "contacts.play.damping=0",
+    "contacts.play.damping_depth": 'contacts.play.damping_depth="1 um"',
     "contacts.play.direction": 'contacts.play.direction="-uy"',
     "contacts.play.to": 'contacts.play.to="stem-end"',
     "springs.valve.wire.diameter": 'springs.valve.wire.diameter="4.2 mm"',

@@ -15,6 +15,7 @@ import math
 import numpy as np
 import pytest
 
+from flexcam import read_case, run
 from flexcam.integrate import Problem, State, newmark, solve
 from flexcam.linalg import Triplets
 from flexcam.system import AngleVector, Channel, ConstantSpeed, Load, LocalForce, Probe, System, constant, force_sum
@@ -164,3 +165,36 @@ def test_hertz_line_load_is_the_inverse_of_the_approach():
         step = 1e-6 * approach
         around = law.line_load(np.array([approach - step, approach + step]), np.full(2, 0.02))[0]
         assert slope == pytest.approx((around[1] - around[0]) / (2 * step), rel=1e-6)
+
+
+SEATED = """
+format = 1
+nodes = { valve = [0.0, 0.0, 0.0] }
+supports = { valve = ["ux", "uz"] }
+masses.valve = { at = "valve", mass = "20 mg" }
+contacts.seat = { at = "valve", model = "seat", direction = "uy", stiffness = "80 kN/m", damping = "0.3 N s/m" }
+loads.spring = { at = "valve", direction = "-uy", force = "16 mN" }
+[run]
+speed = "6000 rpm"
+revolutions = 0.02
+steps_per_revolution = 36000
+start = { displacement = { "valve.uy" = "-0.3 um" } }
+[output]
+probes = ["valve"]
+"""
+"""A part of a watch: its spring presses it 0.2 um into its seat, and it swings by half of that."""
+
+
+def test_a_small_part_feels_its_seat(tmp_path):
+    """An oscillator, m u'' + c u' + k u = -F, with the damper whole at the depth given; by default it hardly acts."""
+    path = tmp_path / "seated.toml"
+    path.write_text(SEATED, encoding="utf-8")
+    response = run(read_case(path, ['contacts.seat.damping_depth="1 nm"']))
+    decay, still = 0.3 / 2.0 / 20e-6, -16e-3 / 80e3
+    swing = math.sqrt(80e3 / 20e-6 - decay**2)
+    t = response.time
+    around = np.cos(swing * t) + decay / swing * np.sin(swing * t)
+    expected = still - 0.1e-6 * np.exp(-decay * t) * around
+    # Average acceleration: a phase of (w dt)^2/12 per radian, (63 246 x 0.28 us)^2/12 x 12.6 = 3e-4 of the swing.
+    np.testing.assert_allclose(response["valve.uy"].displacement, expected, rtol=0, atol=5e-4 * 0.1e-6)
+    assert np.ptp(expected[-400:]) < 0.15e-6 < np.ptp(run(read_case(path))["valve.uy"].displacement[-400:])

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from flexcam.case import quantity as q
 from flexcam.case.tables.base import Name, Record
+from flexcam.train import DAMPING_DEPTH
 
 
 class PublishedLoadRecord(Record):
@@ -57,6 +58,11 @@ class UnilateralRecord(Record):
 CamContactRecord = PublishedLoadRecord | BilateralRecord | UnilateralRecord
 
 
+_DampingDepth = Annotated[
+    q.Length, Field(description="over which the damper takes hold; less for small parts, whose contacts yield less")
+]
+
+
 class SeatRecord(Record):
     """A stop, such as a valve seat."""
 
@@ -65,6 +71,7 @@ class SeatRecord(Record):
     direction: q.DirectionValue | None = Field(None, description="the way off it; a rocker's point has its own")
     stiffness: Annotated[float, q.Unit("stiffness", above=True)]
     damping: q.DampingValue = 0.0
+    damping_depth: _DampingDepth = DAMPING_DEPTH
     restitution: q.Ratio | None = Field(
         None, le=1.0, description="rate of parting per rate of approach, at the moment they meet"
     )
@@ -100,6 +107,7 @@ class LashRecord(_PlayRecord):
     gap: Annotated[float, q.Unit("length")] = Field(description="at the rocker's point")
     stiffness: Annotated[float, q.Unit("stiffness", above=True)] = Field(description="of both sides when they touch")
     damping: q.DampingValue = 0.0
+    damping_depth: _DampingDepth = DAMPING_DEPTH
 
 
 class AdjusterRecord(_PlayRecord):
