@@ -174,7 +174,7 @@ def _given(case: Case, system: System, values: Mapping[str, float], kind: str) -
 def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[State, float]:
     """Return the last saved state of a result and its cam angle."""
     where = case.place(("run", "start"))
-    result = read_result(named_file(case.path.parent, name, where))
+    result = read_result(named_file(case.path, name, where))
     response = result.response
     if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(response.field_time):
         raise refuse(where, name, "a result of the same mesh with at least one saved field")

@@ -103,9 +103,9 @@ def _from_file_or_value(make: Callable[[object, Path], object]) -> CoreSchema:
     """Return the schema of a value that may name a file beside the case, and is written as it was given."""
 
     def validate(value: object, info: ValidationInfo) -> object:
-        folder = cast("Mapping[str, Path]", info.context or {}).get("folder", Path())
+        case = cast("Mapping[str, Path]", info.context or {}).get("case", Path())
         try:
-            return make(value, folder)
+            return make(value, case)
         except InputError as refusal:
             # A fault of the value itself has no place inside it.
             raise q.passed_on(refusal, inside=refusal.faults[0].where not in ("law", "lift_table")) from None
@@ -114,9 +114,9 @@ def _from_file_or_value(make: Callable[[object, Path], object]) -> CoreSchema:
     return core_schema.with_info_plain_validator_function(validate, serialization=written)
 
 
-def _given_law(value: object, folder: Path) -> GivenLaw:
+def _given_law(value: object, case: Path) -> GivenLaw:
     if isinstance(value, str) and value.endswith(".toml"):
-        return law_file(named_file(folder, value, "law"))
+        return law_file(named_file(case, value, "law"))
     if isinstance(value, (str, dict)):
         return given_law(cast("str | dict[str, Any]", value))
     raise refuse("law", repr(value), "the name of a law, a table { id = ..., ... } or a law file")
@@ -272,10 +272,10 @@ def toml_table(path: Path, name: str) -> dict[str, Any]:
     return cast("dict[str, Any]", table)
 
 
-def _given_lift(value: object, folder: Path) -> GivenLift:
+def _given_lift(value: object, case: Path) -> GivenLift:
     table = {"file": value} if isinstance(value, str) else value
     record = _LiftFile(**_checked(_LiftFile, table, "a file name, or a table of", "lift_table"))
-    path = named_file(folder, record.file, "lift_table")
+    path = named_file(case, record.file, "lift_table")
     if path.suffix == ".toml":
         if beside := [key for key in ("angle", "unit", "tolerance") if getattr(record, key) is not None]:
             raise refuse(beside[0], str(getattr(record, beside[0])), "nothing beside a file of harmonics", "it is in m")

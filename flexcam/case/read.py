@@ -261,7 +261,7 @@ class CaseFile:
         raw = deepcopy(dict(self.raw))
         places, found = _overridden(raw, self.text, overrides)
         own, mesh_faults = self._mesh(raw, places) if mesh is None or "mesh" not in raw else (mesh, [])
-        record, record_faults = _record(CaseRecord, raw, places, self.path.parent)
+        record, record_faults = _record(CaseRecord, raw, places, self.path)
         found += [*record_faults, *mesh_faults, *References(raw, own, places).faults(), *_either_or(raw, places)]
         if found or record is None:
             raise InputError(in_order(found))
@@ -279,7 +279,7 @@ class CaseFile:
         if "sweep" not in self.raw:
             return None
         places = Places.of_text(self.text)
-        record, found = _record(SweepOnly, {"sweep": self.raw["sweep"]}, places, self.path.parent)
+        record, found = _record(SweepOnly, {"sweep": self.raw["sweep"]}, places, self.path)
         if record is None:
             raise InputError(found)
         return record.sweep
@@ -289,7 +289,7 @@ class CaseFile:
         if not isinstance(name, str):
             return None, []
         try:
-            mesh = self.meshes.get(name) or read_mesh(named_file(self.path.parent, name, "mesh"))
+            mesh = self.meshes.get(name) or read_mesh(named_file(self.path, name, "mesh"))
         except InputError as refusal:
             where = places.place(("mesh",))
             return None, [replace(f, where=f"{where}{f.where.removeprefix('mesh')}") for f in refusal.faults]
@@ -367,11 +367,11 @@ AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 
 def _record(
-    kind: type[AnyRecord], raw: Mapping[str, Any], places: Places, folder: Path
+    kind: type[AnyRecord], raw: Mapping[str, Any], places: Places, case: Path
 ) -> tuple[AnyRecord | None, list[Fault]]:
-    """Return the checked record; files beside the case are found from its folder."""
+    """Return the checked record; files beside the case are found from it."""
     try:
-        return kind.model_validate(raw, context={"folder": folder}), []
+        return kind.model_validate(raw, context={"case": case}), []
     except ValidationError as refusal:
         return None, faults(refusal.errors(include_url=False), places, kind)
 
@@ -420,7 +420,7 @@ def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
     source = Path(path)
     text, raw = _parsed(source)
     places, found = _overridden(raw, text, overrides)
-    record, record_faults = _record(CamsRecord, raw, places, source.parent)
+    record, record_faults = _record(CamsRecord, raw, places, source)
     found += [*record_faults, *References(raw, None, places).faults()]
     if found or record is None:
         raise InputError(found)

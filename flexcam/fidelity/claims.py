@@ -9,7 +9,7 @@ from flexcam.case import Case, build_model, given_law
 from flexcam.fidelity.beat import beat
 from flexcam.fidelity.compare import Comparison, compare
 from flexcam.integrate import floquet
-from flexcam.io import read_mesh
+from flexcam.io import file_beside, read_mesh
 from flexcam.response import heed
 from flexcam.runner import prepare, run
 from flexcam.train import build_structure, model_modes
@@ -141,7 +141,7 @@ def _with_law(case: Case, law: str) -> Case:
 
 def _other_models(case: Case, probe: str) -> dict[str, float]:
     """Return the peak deviation on the meshes of all three models, which lie beside the case's own."""
-    folder = (case.path.parent / (case.record.mesh or "")).parent
+    folder = (file_beside(case.path, case.record.mesh or "") or case.path).parent
     meshes = {f"model {k}": folder / f"tayeb-{k}.msh" for k in (1, 2, 3)}
     found = {name: replace(case, mesh=read_mesh(path)) for name, path in meshes.items() if path.is_file()}
     return {name: deviation(other, probe).peak_deviation for name, other in (found or {"this model": case}).items()}

@@ -11,7 +11,7 @@ from flexcam.io.lift_file import LiftColumns, read_lift, write_lift_table
 from flexcam.io.mesh_file import read_mesh, write_mesh
 from flexcam.io.modes_file import write_modes
 from flexcam.io.motion_file import write_law, write_lift
-from flexcam.io.named import named_file
+from flexcam.io.named import file_beside, named_file
 from flexcam.io.paraview_macro import macro_of, write_macro
 from flexcam.io.profile_file import ProfileTable, write_profile
 from flexcam.io.profile_points import read_profile
@@ -35,6 +35,7 @@ __all__ = [
     "ResultFile",
     "Unfinished",
     "Verified",
+    "file_beside",
     "free_to_write",
     "guarded",
     "macro_of",

@@ -17,13 +17,50 @@ _LARGEST = 1 << 30
 """Bytes of a file that is read as a whole."""
 
 
-def named_file(folder: Path, name: str, where: str) -> Path:
+def file_beside(case: Path, name: str) -> Path | None:
+    """Return the file that a text of a case names, wherever it lies; None where it names none.
+
+    Parameters
+    ----------
+    case
+        The case file.
+    name
+        As the case gives it.
+
+    Returns
+    -------
+    Path
+        Beside the case; where that is a symbolic link and there is none beside it, beside the real file.
+
+    Examples
+    --------
+    >>> file_beside(Path("cases/tayeb/model-3-shm.toml"), "no-such.msh")
+    """
+    try:
+        path = _folder(case, name) / name
+        return path if path.is_file() else None
+    except (OSError, ValueError):  # no name of a file
+        return None
+
+
+def _folder(case: Path, name: str) -> Path:
+    """Return the folder from which a name in a case is meant."""
+    folders = _folders(case)
+    return next((one for one in folders if (one / name).exists()), folders[0])
+
+
+def _folders(case: Path) -> list[Path]:
+    """Return where names in a case are looked up, in this order."""
+    return [case.parent, case.resolve().parent] if case.is_symlink() else [case.parent]
+
+
+def named_file(case: Path, name: str, where: str) -> Path:
     """Return the path of a file that a case names.
 
     Parameters
     ----------
-    folder
-        Of the case.
+    case
+        The case file. Where it is a symbolic link, what does not lie beside the link is looked for beside the real file.
     name
         As the case gives it.
     where
@@ -32,21 +69,23 @@ def named_file(folder: Path, name: str, where: str) -> Path:
     Returns
     -------
     Path
-        Of the file, which need not exist.
+        Of the file, which need not exist, unless there are two folders where it may lie.
 
     Raises
     ------
     InputError
         If it lies more than two folders above the case's (also by a symbolic link) and in none of the folders of
-        ``FLEXCAM_FILES``, is no regular file, or is larger than any such file.
+        ``FLEXCAM_FILES``, is no regular file, is larger than any such file, or lies neither beside a link to the case
+        nor beside the case.
 
     Examples
     --------
-    >>> named_file(Path("cases/tayeb"), "../../meshes/tayeb-3.msh", "mesh").name
+    >>> named_file(Path("cases/tayeb/model-3-shm.toml"), "../../meshes/tayeb-3.msh", "mesh").name
     'tayeb-3.msh'
     """
-    path = folder / name
     try:
+        folder = _folder(case, name)
+        path = folder / name
         target, home = path.resolve(), folder.resolve()
         there, regular = path.exists(), path.is_file()
         size = path.stat().st_size if regular else 0
@@ -61,4 +100,7 @@ def named_file(folder: Path, name: str, where: str) -> Path:
         raise refuse(where, repr(name), "a regular file", "a folder or a device is none")
     if size > _LARGEST:
         raise refuse(where, f"{name!r} of {size} bytes", f"up to {_LARGEST} bytes", "it is read as a whole")
+    if not there and len(tried := _folders(case)) > 1:
+        allowed, why = f"a file from {tried[0]} or from {tried[1]}", f"{case} is a symbolic link, and neither has it"
+        raise refuse(where, repr(name), allowed, why, "put it beside the link or beside the case")
     return path

@@ -12,6 +12,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, cast
 
 from flexcam.case import CaseFile
+from flexcam.io import file_beside
 from flexcam.sweep.plan import Plan
 
 _LONGEST = 255
@@ -71,10 +72,10 @@ def bundle_of(file: CaseFile, plan: Plan | None = None) -> Bundle:
         read where the runs are done.
     """
     given = [value.text.strip("\"'") for one in plan.axes for value in one.values] if plan else []
-    folder, files = file.path.parent, {file.path.name: file.text.encode()}
+    files = {file.path.name: file.text.encode()}
     for text in dict.fromkeys([*_texts(file.raw), *given]):
-        if len(text) <= _LONGEST and not os.path.isabs(text) and _is_file(folder / text):
-            files[PurePosixPath(Path(os.path.normpath(text))).as_posix()] = (folder / text).read_bytes()
+        if len(text) <= _LONGEST and not os.path.isabs(text) and (found := file_beside(file.path, text)):
+            files[PurePosixPath(Path(os.path.normpath(text))).as_posix()] = found.read_bytes()
     return Bundle(file.path.name, _digest(files), files, len(plan) if plan else 1)
 
 
@@ -96,13 +97,6 @@ def _texts(raw: object) -> Iterator[str]:
     elif isinstance(raw, Sequence):
         for value in cast("Sequence[Any]", raw):
             yield from _texts(value)
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # no name of a file
-        return False
 
 
 @lru_cache(maxsize=1)

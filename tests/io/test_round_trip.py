@@ -28,7 +28,7 @@ def saved(tmp_path_factory):
 def test_the_case_as_written_and_as_resolved(saved):
     case, _, result = saved
     assert result.about["case"] == EVERY.read_text(encoding="utf-8")
-    assert CaseRecord.model_validate_json(result.about["resolved"], context={"folder": EVERY.parent}) == case.record
+    assert CaseRecord.model_validate_json(result.about["resolved"], context={"case": EVERY}) == case.record
     assert case.record.run.damping.modal == 0.01
 
 

@@ -1,0 +1,49 @@
+"""Files that a case names, where the case is read through a symbolic link."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from flexcam import InputError, read_case
+from flexcam.case import CaseFile
+from flexcam.sweep.bundle import bundle_of
+
+ROOT = Path(__file__).parents[2]
+TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"
+
+
+@pytest.fixture
+def link(tmp_path):
+    """A link to a case, with nothing beside it."""
+    folder = tmp_path / "a/b/c"
+    folder.mkdir(parents=True)
+    (folder / "link.toml").symlink_to(TAYEB)
+    return folder / "link.toml"
+
+
+def test_a_mesh_is_found_beside_the_real_file(link):
+    """A compiler would not find it, a shell script would; nobody wants to copy meshes to run a case from elsewhere."""
+    assert len(read_case(link).mesh.nodes) == len(read_case(TAYEB).mesh.nodes)
+    assert "../../meshes/tayeb-1.msh" in bundle_of(CaseFile.opened(link)).files
+
+
+def test_a_mesh_beside_the_link_comes_first(link):
+    meshes = link.parents[2] / "meshes"
+    meshes.mkdir()
+    shutil.copyfile(ROOT / "meshes/tayeb-2.msh", meshes / "tayeb-1.msh")
+    assert len(read_case(link).mesh.nodes) == len(read_case(ROOT / "cases/tayeb/model-2-shm.toml").mesh.nodes)
+
+
+def test_both_places_are_told(link):
+    with pytest.raises(InputError) as refusal:
+        read_case(link, ["mesh=none.msh"])
+    told = str(refusal.value)
+    assert f"{link.parent} or from {TAYEB.parent}" in told and "symbolic link" in told
+
+
+def test_a_link_opens_no_further_folders(link, monkeypatch):
+    """Neither from the link nor from the real file may a name climb further than two folders."""
+    monkeypatch.setenv("FLEXCAM_FILES", "")
+    with pytest.raises(InputError, match="two folders above"):
+        read_case(link, ["mesh=../../../pyproject.toml"])
