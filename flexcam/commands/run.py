@@ -28,6 +28,7 @@ from flexcam.console.doubts import run_doubts
 from flexcam.console.ran import Ran, ran_json, ran_parts
 from flexcam.console.watched import Watched
 from flexcam.integrate import solve
+from flexcam.io import takes_files
 from flexcam.response import Cause, RunFailedError, Stats, Status
 from flexcam.runner import (
     budget_of,
@@ -62,6 +63,7 @@ def run(
     time_limit: TimeLimit = None, resume: Resume = False, allow_large: AllowLarge = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Solve a case in time and write its result file."""
+    takes_files(folder)
     until = None if time_limit is None else time.monotonic() + _seconds(time_limit)
     read, choice = fidelity.chosen(load(case, overrides))
     probe = scalar_probe(prepare(read)) if read.record.fidelity.estimate else ""

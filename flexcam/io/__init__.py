@@ -20,7 +20,7 @@ from flexcam.io.regular import text_of
 from flexcam.io.result import Result, read_result
 from flexcam.io.result_size import points_drawn, result_bytes
 from flexcam.io.sealed import seal, seal_fault
-from flexcam.io.target import free_to_write, made_folder
+from flexcam.io.target import free_to_write, made_folder, takes_files
 from flexcam.io.unfinished import Unfinished
 from flexcam.io.verify import Verified, verified
 from flexcam.io.vtkhdf import VECTORS, ResultFile, partial_of
@@ -50,6 +50,7 @@ __all__ = [
     "result_bytes",
     "seal",
     "seal_fault",
+    "takes_files",
     "text_of",
     "verified",
     "write_csv",

@@ -45,6 +45,9 @@ class Draft:
 
     def __init__(self, path: Path, shown: Path) -> None:
         self.path, self._shown, self._copy = path, shown, path.with_suffix(".copying")
+        if path.is_symlink():
+            allowed, why = "a file of its own", "a symbolic link stands there: what it leads to would be written over"
+            raise refuse("result", str(path), allowed, why, "remove the link, or name another folder")
         try:
             self._held = _locked(path)
             self._try()
@@ -83,6 +86,7 @@ class Draft:
         began = time.perf_counter() if prepared is None else prepared
         try:
             if shutil.disk_usage(self.path.parent).free > _SPARE * self.path.stat().st_size:
+                self._copy.unlink(missing_ok=True)  # a link there would lead the copy elsewhere
                 shutil.copyfile(self.path, self._copy)
                 os.replace(self._copy, self._shown)
         except OSError:  # the run itself may still find the room that its copy does not
@@ -92,7 +96,7 @@ class Draft:
         self._cost = self._last - began
 
     def become(self, path: Path) -> None:
-        """Take a name for good; nothing else may follow.
+        """Take a name for good, once the disk has it all; nothing else may follow.
 
         Raises
         ------
@@ -100,7 +104,9 @@ class Draft:
             If the folder is gone, or the like.
         """
         try:
+            os.fsync(self._held)
             os.replace(self.path, path)
+            _sync_folder(path.parent)
         finally:
             self._release()
 
@@ -114,6 +120,16 @@ class Draft:
         with suppress(OSError):
             self._copy.unlink(missing_ok=True)
         os.close(self._held)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Have the disk keep the names in a folder; Windows has no such call, and some network drives refuse it."""
+    with suppress(OSError):
+        held = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(held)
+        finally:
+            os.close(held)
 
 
 def _locked(path: Path) -> int:

@@ -60,7 +60,7 @@ def named_file(case: Path, name: str, where: str) -> Path:
     Parameters
     ----------
     case
-        The case file. Where it is a symbolic link, what does not lie beside the link is looked for beside the real file.
+        The case file. Where it is a symbolic link, what does not lie beside it is looked for beside the real file.
     name
         As the case gives it.
     where

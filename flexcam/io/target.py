@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from flexcam.checks import refuse
@@ -26,15 +29,29 @@ def free_to_write(where: str, path: Path, *, overwrite: bool, remedy: str = _REM
     Raises
     ------
     InputError
-        If it exists and may not be replaced, is a folder, or its folder cannot be made.
+        If it exists and may not be replaced, is a folder or a symbolic link to nothing, or its folder cannot be made.
     """
+    if path.is_symlink() and not path.exists():  # whose target it would make is not known
+        remedy = "remove the link, or name another file"
+        raise refuse(where, str(path), "a file that does not exist yet", _NOWHERE, remedy)
     if path.is_dir():
         raise refuse(where, str(path), "a file", "a folder stands there", "move it, or name another folder")
     if path.exists() and not overwrite:
         raise refuse(where, str(path), "a file that does not exist yet", "nothing is written over", remedy)
-    above = next(folder for folder in path.absolute().parents if folder.exists())
-    if not above.is_dir():
-        raise refuse("folder", str(path.parent), "a folder that can be made", f"{above} is a file", "name another")
+    if why := _barred(path.parent):
+        raise refuse("folder", str(path.parent), _MADE, why, "name another")
+
+
+_MADE, _NOWHERE = "a folder that can be made", "a symbolic link stands there that leads nowhere"
+
+
+def _barred(folder: Path) -> str:
+    """Return what stands in the place of a folder or of one above it; nothing for an empty text."""
+    whole = folder.absolute()
+    above = next(one for one in (whole, *whole.parents) if os.path.lexists(one))
+    if above.is_dir():
+        return ""
+    return f"{above} is a symbolic link that leads nowhere" if above.is_symlink() else f"{above} is a file"
 
 
 def made_folder(path: Path) -> Path:
@@ -58,5 +75,32 @@ def made_folder(path: Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        raise refuse("folder", str(path), "a folder that can be made", str(fault), "name another with -o") from None
+        why = _barred(path) or fault.strerror or str(fault)
+        raise refuse("folder", str(path), _MADE, why, "name another with -o") from None
     return path
+
+
+def takes_files(folder: Path) -> None:
+    """Refuse a folder in which no file can be made, before anything is computed for it; nothing is left behind.
+
+    Parameters
+    ----------
+    folder
+        Which need not exist.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made, or takes no file.
+    """
+    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+    try:
+        with tempfile.TemporaryFile(dir=made_folder(folder)):
+            pass
+    except OSError as fault:
+        why = fault.strerror or str(fault)
+        raise refuse("folder", str(folder), "a folder that takes files", why, "name another with -o") from None
+    finally:
+        for one in missing:
+            with suppress(OSError):
+                one.rmdir()

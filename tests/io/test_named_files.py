@@ -15,7 +15,7 @@ TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"
 
 @pytest.fixture
 def link(tmp_path):
-    """A link to a case, with nothing beside it."""
+    """Return a link to a case, with nothing beside it."""
     folder = tmp_path / "a/b/c"
     folder.mkdir(parents=True)
     (folder / "link.toml").symlink_to(TAYEB)
@@ -39,7 +39,8 @@ def test_both_places_are_told(link):
     with pytest.raises(InputError) as refusal:
         read_case(link, ["mesh=none.msh"])
     told = str(refusal.value)
-    assert f"{link.parent} or from {TAYEB.parent}" in told and "symbolic link" in told
+    assert f"{link.parent} or from {TAYEB.parent}" in told
+    assert "symbolic link" in told
 
 
 def test_a_link_opens_no_further_folders(link, monkeypatch):

@@ -1,0 +1,56 @@
+"""Where files go: folders that take none, and links that lead nowhere."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from flexcam import InputError
+from flexcam.io import free_to_write, made_folder, takes_files
+
+CHECKS = {"folder": made_folder, "try": takes_files, "file": lambda path: free_to_write("result", path, overwrite=True)}
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_a_link_that_leads_nowhere(check, tmp_path):
+    """What would stand there then, and whether the link was meant to stay, is the user's to say."""
+    link = tmp_path / "link"
+    link.symlink_to("nowhere")
+    with pytest.raises(InputError, match=r"symbolic link .*leads nowhere"):
+        CHECKS[check](link)
+    assert link.is_symlink()
+    assert not link.exists()
+
+
+@pytest.mark.parametrize("check", ["folder", "try"])
+@pytest.mark.parametrize("below", ["", "x", "x/y"])
+def test_a_file_in_the_place_of_a_folder(check, below, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=f"{tmp_path}/file is a file"):
+        CHECKS[check](tmp_path / "file" / below)
+
+
+def test_a_folder_is_tried_and_none_is_left(tmp_path, monkeypatch):
+    takes_files(tmp_path / "a/b/c")
+    assert not list(tmp_path.iterdir())
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a").mkdir()
+    takes_files(Path("a/b"))
+    assert [path.name for path in tmp_path.rglob("*")] == ["a"]
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="a folder that takes no files, even of root's")
+def test_a_folder_that_takes_no_file(flexcam, case):
+    """Before the budget, which is none there."""
+    for given in ("/proc", "/proc/x/y.vtkhdf"):
+        told = flexcam("run", case, "-o", given).err
+        assert f"folder: given {given}" in told
+        assert "[Errno" not in told
+
+
+def test_an_ordinary_link_to_a_folder_is_followed(tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to("real")
+    takes_files(tmp_path / "link/below")
+    assert os.path.lexists(made_folder(tmp_path / "link/below"))
+    assert (tmp_path / "real/below").is_dir()
