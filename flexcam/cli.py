@@ -63,13 +63,19 @@ def _crashed(words: Sequence[str], as_json: bool) -> int:
 def _misspelt(words: Sequence[str], fault: CycloptsError) -> Fault:
     """Return a command line that is none, in the words of this one."""
     command = [word for word in words[:1] if any(word in commands for commands in FILES.values())]
-    why = str(fault)
+    why, remedy = str(fault), ""
     if found := re.match(r'Command "\S+" parameter (--\S+) requires an argument', why):
         option = found[1]
-        why = f"{option} is followed by nothing" if option in words else f"{option[2:].upper()} ({option}) is missing"
+        why = f"{option[2:].upper()} ({option}) is missing"
+        if option in words:
+            followed = words[words.index(option) + 1 :][:1]
+            why = f"{option} is followed by {followed[0] if followed else 'nothing'}"
+            remedy = f"a value that begins with - is written {option}={followed[0]}" if followed else ""
     elif found := re.match(r"Unused Tokens: \[(.*)\]", why):
         why = f"nothing takes {found[1]}"
-    return Fault("command line", " ".join(words) or "nothing", f"see {' '.join(['flexcam', *command])} --help", why, "")
+    return Fault(
+        "command line", " ".join(words) or "nothing", f"see {' '.join(['flexcam', *command])} --help", why, remedy
+    )
 
 
 _INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before it was finished: nothing is kept")

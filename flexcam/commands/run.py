@@ -11,7 +11,6 @@ from cyclopts import Parameter
 from flexcam import fidelity
 from flexcam.budget import affordable
 from flexcam.case import Case
-from flexcam.checks import refuse
 from flexcam.commands.app import (
     AllowLarge,
     CaseFile,
@@ -21,9 +20,9 @@ from flexcam.commands.app import (
     Overwrite,
     app,
     load,
-    quantity,
     running,
 )
+from flexcam.commands.duration import duration
 from flexcam.console.doubts import run_doubts
 from flexcam.console.ran import Ran, ran_json, ran_parts
 from flexcam.console.watched import Watched
@@ -36,6 +35,7 @@ from flexcam.runner import (
     recent,
     result_file,
     scalar_probe,
+    standing,
     unfinished,
 )
 from flexcam.terminal import out, print_json, progress
@@ -46,7 +46,9 @@ Resume = Annotated[
 ]
 TimeLimit = Annotated[
     str | None,
-    Parameter("--time-limit", help="End the run after so long, such as 30s, 5min or 2h; what is done stays."),
+    Parameter(
+        "--time-limit", help="End the command after so long, such as 30s, 5min30s or 2h; what is done of the run stays."
+    ),
 ]
 
 
@@ -63,10 +65,11 @@ def run(
     time_limit: TimeLimit = None, resume: Resume = False, allow_large: AllowLarge = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Solve a case in time and write its result file."""
+    until = None if time_limit is None else time.monotonic() + duration("--time-limit", time_limit)
+    given = load(case, overrides)
     takes_files(folder)
-    until = None if time_limit is None else time.monotonic() + _seconds(time_limit)
-    read, choice = fidelity.chosen(load(case, overrides))
-    probe = scalar_probe(prepare(read)) if read.record.fidelity.estimate else ""
+    read, choice = fidelity.chosen(given, until)
+    probe = scalar_probe(standing(read)) if read.record.fidelity.estimate else ""
     ready = prepare(read, until=until, allow_large=allow_large)
     if not allow_large:
         affordable(budget_of(ready, "revolution"), folder)
@@ -83,7 +86,8 @@ def run(
             ready.problem, ready.scheme, save=ready.save, sinks=[strength, *watched.sinks, sink, *bar],
             stop=running.stopped, until=until, memory=kept, resume=earlier,
         )  # fmt: skip
-    estimated = _estimated(read, probe) if probe and response.status.ok else ((), ())
+    running.solving = False
+    estimated = _estimated(read, probe, until) if probe and response.status.ok else ((), ())
     ran = Ran(
         ready, response, watched, sink.path if response.status.ok else sink.partial,
         figures=tuple(operation(ready.model, response, ready.revolution)),
@@ -100,18 +104,15 @@ def run(
     return response.status
 
 
-def _seconds(text: str) -> float:
-    """Return the time a run is given, s."""
-    given = quantity("--time-limit", text, "time", "s")
-    if not given > 0.0:
-        raise refuse("--time-limit", text, "a time above zero, such as 30s, 5min or 2h")
-    return given
-
-
-def _estimated(case: Case, probe: str) -> tuple[tuple[fidelity.Error, ...], tuple[str, ...]]:
-    """Return how far the numbers may be off, or a sentence why that is not known."""
+def _estimated(
+    case: Case, probe: str, until: float | None
+) -> tuple[tuple[fidelity.Error, ...], tuple[str, ...]]:  # fmt: skip
+    """Return how far the numbers may be off, or a sentence why that is not known; the run itself is complete."""
     try:
-        return tuple(fidelity.estimate(case, probe)), ()
+        return tuple(fidelity.estimate(case, probe, until)), ()
     except RunFailedError as failure:
-        why = f"as a run with other steps or elements ended: {failure.status.text}"
-        return (), (f"Warning: no error is estimated, {why}",)
+        late = failure.status.cause is Cause.TIME_LIMIT
+        why = failure.status.text if not late else "the time given to the command was over"
+        return (), (f"Warning: no error is estimated, as a run with other steps or elements ended: {why}",)
+    except KeyboardInterrupt:
+        return (), ("Warning: no error is estimated, as that was interrupted",)

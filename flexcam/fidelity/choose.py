@@ -11,7 +11,8 @@ from flexcam.case.tables.run import ResultStartRecord
 from flexcam.checks import refuse
 from flexcam.fidelity.rungs import Rung
 from flexcam.fidelity.trade import Reference, Traded, candidates, reference, tried
-from flexcam.runner import prepare, scalar_probe
+from flexcam.response import Cause, RunFailedError, Status
+from flexcam.runner import scalar_probe, standing
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,9 @@ class Choice:
         return f"the closest of {self.tried} models is off by {', '.join(said)}"
 
 
-def choose(case: Case, probe: str, tolerance: Mapping[str, float]) -> Choice:
+def choose(
+    case: Case, probe: str, tolerance: Mapping[str, float], until: float | None = None
+) -> Choice:  # fmt: skip
     """Return the cheapest model of a case whose errors are within a tolerance.
 
     Parameters
@@ -70,6 +73,8 @@ def choose(case: Case, probe: str, tolerance: Mapping[str, float]) -> Choice:
     tolerance
         Largest error by quantity, as a part of its largest value: ``lift``, ``velocity``, ``acceleration``, and
         ``force`` for those of all contacts.
+    until
+        When the choice ends at the latest, s of `time.monotonic`; None for no limit.
 
     Returns
     -------
@@ -81,13 +86,15 @@ def choose(case: Case, probe: str, tolerance: Mapping[str, float]) -> Choice:
     InputError
         If the probe has several scalars.
     RunFailedError
-        If the reference ends early.
+        If the reference ends early, or the time is over before a model is found.
     """
-    against = reference(case, probe)
+    against = reference(case, probe, until)
     met: list[tuple[Rung, Traded]] = []
     missed: list[tuple[Rung, Traded]] = []
     for rung in candidates(case):
-        found = tried(rung, probe, against)
+        found = tried(rung, probe, against, until=until)
+        if found.status.cause is Cause.TIME_LIMIT:
+            raise RunFailedError(found.status)
         if _misses(found, against, tolerance) <= 1.0:
             met.append((rung, found))
             break
@@ -98,13 +105,15 @@ def choose(case: Case, probe: str, tolerance: Mapping[str, float]) -> Choice:
     return Choice(rung, found, cheaper, against, bool(met), len(met) + len(missed), tolerance)
 
 
-def chosen(case: Case) -> tuple[Case, Choice | None]:
+def chosen(case: Case, until: float | None = None) -> tuple[Case, Choice | None]:
     """Return the case to run: the cheapest model within the tolerance it asks for, or itself.
 
     Parameters
     ----------
     case
         The case.
+    until
+        When the choice ends at the latest, s of `time.monotonic`; None for no limit.
 
     Returns
     -------
@@ -116,7 +125,7 @@ def chosen(case: Case) -> tuple[Case, Choice | None]:
     InputError
         If it goes on from a result, which fits one mesh only, or no probe is there to compare at.
     RunFailedError
-        If the reference ends early.
+        If the reference ends early, or the time is over before a model is found.
     """
     asked = case.record.fidelity
     if not asked.tolerances:
@@ -124,8 +133,19 @@ def chosen(case: Case) -> tuple[Case, Choice | None]:
     if isinstance(case.record.run.start, ResultStartRecord):
         why, remedy = "a result fits one mesh, and others are tried", "leave one of them out"
         raise refuse(case.place(("fidelity", "tolerance")), "a start from a result", "another start", why, remedy)
-    choice = choose(case, scalar_probe(prepare(case)), asked.tolerances)
+    try:
+        choice = choose(case, scalar_probe(standing(case)), asked.tolerances, until)
+    except RunFailedError as failure:
+        if failure.status.cause is Cause.TIME_LIMIT:
+            raise RunFailedError(_LATE) from None
+        raise
     return choice.rung.case.with_fidelity({"estimate": asked.estimate}), choice
+
+
+_LATE = Status(
+    Cause.TIME_LIMIT, "the time given to the command was over while a model within fidelity.tolerance was sought: "
+    "nothing is kept", "allow more time, or run `flexcam trade` once and choose the model by hand",
+)  # fmt: skip
 
 
 def _percent(share: float) -> str:

@@ -57,7 +57,7 @@ class Error:
         return self.time + self.space + self.model
 
 
-def estimate(case: Case, probe: str) -> list[Error]:
+def estimate(case: Case, probe: str, until: float | None = None) -> list[Error]:
     """Return how far the numbers of a case's run may be off.
 
     Parameters
@@ -66,6 +66,8 @@ def estimate(case: Case, probe: str) -> list[Error]:
         The case.
     probe
         A probe of one scalar.
+    until
+        When the runs end at the latest, s of `time.monotonic`; None for no limit.
 
     Returns
     -------
@@ -84,14 +86,15 @@ def estimate(case: Case, probe: str) -> list[Error]:
     finer = Rung("finer", "", with_elements(case, factor=2)).stepped(steps)
     # Half of an odd number of steps is none: then whether runs come together is asked of shorter steps.
     counts = (steps // 2, steps, 2 * steps) if steps % 2 == 0 else (steps, 2 * steps, 4 * steps)
-    runs = {n: measured_run(own.stepped(n), probe) for n in counts}
+    runs = {n: measured_run(own.stepped(n), probe, until) for n in counts}
     longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
     base, better = runs[steps], runs[2 * steps]
     beams = as_beams(own.case)
     asked = own.case.record.fidelity
     coarse = asked.model != "beams" or asked.modes is not None
-    model = distance(base, measured_run(Rung("beams", "", beams), probe)) if coarse else {}
-    return _errors(base, distance(base, better), distance(base, measured_run(finer, probe)), model, (longer, shorter))
+    model = distance(base, measured_run(Rung("beams", "", beams), probe, until)) if coarse else {}
+    mesh = distance(base, measured_run(finer, probe, until))
+    return _errors(base, distance(base, better), mesh, model, (longer, shorter))
 
 
 def _errors(

@@ -9,7 +9,7 @@ from flexcam.checks import InputError
 from flexcam.fidelity.measure import Measured, measured
 from flexcam.integrate import solve
 from flexcam.response import Response, RunFailedError
-from flexcam.runner import DEFAULT_STEPS_PER_REVOLUTION, Prepared, prepare
+from flexcam.runner import DEFAULT_STEPS_PER_REVOLUTION, Prepared, prepare, standing
 
 _ELEMENTS = (1, 2)
 """Elements per segment of every member, beside those of the case and twice as many."""
@@ -36,21 +36,21 @@ class Rung:
     words: str
     case: Case
 
-    def prepared(self) -> Prepared:
-        """Return everything a run needs."""
-        return prepare(self.case)
+    def prepared(self, until: float | None = None) -> Prepared:
+        """Return everything a run needs; the search for a periodic start ends at `until`, s of `time.monotonic`."""
+        return prepare(self.case, until=until)
 
-    def run(self) -> Response:
-        """Return its response."""
-        ready = self.prepared()
-        return solve(ready.problem, ready.scheme, save=ready.save)
+    def run(self, until: float | None = None) -> Response:
+        """Return its response, by `until` at the latest."""
+        ready = self.prepared(until)
+        return solve(ready.problem, ready.scheme, save=ready.save, until=until)
 
     def stepped(self, per_revolution: int) -> Rung:
         """Return the same model with other steps per revolution."""
         return replace(self, case=self.case.with_run({"steps_per_revolution": per_revolution, "step": None}))
 
 
-def measured_run(rung: Rung, probe: str) -> Measured:
+def measured_run(rung: Rung, probe: str, until: float | None = None) -> Measured:
     """Return what a rung's run has to be compared.
 
     Parameters
@@ -59,6 +59,8 @@ def measured_run(rung: Rung, probe: str) -> Measured:
         The model.
     probe
         A probe of one scalar.
+    until
+        When the run ends at the latest, s of `time.monotonic`; None for no limit.
 
     Returns
     -------
@@ -70,7 +72,7 @@ def measured_run(rung: Rung, probe: str) -> Measured:
     RunFailedError
         If the run ends early.
     """
-    response = rung.run()
+    response = rung.run(until)
     if not response.status.ok:
         raise RunFailedError(response.status)
     return measured(response, probe)
@@ -144,7 +146,7 @@ def as_beams(case: Case) -> Case:
 def _stands(rung: Rung) -> bool:
     """Tell whether a case has such a model: a chain is that of one train with nodes enough."""
     try:
-        rung.prepared()
+        standing(rung.case)
     except (InputError, RunFailedError):
         return False
     return True
@@ -166,7 +168,7 @@ def ladder(case: Case) -> tuple[Rung, ...]:
     """
     beams = as_beams(case)
     own = {one.elements for one in case.record.members.values()}
-    unknowns = prepare(beams).problem.system.size
+    unknowns = standing(beams).problem.system.size
     fewer = [
         Rung(f"beams {n}", f"{n} element{'s' if n > 1 else ''} per segment", with_elements(beams, each=n))
         for n in _ELEMENTS

@@ -13,7 +13,7 @@ from flexcam.fidelity.measure import Measured, distance, measured
 from flexcam.fidelity.rungs import Rung, as_beams, ladder, measured_run, steps_of, with_elements
 from flexcam.integrate import integrated, solve
 from flexcam.response import Advance, Response, RunFailedError, Status, counted, heed
-from flexcam.runner import Prepared
+from flexcam.runner import Prepared, standing
 
 _REFINED = 4
 """Steps of the reference, times those of the case; its elements are three times as many."""
@@ -87,7 +87,7 @@ class Traded:
         return max(self.errors.values(), default=math.inf)
 
 
-def reference(case: Case, probe: str) -> Reference:
+def reference(case: Case, probe: str, until: float | None = None) -> Reference:
     """Return a converged run of a case, with its own error.
 
     Parameters
@@ -96,6 +96,8 @@ def reference(case: Case, probe: str) -> Reference:
         The case.
     probe
         A probe of one scalar.
+    until
+        When the runs end at the latest, s of `time.monotonic`; None for no limit.
 
     Returns
     -------
@@ -111,7 +113,7 @@ def reference(case: Case, probe: str) -> Reference:
     beams = as_beams(case)
     try:
         finest, coarser = (
-            measured_run(Rung("reference", "", with_elements(beams, factor=elements)).stepped(n * steps), probe)
+            measured_run(Rung("reference", "", with_elements(beams, factor=elements)).stepped(n * steps), probe, until)
             for elements, n in ((_FINER, _REFINED), (_FINER - 1, _REFINED // 2))
         )
     except RunFailedError as failure:
@@ -138,7 +140,7 @@ def candidates(case: Case) -> list[Rung]:
     counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _FEWEST or n == 1)]
     return sorted(
         (rung.stepped(n) for rung in ladder(case) for n in counts),
-        key=lambda rung: (_size(rung.prepared()), steps_of(rung.case)),
+        key=lambda rung: (_size(standing(rung.case)), steps_of(rung.case)),
     )
 
 
@@ -146,7 +148,9 @@ def _size(ready: Prepared) -> int:
     return integrated(ready.problem) * ready.problem.steps
 
 
-def tried(rung: Rung, probe: str, against: Reference, *, repeats: int = 1) -> Traded:
+def tried(
+    rung: Rung, probe: str, against: Reference, *, repeats: int = 1, until: float | None = None
+) -> Traded:  # fmt: skip
     """Return what a rung costs and by how much it errs.
 
     Parameters
@@ -159,15 +163,17 @@ def tried(rung: Rung, probe: str, against: Reference, *, repeats: int = 1) -> Tr
         The reference.
     repeats
         Runs whose processor times the median is taken of.
+    until
+        When the runs end at the latest, s of `time.monotonic`; None for no limit.
 
     Returns
     -------
     Traded
         Without errors where its run ended early.
     """
-    ready = rung.prepared()
-    response, first = _timed(ready)
-    seconds = [first, *(_timed(ready)[1] for _ in range(repeats - 1))]
+    ready = rung.prepared(until)
+    response, first = _timed(ready, until)
+    seconds = [first, *(_timed(ready, until)[1] for _ in range(repeats - 1))]
     errors: dict[str, float] = {}
     if response.status.ok:
         apart = distance(measured(response, probe), against.measured, rms=True)
@@ -178,10 +184,10 @@ def tried(rung: Rung, probe: str, against: Reference, *, repeats: int = 1) -> Tr
     )  # fmt: skip
 
 
-def _timed(ready: Prepared) -> tuple[Response, float]:
+def _timed(ready: Prepared, until: float | None) -> tuple[Response, float]:
     """Return a run and the processor time it took, s."""
     begun = time.process_time()
-    response = solve(ready.problem, ready.scheme, save=ready.save)
+    response = solve(ready.problem, ready.scheme, save=ready.save, until=until)
     heed(response.status)
     return response, time.process_time() - begun
 

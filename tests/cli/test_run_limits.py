@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import itertools
-import json
 import time
 from pathlib import Path
 
 import pytest
 
-from flexcam import read_case, read_result
+from flexcam import fidelity, read_case, read_result
 from flexcam.budget import within
+from flexcam.commands.duration import duration
 from flexcam.response import Cause
 from flexcam.runner import budget_of, prepare
 
@@ -100,9 +100,58 @@ def test_a_short_run_has_time(flexcam, case):
     assert flexcam("run", case, "--time-limit", "10 min").code == 0
 
 
-@pytest.mark.parametrize("given", ["5", "5 mm", "soon", "-1 s", "0 s"])
+TIMES = {
+    "5": "write 5s or 5min", "5 mm": "'mm' is none of h, min, s, ms", "soon": "'soon' is no number with a unit",
+    "-1 s": "time does not run backwards", "0 s": "nothing is done in no time", "1h30": "30 without a unit",
+    "5min -3s": "backwards", "": "no number", "1e400s": "none of h", "9" * 400 + "h": "not finite",
+    "nan": "no number",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("given", TIMES)
 def test_times_have_a_unit_and_are_not_over_yet(flexcam, case, given):
-    ended = flexcam("run", case, "--time-limit", given)
+    ended = flexcam("run", case, f"--time-limit={given}", "--json")
     assert ended.code == 2
-    assert "--time-limit" in ended.err
-    assert json.dumps(given)[1:-1] in ended.err
+    (error,) = ended.json["errors"]
+    assert error["where"] == "--time-limit"
+    assert TIMES[given] in ended.err + " ".join(("given", *error.values()))
+    assert all(error.values()), "where, what was given, what is allowed, why, what to do"
+
+
+def test_a_value_that_begins_with_a_dash(flexcam, case):
+    told = flexcam("run", case, "--time-limit", "-1s").err
+    assert "followed by -1s" in told
+    assert "--time-limit=-1s" in told
+
+
+@pytest.mark.parametrize(("given", "seconds"), [("5min30s", 330.0), ("1 h 30 min", 5400.0), (".5h", 1800.0)])
+def test_times_may_have_several_units(given, seconds):
+    assert duration("--time-limit", given) == pytest.approx(seconds, rel=1e-15)
+
+
+def test_the_choice_of_a_model_ends_too(flexcam, case):
+    ended = flexcam("run", case, "--set", "fidelity.tolerance=0.01", "--time-limit", "1 ms", "--json")
+    assert ended.code == 3
+    assert ended.json["status"] == "time-limit"
+    assert "fidelity.tolerance" in ended.json["message"]
+    assert not list(Path().rglob("*.vtkhdf"))
+
+
+@pytest.mark.parametrize("fault", [None, KeyboardInterrupt])
+def test_the_estimate_of_errors_ends_too(fault, flexcam, case, monkeypatch):
+    """The run before it is complete, and stays so."""
+    known, late = fidelity.estimate, []
+
+    def after_the_run(*words):
+        late.append(True)
+        if fault:
+            raise fault
+        return known(*words)
+
+    monkeypatch.setattr(fidelity, "estimate", after_the_run)
+    monkeypatch.setattr("time.monotonic", lambda: 1e6 if late else 0.0)
+    ended = flexcam("run", case, "--set", "fidelity.estimate=true", "--time-limit", "1 h", "--json")
+    assert ended.code == 0
+    assert ended.json["status"] == "done"
+    assert [one for one in ended.json["warnings"] if "no error is estimated" in one]
+    assert read_result(ended.json["result"]).response.status.ok
