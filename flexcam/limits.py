@@ -21,7 +21,7 @@ from flexcam.response import Advance, Response, heed
 from flexcam.runner import Prepared, described, prepare, standing
 from flexcam.system import ConstantSpeed
 from flexcam.train import BOUNCE_HEIGHT, OPEN, CamContact, Model, Seat, main_lift, seating, separation
-from flexcam.units import RPM
+from flexcam.units import RPM, shaft_speed
 
 _REVOLUTIONS = 3.0
 
@@ -205,7 +205,7 @@ def bracketed_limits(
             if response.status.ok:
                 seen[speed] = {name: question(response, ready) for name, (question, _) in questions.items()}
             else:
-                seen[speed] = f"the run at {speed / RPM:.6g} camshaft rpm ended: {response.status.text}"
+                seen[speed] = f"the run at {shaft_speed(speed, case.turns)} ended: {response.status.text}"
         return seen[speed]
 
     return {name: _bracketed(name, words, speeds, ask, search.tolerance) for name, (_, words) in questions.items()}
@@ -314,7 +314,7 @@ def _bracketed(name: str, words: str, speeds: list[float], ask: Callable[[float]
             break
         low = high
     else:
-        return Limit(None, tolerance / RPM, f"{words}: not up to {speeds[-1] / RPM:.6g} camshaft rpm")
+        return Limit(None, tolerance / RPM, f"{words}: not up to the highest speed looked at")
     if low == 0.0:
         return Limit(high / RPM, math.inf, f"{words}: already at the lowest speed looked at")
     while high - low > tolerance:

@@ -221,6 +221,30 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
     return si
 
 
+def shaft_speed(speed: float, turns: float) -> str:
+    """Return a speed in words: that of the shaft that is counted, and of the crankshaft's that of the camshaft too.
+
+    Parameters
+    ----------
+    speed
+        Of the camshaft, rad/s.
+    turns
+        Of the shaft that is counted, per turn of the camshaft: 2 for the crankshaft.
+
+    Returns
+    -------
+    str
+        In rpm.
+
+    Examples
+    --------
+    >>> shaft_speed(3000.0 * RPM, 1.0), shaft_speed(3000.0 * RPM, 2.0)
+    ('camshaft 3000 rpm', 'crankshaft 6000 rpm (camshaft 3000 rpm)')
+    """
+    own = f"camshaft {round(speed / RPM, 9):g} rpm"
+    return own if turns == 1.0 else f"crankshaft {round(turns * speed / RPM, 9):g} rpm ({own})"
+
+
 _SHOWN = {
     "m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg"), "Pa": (1e-6, "MPa"), "m/s^2": (1.0, "m/s²"),
     "rad/s^2": (1.0, "rad/s²"), "1": (1.0, ""),

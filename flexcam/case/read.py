@@ -23,6 +23,7 @@ from flexcam.case.toml import toml
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
 from flexcam.io import Result, named_file, read_mesh, text_of
+from flexcam.units import shaft_speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,16 @@ class Case:
         run = self.record.run
         return run.speed if run.speed is not None else 0.5 * (run.crank_speed or 0.0)
 
+    @property
+    def turns(self) -> float:
+        """Turns of the shaft whose speed the case gives per turn of the camshaft: 2 for the crankshaft."""
+        return 2.0 if self.record.run.speed is None else 1.0
+
+    @property
+    def told_speed(self) -> str:
+        """Its speed in words, with the shaft."""
+        return shaft_speed(self.speed, self.turns)
+
     def at_speed(self, speed: float, revolutions: float | None = None) -> Case:
         """Return the same case at another speed.
 
@@ -80,9 +91,13 @@ class Case:
         Returns
         -------
         Case
-            Its text and overrides are those it was read from.
+            Its text and overrides are those it was read from; it counts the same shaft.
         """
-        changed: dict[str, object] = {"speed": speed, "crank_speed": None}
+        crank = self.turns == 2.0
+        changed: dict[str, object] = {
+            "speed": None if crank else speed,
+            "crank_speed": 2.0 * speed if crank else None,
+        }
         if revolutions is not None:
             changed["revolutions"] = revolutions
         return self.with_run(changed)

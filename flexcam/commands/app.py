@@ -97,11 +97,6 @@ def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
     return case
 
 
-def turns(case: Case) -> float:
-    """Return turns of the shaft whose speed the case gives per turn of the camshaft: 2 for the crankshaft."""
-    return 2.0 if case.record.run.speed is None else 1.0
-
-
 def speed_range(lowest: str | None, highest: str | None, count: int, speed: float, scale: float) -> tuple[float, float]:
     """Return the speeds of the camshaft between which a command looks; half and one and a half of the case's."""
     if count < 2:

@@ -47,10 +47,17 @@ Prestress = Annotated[
     help_prologue="""\
 flexcam check case.toml
 flexcam check case.toml --set run.speed=4000rpm --json
+flexcam check case.toml --echo
 """
 )
-def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False) -> None:
-    """Check a case, say what its model contains, and print it with every default filled in."""
+def check(
+    case: CaseFile, *,
+    echo: Annotated[
+        bool, Parameter("--echo", negative=(), help="Also print the case with every default filled in, in SI.")
+    ] = False,
+    overrides: Overrides = None, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Check a case, and say what its model contains and what is doubtful about it."""
     read = load(case, overrides)
     ready = standing(read)
     found, takes = case_modes(read), budget_of(ready, "revolution")
@@ -77,7 +84,10 @@ def check(case: CaseFile, *, overrides: Overrides = None, as_json: Json = False)
         out().print(model_table(ready, found, takes))
         for sentence in doubts(found) + input_doubts(ready):
             out().print("\n" + sentence)
-        out().print("\n# the case as it is run, SI\n" + resolved(ready.case))
+        if echo:
+            out().print("\n# the case as it is run, SI\n" + resolved(ready.case))
+        else:
+            out().print("\n--echo prints the case with every default filled in.")
 
 
 @app.command(

@@ -71,7 +71,7 @@ def compare(
             "claims": [asdict(claim) for claim in claims],
         })  # fmt: skip
         return found.status
-    out().print(comparison_table(found))
+    out().print(comparison_table(found, read.turns))
     words = comparison_words(found, mode_hz)
     for sentence in words + couplings(read):
         out().print("\n" + sentence)

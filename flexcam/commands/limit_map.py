@@ -12,8 +12,8 @@ from flexcam import study
 from flexcam.case import CaseFile
 from flexcam.checks import refuse
 from flexcam.commands.answers import write_answer
-from flexcam.commands.app import Overrides, free_picture, turns
-from flexcam.console.limit_map import told_limit_map
+from flexcam.commands.app import Overrides, free_picture
+from flexcam.console.limit_map import axis_words, told_limit_map
 from flexcam.console.words import shaft_name
 from flexcam.io import free_to_write
 from flexcam.limits import Search
@@ -39,19 +39,20 @@ def map_limits(
         free_to_write("output", csv, overwrite=overwrite)
     file = CaseFile.opened(path)
     plan = study.grid_plan(_axis("--over", over), _axis("--and", beside), overrides or ())
-    shaft = shaft_name(turns(validated(file, plan)))
+    case = validated(file, plan)
+    shaft = shaft_name(case.turns)
     asked = [f"limits.{name}" for name in names]
     with (
         counting(len(plan), "variants") as shown,
         study.evaluators(file, (), asked, search, workers=workers, advance=shown) as runs,
     ):
-        found = study.limit_map(plan, names, runs)
+        found = study.limit_map(plan, names, runs).told_in(case)
 
     def draw() -> Figure:
         from flexcam.view import map_figure
 
         first, second = (np.array([value.number for value in one.values]) for one in found.axes)
-        labels = [f"{one.key}, {one.unit or 'SI'}" for one in found.axes]
+        labels = [axis_words(one) for one in found.axes]
         return map_figure(second, first, found.rpm, (labels[1], labels[0]), shaft)
 
     write_answer((told_limit_map(found, shaft), draw), csv, plot, overwrite=overwrite, as_json=as_json)

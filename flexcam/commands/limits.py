@@ -18,7 +18,6 @@ from flexcam.commands.app import (
     load_beams,
     quantity,
     speed_range,
-    turns,
 )
 from flexcam.console.limits import limits_json, limits_table
 from flexcam.console.parting import force_bands, parting_json, parting_table
@@ -61,7 +60,7 @@ def limits(
     own of: the crankshaft (crank_speed) or the camshaft (speed).
     """
     read = load_beams(case, overrides)
-    scale = turns(read)
+    scale = read.turns
     low = 0.5 * read.speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
     high = 2.0 * read.speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
     width = quantity("--tolerance", tolerance, "speed", "rpm") / scale
@@ -102,7 +101,7 @@ def parting(
     Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
     """
     read = load_beams(case, overrides)
-    scale = turns(read)
+    scale = read.turns
     low, high = speed_range(lowest, highest, count, read.speed, scale)
     part = parse(tolerance, "number")
     with counting(count, "speeds") as shown:
@@ -139,7 +138,7 @@ def stability(
     Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
     """
     read = load_beams(case, overrides)
-    scale = turns(read)
+    scale = read.turns
     if lowest is None and highest is None and plot is None:
         found = find_causes(read)
         if as_json:

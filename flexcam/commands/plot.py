@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from flexcam import fidelity, runner
 from flexcam.case import Case, build_model
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
-from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity, speed_range, turns
+from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity, speed_range
 from flexcam.commands.sources import Source, named, opened
 from flexcam.console.words import shaft_name
 from flexcam.response import Response, Status
@@ -206,7 +206,7 @@ def _campbell(asked: Asked) -> Figure:
     from flexcam.view import campbell_figure
 
     case = _single(asked, "campbell").case
-    scale = turns(case)
+    scale = case.turns
     speeds = _speeds(asked, case)
     with counting(len(speeds), "speeds") as shown:
         found = campbell(case, speeds, orders=range(1, _ORDERS + 1), advance=shown)
@@ -221,7 +221,7 @@ def _waterfall(asked: Asked) -> Figure:
 
     case = _single(asked, "waterfall").case
     seen = signals(case, asked.channels, None if asked.probe is None else [asked.probe])
-    scale, speeds = turns(case), _speeds(asked, case)
+    scale, speeds = case.turns, _speeds(asked, case)
     with counting(len(speeds), "speeds") as shown:
         found = waterfall(case, speeds, seen, _ORDERS, advance=shown)
     return waterfall_figure(found, scale, shaft_name(scale))
@@ -234,7 +234,7 @@ _ORDERS = 24
 def _speeds(asked: Asked, case: Case) -> list[float]:
     """Return camshaft speeds, rad/s."""
     count = 9 if asked.count is None else asked.count
-    return np.linspace(*speed_range(None, None, count, case.speed, turns(case)), count).tolist()
+    return np.linspace(*speed_range(None, None, count, case.speed, case.turns), count).tolist()
 
 
 def _work_precision(asked: Asked) -> Figure:

@@ -21,7 +21,7 @@ def settings(case: CaseFile, *, overrides: Overrides = None, as_json: Json = Fal
     and for every table under [settings].
     """
     read = load(case, overrides)
-    scale = 2.0 if read.record.run.speed is None else 1.0
+    scale = read.turns
     found = settings_of(read)
     if as_json:
         print_json({"status": "ok", **settings_json(found, scale)})

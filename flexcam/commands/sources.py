@@ -10,7 +10,6 @@ from pathlib import Path
 from flexcam.case import Case, recalled_case
 from flexcam.checks import refuse
 from flexcam.commands.app import load
-from flexcam.console.cases import rpm
 from flexcam.console.words import told_apart
 from flexcam.integrate import solve
 from flexcam.io import Result, read_result
@@ -70,7 +69,7 @@ class Source:
     @property
     def title(self) -> str:
         """What the case is called, with its speed."""
-        return f"{self.case.record.title or self.stem}, camshaft {rpm(self.case):g} rpm"
+        return f"{self.case.record.title or self.stem}, {self.case.told_speed}"
 
 
 def _solved(ready: Prepared) -> Response:
@@ -96,5 +95,5 @@ def named(sources: Sequence[Source]) -> dict[str, Source]:
     """Return sources by what tells them apart: nothing for a single one, else file name, speed or number."""
     if len(sources) == 1:
         return {"": sources[0]}
-    speeds = [f"{rpm(one.case):g} rpm" for one in sources]
+    speeds = [one.case.told_speed for one in sources]
     return dict(zip(told_apart([one.stem for one in sources], speeds), sources, strict=True))

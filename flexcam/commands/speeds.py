@@ -22,7 +22,6 @@ from flexcam.commands.app import (
     load,
     load_beams,
     speed_range,
-    turns,
 )
 from flexcam.console.campbell import campbell_json, campbell_table, crossing_table, ended_early
 from flexcam.console.orders import orders_csv, orders_json, orders_table
@@ -57,7 +56,7 @@ def campbell(
     Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
     """
     read = load_beams(case, overrides)
-    scale = turns(read)
+    scale = read.turns
     low, high = speed_range(lowest, highest, count, read.speed, scale)
     free_picture(plot, overwrite)
     speeds = np.linspace(low, high, count).tolist()
@@ -105,7 +104,7 @@ def orders(
     Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
     """
     read = load(case, overrides)
-    scale = turns(read)
+    scale = read.turns
     low, high = speed_range(lowest, highest, count, read.speed, scale)
     free_picture(plot, overwrite)
     if csv is not None:

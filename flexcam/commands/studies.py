@@ -24,7 +24,6 @@ from flexcam.commands.app import (
     app,
     free_picture,
     quantity,
-    turns,
 )
 from flexcam.commands.app import CaseFile as CasePath
 from flexcam.console.optimum import goal_history, told_front, told_optimum
@@ -148,7 +147,7 @@ class _Asked:
 
 def search_of(case: Case, lowest: str | None, highest: str | None, within: str) -> Search:
     """Return where limits are looked for; from half to twice the case's speed by default."""
-    scale = turns(case)
+    scale = case.turns
     low = 0.5 * case.speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
     high = 2.0 * case.speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
     return Search(low, high, quantity("--within", within, "speed", "rpm") / scale)

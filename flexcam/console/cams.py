@@ -118,7 +118,7 @@ def _jerk(jerk: float | None) -> str:
 
 def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float | None) -> str:
     text = f"{1e3 * value:.5g} {unit}"
-    return text if speed is None else f"{text}, {value * speed**order:.5g} {at_speed} at {speed / RPM:.6g} rpm"
+    return text if speed is None else f"{text}, {value * speed**order:.5g} {at_speed} at camshaft {speed / RPM:.6g} rpm"
 
 
 def _event(event: ValveEvent | None, always: bool) -> str:

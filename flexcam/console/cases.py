@@ -22,7 +22,7 @@ from flexcam.runner import Prepared
 from flexcam.terminal import bare, facts, table
 from flexcam.train import Adjuster, Contact, Figure, Lash, ModelModes, Seat, build_structure, member_masses
 from flexcam.train import left_out as words_of
-from flexcam.units import RPM
+from flexcam.units import RPM, shaft_speed
 
 COUPLINGS = {
     "published-load": (
@@ -111,7 +111,7 @@ def model_table(ready: Prepared, modes: ModelModes, takes: Budget | None = None)
         *((f"cam {n}", f"at {c.at}, lift {1e3 * c.event.height:g} mm") for n, c in model.cams.items()),
         *((f"contact {n}", _contact(c)) for n, c in model.contacts.items()),
         *_weight(ready),
-        ("camshaft speed", f"{rpm(ready.case):g} rpm"),
+        ("speed", ready.case.told_speed),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
         ("free motions", _free_motions(modes)),
         ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
@@ -173,22 +173,6 @@ def _free_motions(modes: ModelModes) -> str:
     return "; ".join(free) if free else "none"
 
 
-def rpm(case: Case) -> float:
-    """Return the camshaft speed of a case.
-
-    Parameters
-    ----------
-    case
-        The case.
-
-    Returns
-    -------
-    float
-        rpm, free of rounding in the last digits.
-    """
-    return round(case.speed / RPM, 9)
-
-
 def mac_table(likeness: FloatArray) -> Table:
     """Return a table of the modal assurance criterion.
 
@@ -219,7 +203,7 @@ def mode_table(modes: ModelModes) -> Table:
     Table
         For rich.
     """
-    made = table("Modes", ("no.", "Hz", "rpm", "ux kg", "uy kg", "uz kg"), ())
+    made = table("Modes", ("no.", "Hz", "camshaft rpm", "ux kg", "uy kg", "uz kg"), ())
     made.add_column("what moves (share of the kinetic energy)", justify="left")
     for i, frequency in enumerate(modes.modes.frequencies):
         masses = [f"{m:.4f}" for m in modes.effective[i, :3]]
@@ -227,13 +211,15 @@ def mode_table(modes: ModelModes) -> Table:
     return made
 
 
-def comparison_table(comparison: Comparison) -> Table:
+def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
     """Return flexible against rigid.
 
     Parameters
     ----------
     comparison
         The comparison.
+    turns
+        Of the shaft whose speed is counted, per turn of the camshaft: 2 for the crankshaft.
 
     Returns
     -------
@@ -248,7 +234,7 @@ def comparison_table(comparison: Comparison) -> Table:
         rows.append((f"{one.quantity}, {unit}", *figures, fixed(one.of_rigid, 3), f"{one.angle_deg:.1f}"))
     one, other = comparison.names
     head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"of {other} peak", "at cam deg")
-    speed = f"camshaft {comparison.speed_rpm:g} rpm"
+    speed = shaft_speed(comparison.speed_rpm * RPM, turns)
     return table(f"{one[:1].upper()}{one[1:]} against {other} at {comparison.probe}, {speed}", head, rows)
 
 
@@ -298,7 +284,7 @@ def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]
         return [deviation]
     share = comparison.speed_rpm / (60.0 * mode_hz)
     mode = (
-        f"The loaded mode nearest the cam speed is {mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} rpm; "
+        f"The loaded mode nearest the cam speed is {mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm; "
         f"the cam turns at {share:.2f} of that."
     )
     return [deviation, mode]

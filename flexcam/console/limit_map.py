@@ -6,6 +6,7 @@ import math
 
 from flexcam.console.told import Told, csv_of, or_none, shown
 from flexcam.study import LimitMap
+from flexcam.sweep import Axis
 from flexcam.terminal import table
 
 
@@ -27,8 +28,8 @@ def told_limit_map(found: LimitMap, shaft: str) -> Told:
     first, second = found.axes
     tables = [
         table(
-            f"{name.replace('_', ' ')}, {shaft} rpm; along: {second.key}, {second.unit or 'SI'}",
-            (f"{first.key}, {first.unit or 'SI'}", *(shown(value.number or 0.0) for value in second.values)),
+            f"{name.replace('_', ' ')}, {shaft} rpm; along: {axis_words(second)}",
+            (axis_words(first), *(shown(value.number or 0.0) for value in second.values)),
             [
                 (shown(value.number or 0.0), *(shown(x) for x in row))
                 for value, row in zip(first.values, rpm.tolist(), strict=True)
@@ -43,8 +44,7 @@ def told_limit_map(found: LimitMap, shaft: str) -> Told:
     if gaps:
         failed = next(status for status in found.statuses if not status.ok)
         words.append(f"{gaps} variants have no numbers; the first: {failed}")
-    head = (f"{first.key}, {first.unit or 'SI'}", f"{second.key}, {second.unit or 'SI'}",
-            *(f"{name} [rpm]" for name in found.rpm), "status")  # fmt: skip
+    head = (axis_words(first), axis_words(second), *(f"{name} [{shaft} rpm]" for name in found.rpm), "status")
     rows = [
         (one.number or 0.0, other.number or 0.0, *(float(rpm[i, j]) for rpm in found.rpm.values()),
          str(found.statuses[i * len(second.values) + j].cause))
@@ -59,6 +59,22 @@ def told_limit_map(found: LimitMap, shaft: str) -> Told:
         "statuses": [str(status.cause) for status in found.statuses],
     }
     return Told(tables, words, json, csv_of(head, rows))
+
+
+def axis_words(axis: Axis) -> str:
+    """Return what stands along an axis.
+
+    Parameters
+    ----------
+    axis
+        With its unit.
+
+    Returns
+    -------
+    str
+        Key and unit, the key alone of a plain number.
+    """
+    return f"{axis.key}, {axis.unit}" if axis.unit else axis.key
 
 
 def _gaps(rows: list[list[float]]) -> bool:

@@ -6,6 +6,7 @@ import math
 
 from rich.table import Table
 
+from flexcam.console.words import shaft_name
 from flexcam.limits import Limits
 from flexcam.terminal import table
 
@@ -29,7 +30,7 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
     width = max(one.tolerance_rpm for one in found.limits.values())
     rpm = {f"{name}_rpm": None if one.rpm is None else scale * one.rpm for name, one in found.limits.items()}
     return {
-        **rpm, "first": found.first, "shaft": "crank" if scale == 2.0 else "camshaft",
+        **rpm, "first": found.first, "shaft": shaft_name(scale),
         "tolerance_rpm": None if math.isinf(width) else scale * width,
         "rigid_loss_of_contact_rpm": None if found.rigid_rpm is None else scale * found.rigid_rpm,
         "spring_margin": found.spring_margin, "buckling_margins": dict(found.buckling_margins),
@@ -68,5 +69,5 @@ def limits_table(found: Limits, scale: float) -> Table:
         (f"{name}, margin", f"{margin:.3g}", "", "buckling load by the compression at full lift, at rest")
         for name, margin in found.buckling_margins.items()
     ]
-    shaft = "crank" if scale == 2.0 else "camshaft"
+    shaft = shaft_name(scale)
     return table("What gives way, and when", ("limit", f"{shaft} rpm", "within", "what happens"), rows)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from rich.table import Table
 
-from flexcam.console.words import fixed
+from flexcam.console.words import fixed, shaft_name
 from flexcam.linalg import FloatArray
 from flexcam.parting import MODELS, Forces, Speed, parts_at
 from flexcam.terminal import table
@@ -33,7 +33,7 @@ def parting_table(found: Sequence[Speed], scale: float, tolerance: float) -> Tab
         For rich.
     """
     rows = [(f"{scale * one.rpm:.6g}", *(_told(one.forces[name]) for name in MODELS)) for one in found]
-    head = ("crank rpm" if scale == 2.0 else "camshaft rpm", *(f"{name}, N" for name in MODELS))
+    head = (f"{shaft_name(scale)} rpm", *(f"{name}, N" for name in MODELS))
     return table(f"Contact force on the main lift; {_where(found, scale, tolerance)}", head, rows)
 
 
@@ -45,7 +45,7 @@ def _where(found: Sequence[Speed], scale: float, tolerance: float) -> str:
     words: list[str] = []
     for first, second in _PAIRS:
         rpm = parts_at(found, first, second, tolerance)
-        there = "do not part" if rpm is None else f"part at {scale * rpm:.6g} rpm"
+        there = "do not part" if rpm is None else f"part at {scale * rpm:.6g} {shaft_name(scale)} rpm"
         words.append(f"{first} and {second} {there}")
     return ", ".join(words) + f" ({tolerance:.0%})"
 
@@ -71,7 +71,13 @@ def parting_json(found: Sequence[Speed], scale: float, tolerance: float) -> dict
         name: [None if (one := speed.forces[name]) is None else [one.least, one.largest] for speed in found]
         for name in MODELS
     }
-    return {"rpm": [scale * one.rpm for one in found], "forces_n": forces, **part, "tolerance": tolerance}
+    return {
+        "shaft": shaft_name(scale),
+        "rpm": [scale * one.rpm for one in found],
+        "forces_n": forces,
+        **part,
+        "tolerance": tolerance,
+    }
 
 
 def force_bands(found: Sequence[Speed]) -> dict[str, tuple[FloatArray, FloatArray]]:

@@ -11,7 +11,6 @@ import numpy as np
 from rich.table import Table
 
 from flexcam.case import Case
-from flexcam.console.cases import rpm
 from flexcam.console.doubts import balances
 from flexcam.console.words import fixed
 from flexcam.io import Result, Verified
@@ -44,7 +43,7 @@ def run_table(case: Case, extremes: Extremes) -> Table:
             unit = "mrad" if component in ("rx", "ry", "rz") else "mm"
             if round(1e3 * float(np.abs(bounds).max()), 4) > 0.0:
                 rows.append((full, *(f"{fixed(1e3 * float(x), 4)} {unit}" for x in bounds)))
-    title = f"{case.record.title or case.name}, camshaft {rpm(case):g} rpm"
+    title = f"{case.record.title or case.name}, {case.told_speed}"
     return table(title, ("probe", "least", "largest"), rows or [("no probe moves", "", "")])
 
 

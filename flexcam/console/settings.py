@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 from rich.table import Table
 
-from flexcam.console.words import mm
+from flexcam.console.words import mm, shaft_name
 from flexcam.fidelity import Setting
 from flexcam.terminal import table
 from flexcam.units import RPM
@@ -38,7 +38,7 @@ def settings_table(found: Sequence[Setting], scale: float) -> Table:
         for one in found
     ]  # fmt: skip
     title = f"Acceleration of the lift (spp) and of the valve (xpp), m/s^2; lift {mm(found[0].lift, 4)} mm"
-    return table(title, ("setting", "crank rpm" if scale == 2.0 else "camshaft rpm", *_HEAD), rows)
+    return table(title, ("setting", f"{shaft_name(scale)} rpm", *_HEAD), rows)
 
 
 def settings_words(found: Sequence[Setting]) -> list[str]:
@@ -88,5 +88,5 @@ def settings_json(found: Sequence[Setting], scale: float) -> dict[str, object]:
         A list of settings, and the words.
     """
     rows = [{**asdict(one), "rpm": scale * one.speed / RPM, "lost": one.lost} for one in found]
-    shaft = "crank" if scale == 2.0 else "camshaft"
+    shaft = shaft_name(scale)
     return {"shaft": shaft, "settings": rows, "words": settings_words(found)}

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
+from flexcam.console.words import shaft_name
 from flexcam.linalg import FloatArray
 from flexcam.stability import Discrete, Resonance, Stability
 from flexcam.terminal import facts, table
+from flexcam.units import RPM, shaft_speed
 
 _SHOWN = 5
 
@@ -46,7 +48,7 @@ def stability_table(found: Stability, scale: float) -> Table:
         *((f"harmonic {one.harmonic}", _met(one, scale)) for one in found.resonances[:_SHOWN]),
         ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in found.verdict) or _calm(found)),
     ]  # fmt: skip
-    return facts(f"Stability at {scale * found.rpm:.6g} rpm", rows)
+    return facts(f"Stability at {shaft_speed(found.rpm * RPM, scale)}", rows)
 
 
 def _calm(found: Stability) -> str:
@@ -64,7 +66,7 @@ def _integrated(found: Discrete) -> str:
 
 def _met(one: Resonance, scale: float) -> str:
     sizes = f"{1e3 * one.amplitude:.3g} mm, {one.load:.3g} N"
-    return f"{scale * one.rpm:.5g} rpm, {one.frequency:.5g} Hz, {sizes}: {one.words}"
+    return f"{scale * one.rpm:.5g} {shaft_name(scale)} rpm, {one.frequency:.5g} Hz, {sizes}: {one.words}"
 
 
 def _grows(found: Stability) -> str:
@@ -92,7 +94,8 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
     """
     multipliers = [] if found.floquet is None else [[one.real, one.imag] for one in found.floquet.multipliers.tolist()]
     return {
-        "rpm": scale * found.rpm, "run": str(found.status.cause), "spectral_radius": found.discrete.radius,
+        "shaft": shaft_name(scale), "rpm": scale * found.rpm,
+        "run": str(found.status.cause), "spectral_radius": found.discrete.radius,
         "endangered_mode_hz": found.discrete.frequency, "endangered_moves": list(found.discrete.moving),
         "critical_step_s": found.discrete.critical_step if math.isfinite(found.discrete.critical_step) else None,
         "multipliers": multipliers, "growth": None if found.floquet is None else found.floquet.growth,
@@ -121,7 +124,7 @@ def growth_table(found: Sequence[Stability], scale: float) -> Table:
     Table
         A row per speed.
     """
-    heads = ("rpm", "spectral radius", "multiplier", "growth, 1/s", "off the cam, deg", "verdict")
+    heads = (f"{shaft_name(scale)} rpm", "spectral radius", "multiplier", "growth, 1/s", "off the cam, deg", "verdict")
     return table("Stability over speed", heads, (_row(one, scale) for one in found))
 
 

@@ -144,7 +144,7 @@ def polydyne_table(found: PolydyneCam) -> Table:
     ]
     head = ("camshaft rpm", "plain cam, um", "polydyne cam, um")
     title = "Distance of the train's end from the wanted motion"
-    return table(f"{title}; design speed {found.speed / RPM:.6g} rpm", head, rows)
+    return table(f"{title}; design speed: camshaft {found.speed / RPM:.6g} rpm", head, rows)
 
 
 def _micrometres(value: float) -> str:

@@ -96,7 +96,7 @@ def _errors(case: Case, probe: str) -> Extra:
 
 
 def _limits(case: Case) -> Extra:
-    scale = 2.0 if case.record.run.speed is None else 1.0
+    scale = case.turns
     try:
         limits = find_limits(case, lowest=0.5 * case.speed, highest=2.0 * case.speed, tolerance=_BRACKET * case.speed)
     except InputError as refusal:  # the rest of the page does not suffer from it

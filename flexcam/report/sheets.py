@@ -63,7 +63,8 @@ def sheets(about: Subject, compared: Comparison | None, figures: list[Figure]) -
         Those that its case allows.
     """
     response, known = about.result.response, about.known
-    found = [sheet(comparison_table(compared))] if compared is not None else []
+    turns = 1.0 if known is None else known.case.turns
+    found = [sheet(comparison_table(compared, turns))] if compared is not None else []
     found += [sheet(operation_table(figures))] if figures else []
     if known is not None:
         stressed = strength_of(known.ready, known.response)

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexcam.console.cases import comparison_words, couplings, left_out, rpm
+from flexcam.console.cases import comparison_words, couplings, left_out
 from flexcam.console.results import unknowns
 from flexcam.fidelity import Comparison
 from flexcam.limits import Margins
 from flexcam.report.subject import Known, Subject
 from flexcam.train import Figure
+from flexcam.units import RPM, shaft_speed
 
 _SAME_LIFT = 0.01
 _SAME_ACCELERATION = 0.1
@@ -55,8 +56,8 @@ def modelled(about: Subject, known: Known, figures: Sequence[Figure] = ()) -> li
     said = [
         f"Modelled with {kind}: {parts}.",
         (
-            f"The camshaft turns at {rpm(case):g} rpm; the run covers {covers} in "
-            f"{response.stats.steps} steps ({per:.6g} per revolution) of {unknowns(known.response)}."
+            f"Run at {case.told_speed} for {covers} of the camshaft, in {response.stats.steps} steps "
+            f"({per:.6g} per revolution) of {unknowns(known.response)}."
         ),
     ]
     said += couplings(case, figures)
@@ -90,13 +91,15 @@ def verdict(compared: Comparison) -> list[str]:
     return [f"{said} (held against {bounds}).", *comparison_words(compared, None)]
 
 
-def left_in_hand(margins: Margins) -> list[str]:
+def left_in_hand(margins: Margins, turns: float) -> list[str]:
     """Return what the train has in hand at its speed.
 
     Parameters
     ----------
     margins
         From `flexcam.limits.margins`.
+    turns
+        Of the shaft whose speed is told, per turn of the camshaft: 2 for the crankshaft.
 
     Returns
     -------
@@ -106,7 +109,7 @@ def left_in_hand(margins: Margins) -> list[str]:
     said: list[str] = []
     if margins.rigid_rpm is not None and margins.spring is not None:
         said.append(
-            f"A rigid train would leave its cam at {margins.rigid_rpm:.5g} rpm of the camshaft; at this speed its "
+            f"A rigid train would leave its cam at {shaft_speed(margins.rigid_rpm * RPM, turns)}; at this speed its "
             f"springs push {1.0 + margins.spring:.3g} times what its inertia asks for."
         )
     said += [

@@ -10,7 +10,6 @@ import numpy as np
 from flexcam import fidelity
 from flexcam.case import Case
 from flexcam.checks import FlexcamError, InputError, refuse
-from flexcam.console.cases import rpm
 from flexcam.console.doubts import run_doubts
 from flexcam.console.watched import Watched
 from flexcam.console.words import told_apart
@@ -70,7 +69,7 @@ def report_of(subjects: Sequence[Subject], *, probe: str | None = None, asked: A
 
 def _names(subjects: Sequence[Subject]) -> list[str]:
     """Return what tells results apart: nothing for a single one."""
-    speeds = [f"{rpm(one.known.case):g} rpm" if one.known else "" for one in subjects]
+    speeds = [one.known.case.told_speed if one.known else "" for one in subjects]
     return told_apart([one.stem for one in subjects], speeds) if len(subjects) > 1 else [""]
 
 
@@ -104,7 +103,7 @@ def _chapter(about: Subject, name: str, main: str, asked: Asked, share: int) -> 
     doubts = _doubts(known, figures) if len(known.response.time) else []
     return Chapter(
         name=name,
-        title=f"{title}, camshaft {rpm(known.case):g} rpm",
+        title=f"{title}, {known.case.told_speed}",
         verdict=tuple(words.verdict(compared)) if compared and status.ok else (),
         summary=(*summary, *chain.from_iterable(one.sentences for one in more)),
         warnings=(*ended, *doubts, *about.lacking, *lacking),
@@ -139,7 +138,7 @@ def _compared(about: Subject, known: Known, main: str) -> tuple[Comparison | Non
 
 def _in_hand(case: Case) -> list[str]:
     try:
-        return words.left_in_hand(margins(case))
+        return words.left_in_hand(margins(case), case.turns)
     except FlexcamError:  # a train without balance at full lift has nothing in hand; its run says why
         return []
 

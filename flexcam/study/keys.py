@@ -64,7 +64,7 @@ def number_of(case: Case, key: str, where: str) -> Number:
             key.rpartition(".")[2], [n.rpartition(".")[2] for n in numbers]
         )
         allowed = f"the key of a number of the case, such as {', '.join(numbers[:6])}"
-        raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check prints them all")
+        raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check --echo prints them all")
     value = known[key]
     if not isinstance(value, float):
         given = f"{key} = {value!r}" if value is not None else f"{key}, which is not given"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from flexcam.case import Case
+from flexcam.case.own_unit import own_unit
 from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
 from flexcam.response import Cause, Status
@@ -33,6 +35,15 @@ class LimitMap:
     axes: tuple[Axis, Axis]
     rpm: Mapping[str, FloatArray]
     statuses: tuple[Status, ...]
+
+    def told_in(self, case: Case) -> LimitMap:
+        """Return the same with the units of numbers that were given without one: those the case takes them in."""
+        first, second = (_with_unit(one, case) for one in self.axes)
+        return replace(self, axes=(first, second))
+
+
+def _with_unit(axis: Axis, case: Case) -> Axis:
+    return axis if axis.unit else replace(axis, unit=own_unit(case.record, axis.key.split(".")) or "")
 
 
 def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:

@@ -89,7 +89,7 @@ class Constraint:
             If its own unit is of another kind.
         """
         values = _by_unit(self.text)
-        if unit == "rpm" and "rad/s" in values:
+        if unit.endswith("rpm") and "rad/s" in values:
             return values["rad/s"] / RPM
         if "bare" in values:
             return values["bare"]

@@ -241,7 +241,7 @@ def _limits(case: Case, names: Sequence[str], search: Search | None) -> dict[str
     if unknown := [one for one in asked if one not in LIMITS]:
         allowed = ", ".join(_LIMIT + one for one in LIMITS)
         raise refuse("scalar", f"{_LIMIT}{unknown[0]}", allowed, "", did_you_mean(unknown[0], LIMITS))
-    scale = 2.0 if case.record.run.speed is None else 1.0
+    scale, unit = case.turns, "crank rpm" if case.turns == 2.0 else "camshaft rpm"
     where = search or Search(0.5 * case.speed, 2.0 * case.speed, 10.0 * RPM / scale)
     found = bracketed_limits(case, where, asked)
     if lacking := [one for one in asked if one not in found]:
@@ -250,7 +250,7 @@ def _limits(case: Case, names: Sequence[str], search: Search | None) -> dict[str
         )
     if broken := [one for one in found.values() if one.rpm is None and "not known" in one.words]:
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, broken[0].words))
-    return {_LIMIT + n: Quantity(scale * one.rpm, "rpm") for n, one in found.items() if one.rpm is not None}
+    return {_LIMIT + n: Quantity(scale * one.rpm, unit) for n, one in found.items() if one.rpm is not None}
 
 
 def _cams(case: Case, names: Sequence[str]) -> dict[str, Quantity]:

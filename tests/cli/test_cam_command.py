@@ -217,7 +217,7 @@ def test_a_case_without_a_base_circle_says_how_to_get_a_profile(told):
     cam = one(told, "model-2-cycloidal", *more, "--set", "cams.intake.lift=7 mm")
     assert (cam["lift"], cam["profile"]["base_radius"]) == (0.007, 0.02)
     assert cam["velocity"] == pytest.approx(0.007 * 2 / math.pi, rel=1e-12)
-    assert "at 100 rpm" in told("li-fb2", "--set", "speed=100 rpm").out
+    assert "at camshaft 100 rpm" in told("li-fb2", "--set", "speed=100 rpm").out
 
 
 REFUSED = {  # words, where, what is given, a part of the message

@@ -62,7 +62,11 @@ def test_several_results_over_time(flexcam, case, result, tmp_path):
     assert flexcam("run", "case.toml", "-o", "fast", "--set", "run.speed=4000rpm").code == 0
     assert flexcam("plot", result, "fast/case.vtkhdf", "--over", "time", "--probe", "cam.rx", "-o", "b.svg").code == 0
     words = words_of(tmp_path / "b.svg")
-    assert [word for word in ("case, 3000 rpm", "case, 4000 rpm", "time, s", "deg", "rad/s") if word not in words] == []
+    assert [
+        word
+        for word in ("case, camshaft 3000 rpm", "case, camshaft 4000 rpm", "time, s", "deg", "rad/s")
+        if word not in words
+    ] == []
 
 
 def test_a_case_is_run(flexcam, case, tmp_path):
