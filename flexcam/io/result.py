@@ -13,6 +13,7 @@ from flexcam.checks import InputError, refuse
 from flexcam.fem import COMPONENTS, Mesh
 from flexcam.io.geometry import RECOVERED
 from flexcam.io.guard import guarded
+from flexcam.io.instead import instead
 from flexcam.io.sealed import seal_fault
 from flexcam.io.sound import taken
 from flexcam.io.texts import noted, notes, read_texts
@@ -103,8 +104,7 @@ def read_result(path: str | Path) -> Result:
     ``read_result("results/model-3-shm.vtkhdf").response["valve"].velocity`` is the velocity of the valve.
     """
     source = Path(path)
-    remedy = f"a case is solved first: flexcam run {source}" if source.suffix == ".toml" else ""
-    with guarded(source, "result", "a result file of flexcam (.vtkhdf)", remedy) as file:
+    with guarded(source, "result", "a result file of flexcam (.vtkhdf)", instead(source)) as file:
         check_whole(file, source)
         return _result(file)
 

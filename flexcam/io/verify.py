@@ -8,6 +8,7 @@ from typing import Any
 
 from flexcam.checks import Fault, InputError
 from flexcam.io.guard import DAMAGE, datasets, guarded
+from flexcam.io.instead import instead
 from flexcam.io.result import status_of
 from flexcam.io.sealed import SUM, seal_fault
 from flexcam.io.sound import damaged, held
@@ -58,7 +59,8 @@ def verified(path: str | Path) -> Verified:
     ``verified("results/model-3-shm.vtkhdf").datasets``
     """
     source = Path(path)
-    with guarded(source, "result", "a result file of flexcam (.vtkhdf) or the table of a sweep (.h5)") as file:
+    allowed = "a result file of flexcam (.vtkhdf) or the table of a sweep (.h5)"
+    with guarded(source, "result", allowed, instead(source)) as file:
         found = datasets(file)
         if faults := [fault for fault in (seal_fault(file), *map(_fault, found)) if fault]:
             raise InputError(faults)
