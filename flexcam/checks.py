@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from datetime import date, time
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -84,7 +86,7 @@ def refuse(where: str, given: object, allowed: str, why: str = "", remedy: str =
     Parameters
     ----------
     where, given, allowed, why, remedy
-        As in `Fault`; `given` is shown by its `repr` unless it is text.
+        As in `Fault`; `given` is shown as `told` does, unless it is text.
 
     Returns
     -------
@@ -96,8 +98,86 @@ def refuse(where: str, given: object, allowed: str, why: str = "", remedy: str =
     >>> str(refuse("elements", 0, "a whole number from 1"))
     'elements: given 0; allowed: a whole number from 1'
     """
-    shown = given if isinstance(given, str) else repr(given)
+    shown = given if isinstance(given, str) else told(given)
     return InputError([Fault(where, shown, allowed, why, remedy)])
+
+
+def told(value: object) -> str:
+    """Return a value as it would stand in a case file: nobody who writes one needs to read Python.
+
+    Parameters
+    ----------
+    value
+        What was given; arrays and their numbers as lists.
+
+    Returns
+    -------
+    str
+        A text in quotes, nothing for None.
+
+    Examples
+    --------
+    >>> told((0.5, True, None)), told({"id": "scca", "b": 1})
+    ('[0.5, true, nothing]', '{ id = "scca", b = 1 }')
+    >>> told("uy")
+    "'uy'"
+    """
+    if value is None or isinstance(value, bool):
+        return "nothing" if value is None else str(value).lower()
+    if isinstance(value, dict):
+        pairs = cast("dict[object, object]", value).items()
+        return "{ " + ", ".join(f"{key} = {_inner(one)}" for key, one in pairs) + " }" if pairs else "{}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(_inner, cast("list[object]", value))) + "]"
+    if isinstance(value, (np.ndarray, np.generic)):
+        return told(cast("Any", value).tolist())
+    return str(value) if isinstance(value, (PurePath, date, time)) else repr(value)
+
+
+def _inner(value: object) -> str:
+    return f'"{value}"' if isinstance(value, str) else told(value)
+
+
+def said(fault: Exception) -> str:
+    """Return why something went wrong, in the system's own words: without its number and the path, told elsewhere.
+
+    Parameters
+    ----------
+    fault
+        Such as an `OSError`.
+
+    Returns
+    -------
+    str
+        Its reason.
+
+    Examples
+    --------
+    >>> said(FileNotFoundError(2, "No such file or directory", "case.toml"))
+    'No such file or directory'
+    """
+    return (fault.strerror if isinstance(fault, OSError) else None) or str(fault)
+
+
+def in_words(shape: Iterable[int | None]) -> str:
+    """Return a shape; None stands for any length.
+
+    Parameters
+    ----------
+    shape
+        Of an array.
+
+    Returns
+    -------
+    str
+        Such as ``3 x any``.
+
+    Examples
+    --------
+    >>> in_words((3, None)), in_words(())
+    ('3 x any', 'of a single number')
+    """
+    return " x ".join("any" if n is None else str(n) for n in shape) or "of a single number"
 
 
 def positive(where: str, value: float, unit: str, *, zero: bool = False) -> float:
@@ -169,9 +249,7 @@ def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -
         raise refuse(where, values, "an array of numbers") from None
     fits = array.ndim == len(shape) and all(n is None or n == m for n, m in zip(shape, array.shape, strict=True))
     if not fits:
-        raise refuse(
-            where, f"shape {array.shape}", "shape " + " x ".join("any" if n is None else str(n) for n in shape)
-        )
+        raise refuse(where, f"shape {in_words(array.shape)}", f"shape {in_words(shape)}")
     if not np.isfinite(array).all():
         first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise refuse(f"{where}{list(first)}", str(array[first]), "finite numbers only")

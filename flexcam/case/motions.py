@@ -23,8 +23,9 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from flexcam.case import quantity as q
+from flexcam.case.expected import expected
 from flexcam.case.toml import toml
-from flexcam.checks import InputError, did_you_mean, positive, refuse
+from flexcam.checks import InputError, did_you_mean, positive, refuse, said, told
 from flexcam.io import named_file, read_lift, text_of
 from flexcam.motion import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
 
@@ -119,7 +120,7 @@ def _given_law(value: object, case: Path) -> GivenLaw:
         return law_file(named_file(case, value, "law"))
     if isinstance(value, (str, dict)):
         return given_law(cast("str | dict[str, Any]", value))
-    raise refuse("law", repr(value), "the name of a law, a table { id = ..., ... } or a law file")
+    raise refuse("law", told(value), "the name of a law, a table { id = ..., ... } or a law file")
 
 
 def given_law(value: str | Table) -> GivenLaw:
@@ -152,7 +153,7 @@ def given_law(value: str | Table) -> GivenLaw:
     table = dict(value)
     name = table.pop("id", None)
     if not isinstance(name, str):
-        raise refuse("id", repr(name), ", ".join(kind_names()), "the kind of law is required")
+        raise refuse("id", told(name), ", ".join(kind_names()), "the kind of law is required")
     if name in LAWS and not table:
         return GivenLaw(dict(value), LAWS[name])
     return GivenLaw(dict(value), _of_kind(name, table))
@@ -168,7 +169,7 @@ def _of_kind(name: str, parameters: Table) -> Law:
         if not _only_numbers(value):
             raise refuse(
                 key,
-                repr(value),
+                told(value),
                 f"numbers; the parameters of {name} are {', '.join(_record(kind).model_fields)}",
             )
     parameters = _checked(_record(kind), parameters, f"a parameter of {name}", "law")
@@ -196,9 +197,9 @@ def _checked(record: type[BaseModel], table: object, what: str, example: str) ->
         if error["type"] == "literal_error":
             known = re.findall(r"'([^']*)'", str(error.get("ctx", {})["expected"]))
             near = did_you_mean(str(error["input"]), known)
-            raise refuse(key, repr(error["input"]), ", ".join(map(repr, known)), "", near) from None
+            raise refuse(key, told(error["input"]), ", ".join(map(repr, known)), "", near) from None
         hint = "" if key.partition(".")[0] in record.model_fields else did_you_mean(key, record.model_fields)
-        raise refuse(key, repr(error["input"]), allowed, error["msg"], hint) from None
+        raise refuse(key, told(error["input"]), allowed, f"{expected(error)} is needed there", hint) from None
     return {key: getattr(checked, key) for key in record.model_fields}
 
 
@@ -263,9 +264,9 @@ def toml_table(path: Path, name: str) -> dict[str, Any]:
         near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
         raise refuse(str(path), "no such file", f"an existing file with a table [{name}]", "", near) from None
     except (OSError, ValueError) as fault:
-        raise refuse(str(path), "no TOML document", f"a readable file with a table [{name}]", str(fault)) from None
+        raise refuse(str(path), "no TOML document", f"a readable file with a table [{name}]", said(fault)) from None
     if content.get("format", 1) != 1:
-        raise refuse(f"{path.name}: format", repr(content["format"]), "1", "a newer flexcam wrote it")
+        raise refuse(f"{path.name}: format", told(content["format"]), "1", "a newer flexcam wrote it")
     table = content.get(name)
     if not isinstance(table, dict):
         raise refuse(str(path), ", ".join(content) or "nothing", f"a table [{name}]")

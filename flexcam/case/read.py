@@ -20,7 +20,7 @@ from flexcam.case.tables.base import Record
 from flexcam.case.tables.run import NewmarkRecord
 from flexcam.case.tables.sweep import SweepOnly, SweepRecord
 from flexcam.case.toml import toml
-from flexcam.checks import Fault, InputError, did_you_mean, refuse
+from flexcam.checks import Fault, InputError, did_you_mean, refuse, said
 from flexcam.fem import Mesh
 from flexcam.io import Result, named_file, read_mesh, text_of
 from flexcam.units import shaft_speed
@@ -342,7 +342,7 @@ def _text(path: Path) -> str:
         near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
         raise refuse("case file", str(path), "an existing file", "", near) from None
     except (OSError, UnicodeDecodeError) as fault:
-        raise refuse("case file", str(path), "a readable UTF-8 text file", str(fault)) from None
+        raise refuse("case file", str(path), "a readable UTF-8 text file", said(fault)) from None
 
 
 def _key(override: str) -> KeyPath:

@@ -101,7 +101,8 @@ class References:
         if self.mesh is not None:
             counts = {name: len(index) for name, index in self.mesh.points.items()}
         fingers = [str(one.get("from")) for _, one in self._each("rockers") if _is_finger(one, counts)]
-        rockers = [str(rocker["to"]) for _, rocker in self._each("rockers") if "to" in rocker] + fingers
+        made = [rocker.get("to") for _, rocker in self._each("rockers")]
+        rockers = [name for name in made if isinstance(name, str)] + fingers
         for name, rocker in self._each("rockers"):
             to = rocker.get("to")
             if isinstance(to, str) and (to in counts or rockers.count(to) > 1):

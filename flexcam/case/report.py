@@ -9,10 +9,11 @@ from typing import Any, cast, get_args
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
+from flexcam.case.expected import expected
 from flexcam.case.lines import Path, Places
 from flexcam.case.quantity import Unit
 from flexcam.case.records import CaseRecord
-from flexcam.checks import Fault, did_you_mean
+from flexcam.checks import Fault, did_you_mean, told
 from flexcam.units import DIMENSIONS
 
 _TAGGED = (
@@ -86,11 +87,11 @@ def _fault(error: ErrorDetails, path: Path, places: Places, root: type[BaseModel
             return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":
             allowed = str(context.get("expected") or context.get("expected_tags"))
-            value = str(context.get("tag", error["input"]))
+            value = _tag(context, error["input"])
             names = re.findall(r"'([^']*)'", allowed)
             if error["type"] == "union_tag_invalid":
                 where = places.place((*path, str(context["discriminator"]).strip("'")))
-            return Fault(where, repr(value), allowed, "", did_you_mean(value, names))
+            return Fault(where, told(value), allowed, "", did_you_mean(str(value), names))
         case "int_type" | "int_parsing" | "int_from_float":
             return Fault(where, given, f"a whole number: {_about(path, root)}", "", "")
         case "less_than_equal" | "greater_than_equal" if path == ("format",):
@@ -100,7 +101,15 @@ def _fault(error: ErrorDetails, path: Path, places: Places, root: type[BaseModel
         case "string_pattern_mismatch":
             return Fault(where, given, "a name of letters, digits, '_', '-' and spaces", "", "")
         case _:
-            return Fault(where, given, error["msg"].replace("Input should be ", ""), "", "")
+            return Fault(where, given, expected(error), "", "")
+
+
+def _tag(context: Mapping[str, Any], value: object) -> object:
+    """Return what stands where a kind is to be named; pydantic tells the text of anything."""
+    if "tag" not in context:
+        return value
+    key = str(context["discriminator"]).strip("'")
+    return cast("dict[str, object]", value).get(key, context["tag"]) if isinstance(value, dict) else context["tag"]
 
 
 def _inside(
@@ -128,7 +137,7 @@ def _tags(path: Path, key: str, root: type[BaseModel]) -> str:
 
 
 def _shown(value: object) -> str:
-    text = repr(value)
+    text = told(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from typing import Any, cast
 
@@ -43,6 +44,8 @@ def toml(text: str) -> dict[str, Any]:
         tables = tomllib.loads(text)
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
+    except tomllib.TOMLDecodeError as fault:
+        raise tomllib.TOMLDecodeError(_TUPLE.sub(lambda found: ".".join(_PART.findall(found[0])), str(fault))) from None
     level: list[object] = [tables]
     for _ in range(_DEPTH):
         level = [inner for one in level for inner in _inside(one)]
@@ -50,6 +53,9 @@ def toml(text: str) -> dict[str, Any]:
             return tables
     raise ValueError(_TOO_DEEP)
 
+
+_TUPLE, _PART = re.compile(r"\(('[^']*',? ?)+\)"), re.compile(r"'([^']*)'")
+"""A key as Python's reader tells it, such as ``('run', 'speed')``, and its parts."""
 
 _TOO_DEEP = f"tables or lists nested more than {_DEPTH} deep"
 

@@ -15,7 +15,7 @@ from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from flexcam.checks import refuse
+from flexcam.checks import refuse, said
 
 _SHARE = 0.02
 """Part of the time of a run that copies may take."""
@@ -56,7 +56,7 @@ class Draft:
             raise refuse("result", str(shown), allowed, why, "wait for its end, or name another folder") from None
         except OSError as fault:
             allowed, remedy = "a file that can be written", "free space or name another folder"
-            raise refuse("result", str(path), allowed, fault.strerror or str(fault), remedy) from None
+            raise refuse("result", str(path), allowed, said(fault), remedy) from None
         self._last, self._cost = time.perf_counter(), 0.0
 
     def _try(self) -> None:

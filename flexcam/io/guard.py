@@ -14,7 +14,7 @@ from typing import Any
 
 import h5py  # pyright: ignore[reportMissingTypeStubs]
 
-from flexcam.checks import Fault, InputError, refuse
+from flexcam.checks import Fault, InputError, refuse, said
 from flexcam.io.regular import size_of
 
 _module: Any = h5py
@@ -71,14 +71,14 @@ def _in_file(fault: Fault, path: Path) -> Fault:
     return Fault(f"{path}, {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)
 
 
-def _why(fault: BaseException) -> str:
+def _why(fault: Exception) -> str:
     if isinstance(fault, FileNotFoundError):
         return "there is no such file"
     return f"it is damaged or none of flexcam's: {_said(fault)}"
 
 
-def _said(fault: BaseException) -> str:
-    return str(fault) or type(fault).__name__
+def _said(fault: Exception) -> str:
+    return said(fault) or type(fault).__name__
 
 
 def children(group: Any) -> Iterator[tuple[bytes, int, Any]]:  # noqa: ANN401 - h5py has no types

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from flexcam.checks import Fault, InputError, refuse
+from flexcam.checks import Fault, InputError, refuse, said
 from flexcam.io.regular import text_of
 from flexcam.io.target import free_to_write, made_folder
 from flexcam.linalg import FloatArray
@@ -128,7 +128,7 @@ def _lines(path: Path) -> list[tuple[int, str]]:
     try:
         text = text_of(path, "utf-8-sig")
     except (OSError, UnicodeDecodeError) as fault:
-        raise refuse("lift table", str(path), "a readable text file", str(fault)) from None
+        raise refuse("lift table", str(path), "a readable text file", said(fault)) from None
     rows = [(number, line.partition("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1)]
     return [(number, line) for number, line in rows if line]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from flexcam.checks import refuse
+from flexcam.checks import refuse, said
 
 _UP = 2
 """Folders above that of the case in which files may lie, so that ``cases/engine/a.toml`` finds ``meshes/a.msh``."""
@@ -90,7 +90,7 @@ def named_file(case: Path, name: str, where: str) -> Path:
         there, regular = path.exists(), path.is_file()
         size = path.stat().st_size if regular else 0
     except (OSError, ValueError, RuntimeError) as fault:
-        raise refuse(where, repr(name), "the path of a file", str(fault)) from None
+        raise refuse(where, repr(name), "the path of a file", said(fault)) from None
     besides = [Path(one).resolve() for one in os.environ.get(ALLOWED_BESIDES, "").split(os.pathsep) if one]
     if not any(target.is_relative_to(one) for one in [home.parents[:_UP][-1] if home.parents else home, *besides]):
         allowed = "a file in the case's folder, up to two folders above it, or below these"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexcam.checks import Fault, InputError, refuse
+from flexcam.checks import Fault, InputError, refuse, said
 from flexcam.io.regular import text_of
 from flexcam.linalg import FloatArray
 
@@ -40,7 +40,7 @@ def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
     try:
         lines = text_of(path, "utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as fault:
-        raise refuse("profile", str(path), "a readable text file", str(fault)) from None
+        raise refuse("profile", str(path), "a readable text file", said(fault)) from None
     rows = [(number, _parts(line)) for number, line in enumerate(lines, start=1) if line.partition("#")[0].strip()]
     if not rows:
         raise refuse("profile", f"{path.name}, which is empty", "rows of x and y")

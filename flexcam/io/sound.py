@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexcam.checks import Fault, InputError
+from flexcam.checks import Fault, InputError, in_words
 from flexcam.io.sealed import SUM
 
 _REMEDY = "flexcam info FILE --verify names everything that is damaged; compute the result again"
@@ -40,7 +40,9 @@ def taken(dataset: Any, rows: int | None = None) -> Any:  # noqa: ANN401 - h5py 
     ``taken(file["history/time"], 100)`` are the first hundred instants.
     """
     if rows is not None and (not dataset.shape or dataset.shape[0] < rows or rows < 0):
-        raise InputError([Fault(dataset.name, f"shape {dataset.shape}", f"{rows} rows", "a count is wrong", _REMEDY)])
+        raise InputError(
+            [Fault(dataset.name, f"shape {in_words(dataset.shape)}", f"{rows} rows", "a count is wrong", _REMEDY)]
+        )
     try:
         values = dataset[()]
     except OSError as fault:

@@ -7,7 +7,7 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-from flexcam.checks import refuse
+from flexcam.checks import refuse, said
 
 _REMEDY = "overwrite it by --overwrite or overwrite=True"
 
@@ -75,7 +75,7 @@ def made_folder(path: Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        why = _barred(path) or fault.strerror or str(fault)
+        why = _barred(path) or said(fault)
         raise refuse("folder", str(path), _MADE, why, "name another with -o") from None
     return path
 
@@ -98,7 +98,7 @@ def takes_files(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=made_folder(folder)):
             pass
     except OSError as fault:
-        why = fault.strerror or str(fault)
+        why = said(fault)
         raise refuse("folder", str(folder), "a folder that takes files", why, "name another with -o") from None
     finally:
         for one in missing:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexcam.checks import InputError, refuse
+from flexcam.checks import InputError, in_words, refuse
 from flexcam.linalg import FloatArray
 from flexcam.motion.event import Shifted
 from flexcam.motion.lift_faults import base_level, scatter, table_faults, wide_steps
@@ -128,7 +128,7 @@ def _column(name: str, values: ArrayLike) -> FloatArray:
     except (TypeError, ValueError):
         raise refuse(name, str(values)[:60], "an array of numbers") from None
     if column.ndim != 1:
-        raise refuse(name, f"shape {column.shape}", "a plain column of numbers")
+        raise refuse(name, f"shape {in_words(column.shape)}", "a plain column of numbers")
     return column
 
 

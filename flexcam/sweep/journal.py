@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from flexcam.checks import InputError, refuse
+from flexcam.checks import InputError, refuse, said
 from flexcam.io import made_folder
 from flexcam.response import Cause, Status
 from flexcam.sweep.evaluate import Row
@@ -64,7 +64,7 @@ class Journal:
         try:
             self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         except OSError as fault:
-            raise refuse("journal", str(path), "a file that can be written", str(fault)) from None
+            raise refuse("journal", str(path), "a file that can be written", said(fault)) from None
         try:
             _lock(self._file, path)
             self.rows, self._end = _read(path, belongs) if resume else (dict[int, list[Row]](), 0)

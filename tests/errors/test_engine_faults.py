@@ -39,7 +39,7 @@ FAULTS = {
     "geometric stiffness as a number": ([("geometric_stiffness = true", "geometric_stiffness = 1")], "members.pushrod.geometric_stiffness", "1", ""),
     "bow in a wrong unit": ([('bow = "0.3 mm"', 'bow = "0.3 deg"')], "members.pushrod.bow", "0.3 deg", "length"),
     "bow not finite": ([('bow = "0.3 mm"', "bow = nan")], "members.pushrod.bow", "nan", "finite"),
-    "bow as a switch": ([('bow = "0.3 mm"', "bow = true")], "members.pushrod.bow", "True", "length"),
+    "bow as a switch": ([('bow = "0.3 mm"', "bow = true")], "members.pushrod.bow", "true", "length"),
     "bow misspelt": ([('bow = "0.3 mm"', 'bwo = "0.3 mm"')], "members.pushrod.bwo", "bwo", "did you mean 'bow'"),
     "bow without geometric stiffness": ([("geometric_stiffness = true\n", "")], "members.pushrod", "", "geometric_stiffness"),
     # levers

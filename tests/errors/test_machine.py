@@ -95,8 +95,8 @@ def test_a_folder_nobody_can_write_to(tried, tmp_path):
     """``/proc/self`` exists and takes no file, not even from the superuser."""
     done = flexcam(tmp_path, "run", "case.toml", "-o", "/proc/self", "--allow-large")
     assert done.returncode == 2
-    assert "a file that can be written" in done.stderr
-    assert "name another folder" in done.stderr
+    assert "a folder that takes files" in done.stderr
+    assert "name another with -o" in done.stderr
     tried("machine", "a folder that cannot be written to", 1, "refused before the first step")
 
 

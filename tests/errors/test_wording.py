@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
+import numpy as np
 import pytest
 
-from flexcam import InputError
+from flexcam import InputError, read_case
 from flexcam.case import given_law, read_cams
-from flexcam.checks import did_you_mean
+from flexcam.checks import did_you_mean, finite_array, refuse
 
 
 def test_another_version_of_the_format(tmp_path):
@@ -23,3 +27,48 @@ def test_no_hint_at_what_was_written():
     with pytest.raises(InputError) as refusal:
         given_law({"id": "polynomial", "exponents": ["x"]})
     assert "did you mean" not in str(refusal.value)
+
+
+INLINE = Path(__file__).parents[1] / "data/inline.toml"
+
+PYTHON = re.compile(
+    r"None|True|False|\(\S*,\)|\([\d.]+, |\{'|np\.|array\(|<class|Path\(|datetime|\[Errno|tuple|string|valid|dictionary"
+)
+
+BAD = [
+    'cams.intake.law={ id = "harmonic", cosine = [1.0, 2.0], sine = [1.0] }',
+    'cams.intake.law={ id = "scca", b = 1.0, c = 1.0, d = 1.0 }',
+    'cams.intake.law={ id = "polynomial", exponents = [true] }',
+    'cams.intake.law={ id = 3 }', "cams.intake.law={ b = 1 }", "cams.intake.law=true", "cams.intake.law=2024-05-01",
+    "cams.intake.lift=true", "cams.intake.lift=[1, 2]", "cams.intake.at=3", "cams.intake.rise={ a = 1 }",
+    "springs.valve.direction=[true, false, true]", "run.gravity=[1, 2]", "run.gravity=true", "nodes.cam=3",
+    'nodes.cam=["a", true, {}]', "output.probes=valve", "output.probes=[1, true]", "output.field_every=2.5",
+    "output.field_every=true", "contacts.intake.model={ a = 1 }", "run.integrator=3", "run.start=[1]",
+    "sections={ a = 1 }", "members=3", "materials.steel={ E = true }", "rockers.rocker.arms=[1]",
+    "rockers.rocker.to=true",
+    "rockers.rocker.arms={ a = [1, { b = true }] }", "title=true", "format=true", "masses.valve.mass={}",
+    "mesh=true", "supports.front=3", "supports.front=[true]", "fidelity.modes=true", "run.path=3",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("override", BAD)
+def test_no_python_in_what_is_told(override):
+    """Who writes a case file need not know what a tuple is."""
+    with pytest.raises(InputError) as refusal:
+        read_case(INLINE, [override])
+    for fault in refusal.value.faults:
+        told = str(fault).replace(f"--set {override}", "")
+        assert not PYTHON.search(told), told
+
+
+def test_a_table_given_twice(tmp_path):
+    (tmp_path / "case.toml").write_text("[run.start]\n[run.start]\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"run\.start twice"):
+        read_case(tmp_path / "case.toml")
+
+
+def test_numbers_of_arrays():
+    assert "given [0.5, 1.5]" in str(refuse("x", np.array([0.5, 1.5]), "one"))
+    assert "given 0.5" in str(refuse("x", np.float64(0.5), "one"))
+    with pytest.raises(InputError, match="given shape 2 x 3; allowed: shape any x 2"):
+        finite_array("x", np.zeros((2, 3)), (None, 2))
