@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -267,10 +268,20 @@ def optimize(
         _write_best(asked, points.overrides(found.points[best]), target, overwrite=overwrite)
     one = len(goals) == 1
     told = told_optimum(design, found) if one else told_front(design, found)
+    if found.stopped:
+        told = replace(told, json={"status": str(Cause.INTERRUPTED), **told.json})
     write_answer((told, lambda: _drawn(design, found)), csv, plot, overwrite=overwrite, as_json=as_json)
     if target is not None and best is not None and not as_json:
         out().print(str(target))
+    if found.stopped:
+        return _stopped(len(found.rows), evaluations)
     return Status() if best is not None else _NOTHING
+
+
+def _stopped(done: int, evaluations: int) -> Status:
+    """Return how a search ended that was stopped: what it had found is told and written."""
+    text = f"stopped by the user after {done} of about {evaluations} variants; what is told is the best of these"
+    return Status(Cause.INTERRUPTED, text, "the same command with the same --seed finds these again, and goes on")
 
 
 def _drawn(design: study.Design, found: study.Evaluations) -> Figure:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -74,11 +74,12 @@ def evaluators(
     with one_thread(), pipes_may_break():
         pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(asked,))
 
-        def run(variants: Sequence[tuple[str, ...]]) -> list[Row]:
+        def run(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
             try:
                 with undisturbed():
                     rows = [pool.submit(_row, one) for one in variants]
-                return [row.result() for row in counted(rows, advance)]
+                for row in counted(rows, advance):
+                    yield row.result()
             except BrokenProcessPool:
                 raise RunFailedError(_LOST) from None
 

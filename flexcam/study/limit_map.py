@@ -98,7 +98,7 @@ def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
     InputError
         If every variant is refused: the case cannot be asked this.
     """
-    rows = runs(plan.variants)
+    rows = list(runs(plan.variants))
     if all(row.status.cause is Cause.REFUSED for row in rows):
         complete(rows[0])
     first, second = plan.varied

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -84,6 +84,8 @@ class Evaluations:
         What was to be small, shape (m, goals).
     violations
         By how much bounds were passed, shape (m, bounds + 1).
+    stopped
+        Whether a Ctrl-C ended the search before it was finished.
     """
 
     points: FloatArray
@@ -91,6 +93,7 @@ class Evaluations:
     rows: tuple[Row, ...]
     costs: FloatArray
     violations: FloatArray
+    stopped: bool = False
 
     @property
     def best(self) -> int | None:
@@ -139,20 +142,43 @@ class Judge:
         at = design.scaled(np.asarray(parts, dtype=float))
         keys = [tuple(point) for point in at.tolist()]
         new = list(dict.fromkeys(key for key in keys if key not in self._seen))
-        if new:
-            rows = design.points.rows(np.array(new))
-            cost, passed = costs(rows, design.goals), violations(rows, design.bounds, design.goals)
-            self._seen.update(zip(new, zip(rows, cost, passed, strict=True), strict=True))
+        try:
+            self._see(new)
+        except KeyboardInterrupt:
+            self._see([key for key in new if design.points.knows(np.array(key))])
+            raise
         found = [self._seen[key] for key in keys]
         shape = len(found), len(design.goals)
         cost = np.array([one[1] for one in found]).reshape(shape)
         return cost, np.array([one[2] for one in found]).reshape(len(found), len(design.bounds) + 1)
 
+    def _see(self, points: Sequence[tuple[float, ...]]) -> None:
+        if points:
+            rows, design = self._design.points.rows(np.array(points)), self._design
+            cost, passed = costs(rows, design.goals), violations(rows, design.bounds, design.goals)
+            self._seen.update(zip(points, zip(rows, cost, passed, strict=True), strict=True))
+
     def evaluations(self) -> Evaluations:
-        """Return everything that was evaluated."""
+        """Return everything that was evaluated so far."""
         rows, cost, passed = zip(*self._seen.values(), strict=True)
         points = np.array(list(self._seen))
         return Evaluations(points, self._design.parts(points), rows, np.array(cost), np.array(passed))
+
+    def after(self, search: Callable[[], None]) -> Evaluations:
+        """Return everything that was evaluated once a search has ended, also by a Ctrl-C.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If nothing had been evaluated by then.
+        """
+        try:
+            search()
+        except KeyboardInterrupt:
+            if not self.count:
+                raise
+            return replace(self.evaluations(), stopped=True)
+        return self.evaluations()
 
 
 def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evaluations:
@@ -175,7 +201,7 @@ def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evalua
     -------
     Evaluations
         All of them; a variant whose run fails counts as outside every bound. What is best is the best of those that
-        were evaluated: no proof that there is no better one.
+        were evaluated: no proof that there is no better one. After a Ctrl-C, those that were evaluated by then.
 
     Raises
     ------
@@ -192,11 +218,14 @@ def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evalua
     if evaluations < 2 * generation:
         raise refuse("--evaluations", evaluations, f"{2 * generation} or more", "two generations")
     judge = Judge(design)
-    _evolve(judge, design, generation, int(_GLOBAL * evaluations), seed)
-    left = evaluations - judge.count
-    if left > 0:
-        _close_in(judge, judge.evaluations(), design, left)
-    return judge.evaluations()
+
+    def search() -> None:
+        _evolve(judge, design, generation, int(_GLOBAL * evaluations), seed)
+        left = evaluations - judge.count
+        if left > 0:
+            _close_in(judge, judge.evaluations(), design, left)
+
+    return judge.after(search)
 
 
 def generation_size(variables: int) -> int:

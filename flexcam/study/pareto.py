@@ -33,7 +33,7 @@ def pareto(design: Design, *, evaluations: int = 400, seed: int = 0) -> Evaluati
     Returns
     -------
     Evaluations
-        All of them; `front` tells which are the front.
+        All of them; `front` tells which are the front. After a Ctrl-C, those that were evaluated by then.
 
     Raises
     ------
@@ -48,10 +48,13 @@ def pareto(design: Design, *, evaluations: int = 400, seed: int = 0) -> Evaluati
     if evaluations < 2 * size:
         raise refuse("--evaluations", evaluations, f"{2 * size} or more", "two generations")
     judge = Judge(design)
-    if design.stands is not None:
-        judge.judged(design.stands[None])  # the front is no worse than the case as it stands
-    _evolve(judge, design, size, evaluations // size, seed)
-    return judge.evaluations()
+
+    def search() -> None:
+        if design.stands is not None:
+            judge.judged(design.stands[None])  # the front is no worse than the case as it stands
+        _evolve(judge, design, size, evaluations // size, seed)
+
+    return judge.after(search)
 
 
 def _evolve(judge: Judge, design: Design, size: int, generations: int, seed: int) -> None:

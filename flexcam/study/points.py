@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -136,8 +136,9 @@ def number_at(case: Case, key: str, text: str, where: str) -> float:
     return number_of(there, key, where).value
 
 
-Runs = Callable[[Sequence[tuple[str, ...]]], list[Row]]
-"""Evaluates variants, given by the values laid over a case: one after the other, or on many processors."""
+Runs = Callable[[Sequence[tuple[str, ...]]], Iterator[Row]]
+"""Evaluates variants, given by the values laid over a case: one after the other, or on many processors. Rows come in
+the order of the variants, each once it is finished, so that a study that is stopped keeps those it has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,8 +173,13 @@ class Points:
         """Return the rows of some points, shape (m, k)."""
         asked = [self.overrides(point) for point in np.asarray(points)]
         new = list(dict.fromkeys(one for one in asked if one not in self._known))
-        self._known.update(zip(new, self.runs(new) if new else [], strict=True))
+        for one, row in zip(new, self.runs(new) if new else (), strict=True):
+            self._known[one] = row
         return [self._known[one] for one in asked]
+
+    def knows(self, point: FloatArray) -> bool:
+        """Tell whether a point, shape (k,), has been evaluated."""
+        return self.overrides(point) in self._known
 
     @property
     def evaluated(self) -> int:
@@ -206,8 +212,9 @@ def serial(
         A variant that the case refuses has a row with that status.
     """
 
-    def run(variants: Sequence[tuple[str, ...]]) -> list[Row]:
-        return [variant_row(file, (*fixed, *one), names, search) for one in counted(variants, advance)]
+    def run(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
+        for one in counted(variants, advance):
+            yield variant_row(file, (*fixed, *one), names, search)
 
     return run
 

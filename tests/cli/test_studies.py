@@ -16,6 +16,7 @@ import pytest
 from flexcam.case import read_case
 from flexcam.runner import modes
 from flexcam.study import number_of
+from flexcam.study.points import variant_row
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -210,6 +211,48 @@ def test_nothing_within_the_bounds(flexcam, oscillator, tmp_path):
     assert "no variant" in done.err
     assert "passed by" in done.out
     assert not (tmp_path / "best.toml").exists()
+
+
+@pytest.mark.parametrize("last", [5, 17, 33])  # in the first generation, in the second, in the trust region
+def test_what_a_stopped_search_has_evaluated_is_kept(last, flexcam, oscillator, tmp_path, monkeypatch):
+    """Each may have taken minutes; the best of them and the table are told as after a whole search."""
+    evaluated = []
+
+    def stopping(*words):
+        if len(evaluated) == last:
+            raise KeyboardInterrupt
+        evaluated.append(words)
+        return variant_row(*words)
+
+    monkeypatch.setattr("flexcam.study.points.variant_row", stopping)
+    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
+            "--evaluations", "40", "--subject", "frequency.1 >= 30 Hz", "-o", tmp_path / "best.toml", "--csv", tmp_path / "all.csv")  # fmt: skip
+    done = flexcam("optimize", oscillator, *told, "--json")
+    assert done.code == 130
+    assert f"stopped by the user after {last} of about 40 variants" in done.err
+    assert done.json["status"] == "interrupted"
+    assert done.json["evaluations"] == last
+    assert len((tmp_path / "all.csv").read_text().splitlines()) == 1 + last
+    assert (tmp_path / "best.toml").exists()
+
+
+def test_a_search_stopped_before_its_first_variant(flexcam, oscillator, tmp_path, monkeypatch):
+    def stopping(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("flexcam.study.points.variant_row", stopping)
+    told = (
+        "--vary",
+        "springs.one.stiffness=20:80kN/m",
+        "--least",
+        "springs.one.stiffness",
+        "--csv",
+        tmp_path / "all.csv",
+    )
+    done = flexcam("optimize", oscillator, *told, "--csv", tmp_path / "all.csv")
+    assert done.code == 130
+    assert "nothing is kept" in done.err
+    assert not (tmp_path / "all.csv").exists()
 
 
 def test_front_of_two_goals(flexcam, oscillator, tmp_path):
