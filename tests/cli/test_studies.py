@@ -226,7 +226,8 @@ def test_what_a_stopped_search_has_evaluated_is_kept(last, flexcam, oscillator, 
 
     monkeypatch.setattr("flexcam.study.points.variant_row", stopping)
     told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
-            "--evaluations", "40", "--subject", "frequency.1 >= 30 Hz", "-o", tmp_path / "best.toml", "--csv", tmp_path / "all.csv")  # fmt: skip
+            "--evaluations", "40", "--subject", "frequency.1 >= 30 Hz",
+            "-o", tmp_path / "best.toml", "--csv", tmp_path / "all.csv")  # fmt: skip
     done = flexcam("optimize", oscillator, *told, "--json")
     assert done.code == 130
     assert f"stopped by the user after {last} of about 40 variants" in done.err
@@ -241,14 +242,7 @@ def test_a_search_stopped_before_its_first_variant(flexcam, oscillator, tmp_path
         raise KeyboardInterrupt
 
     monkeypatch.setattr("flexcam.study.points.variant_row", stopping)
-    told = (
-        "--vary",
-        "springs.one.stiffness=20:80kN/m",
-        "--least",
-        "springs.one.stiffness",
-        "--csv",
-        tmp_path / "all.csv",
-    )
+    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness")
     done = flexcam("optimize", oscillator, *told, "--csv", tmp_path / "all.csv")
     assert done.code == 130
     assert "nothing is kept" in done.err
