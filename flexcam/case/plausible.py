@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from flexcam.case.odd import odd
 from flexcam.case.read import Case
 from flexcam.case.report import filled, si_unit
 from flexcam.case.usual import STRAIGHT, TWISTED, USUAL, Usual
@@ -41,7 +42,9 @@ def unusual(case: Case) -> list[str]:
     tables = filled(case.record)
     found = [_told(case, path, value, one) for one in USUAL for path, value in _beyond(tables, one)]
     return list(
-        dict.fromkeys([*found, *_soft_or_stiff(case), *_held_twice(case), *_on_held(case), *_ill_proportioned(case)])
+        dict.fromkeys(
+            [*found, *odd(case), *_soft_or_stiff(case), *_held_twice(case), *_on_held(case), *_ill_proportioned(case)]
+        )
     )
 
 

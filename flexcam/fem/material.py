@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from flexcam.checks import positive, refuse
@@ -45,6 +46,10 @@ class Material:
         for name in ("ultimate_strength", "endurance_limit"):
             if (strength := getattr(self, name)) is not None:
                 positive(name, strength, "Pa")
+        if (self.endurance_limit or 0.0) > (self.ultimate_strength or math.inf):
+            given = f"{self.endurance_limit:g} Pa"
+            allowed = f"up to the ultimate strength, {self.ultimate_strength:g} Pa"
+            raise refuse("endurance_limit", given, allowed, "no amplitude is borne for ever that breaks it at once")
         if not -1.0 < self.nu <= 0.5:
             raise refuse("nu", self.nu, "above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive")
 

@@ -19,6 +19,8 @@ CASE = ROOT / "tests/data/inline.toml"
 ENGINE = ROOT / "tests/data/every-engine.toml"
 PUSHROD = ROOT / "flexcam/templates/pushrod-engine.toml"
 
+OWN = 'sections.shaft={shape="custom", A=1e-4, Iy=1e-15, Iz=1e-15, J=2e-15}'
+
 # what is laid over a case, and parts of the sentence
 DOUBTFUL = {
     "E in Pa": (CASE, "materials.steel.E=207", "207 Pa is no usual Young's modulus", "did you mean 207 GPa?"),
@@ -33,6 +35,15 @@ DOUBTFUL = {
     "stiffness in kN/m": (CASE, "springs.valve.stiffness=50", "50 N/m is no usual stiffness", "did you mean 50 kN/m?"),
     "engine speed in rpm": (PUSHROD, "run.crank_speed=4000", "4000 rad/s", "did you mean 4000 rpm?"),
     "camshaft speed in rpm": (CASE, "run.speed=2000", "2000 rad/s is no usual", "did you mean 2000 rpm?"),
+    "a usual engine speed in rpm": (PUSHROD, "run.crank_speed=2000", "19098.6 rpm", "did you mean 2000 rpm?"),
+    "a usual camshaft speed in rpm": (CASE, "run.speed=600", "600 without a unit", "did you mean 600 rpm?"),
+    "damping in per cent": (CASE, "run.damping={modal=2}", "2 is no usual damping ratio", "did you mean 2 %?"),
+    "damping in us": (CASE, "run.damping={beta=20}", "20 s is no usual Rayleigh factor", "did you mean 20 ms?"),
+    "a bow in mm": (PUSHROD, "members.pushrod.bow=0.3", "0.3 m is no usual bow", "did you mean 0.3 mm?"),
+    "a solid that grows thicker": (CASE, "materials.steel.nu=-0.3", "-0.3 is below zero", "when it is pulled"),
+    "a torsion constant beyond the section": (CASE, "sections.shaft.J=1", "J = 1 m^4 is above Iy + Iz", "no shape"),
+    "a section thinner than a circle": (CASE, OWN, "Iy + Iz = 2e-15 m^4 is below", "circle of its area"),
+    "a shear factor above 1": (CASE, "sections.shaft.kappa_y=5", "kappa_y = 5 is above 1", "shear"),
     "arms in mm": (CASE, "rockers.rocker.arms=[25,40]", "25 m is no usual arm", "did you mean 25 mm?"),
     "inertia in kg mm^2": (CASE, "rockers.rocker.inertia=100000", "kg m^2 is no usual inertia", "did you mean"),
     "lift in mm": (CASE, "cams.intake.lift=6", "6 m is no usual lift", "did you mean 6 mm?"),
@@ -53,6 +64,17 @@ def test_what_is_hardly_meant_is_told(what, tried):
     assert said[1] in found[0]
     assert f"(--set {override})" in found[0] or "line" in found[0], "with its place"
     tried("planted", f"number: {what}", 1, "told, with what was likely meant")
+
+
+@pytest.mark.parametrize("override", ["run.speed=314.159", "run.speed=300 rad/s", "run.speed=100"])
+def test_a_speed_that_may_be_meant(override):
+    assert not [one for one in unusual(read_case(CASE, [override])) if "speed" in one]
+
+
+def test_an_endurance_limit_beyond_the_strength():
+    strengths = 'materials.steel={E=2e11, nu=0.3, density=7800, ultimate_strength="400 MPa", endurance_limit="900 MPa"}'
+    with pytest.raises(InputError, match="up to the ultimate strength, 4e"):
+        read_case(CASE, [strengths])
 
 
 def _sound():
