@@ -197,7 +197,7 @@ def bracketed_limits(
 
     def ask(speed: float) -> Answers:
         if speed not in seen:
-            ready = prepare(case.at_speed(speed, _REVOLUTIONS))
+            ready = prepare(case.at_speed(speed, _REVOLUTIONS), model=model)
             response = solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=ready.save)
             heed(response.status)
             if advance is not None:
