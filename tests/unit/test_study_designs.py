@@ -88,6 +88,7 @@ def test_constraints_with_units():
     assert one.bound("N") == 2000.0
     assert one.violation(2200.0, "N") == pytest.approx(0.1)
     assert constraint("limits.loss_of_contact >= 7000 rpm").bound("rpm") == pytest.approx(7000.0)
+    assert constraint("limits.loss_of_contact >= 7000 rpm").bound("crank rpm") == pytest.approx(7000.0)
     assert constraint("frequency.1 >= 0.9 kHz").bound("Hz") == pytest.approx(900.0)
     assert constraint("deviation.peak <= 5 %").bound("1") == pytest.approx(0.05)
     with pytest.raises(InputError):
