@@ -63,6 +63,11 @@ class Case:
         return self.path.stem
 
     @property
+    def title(self) -> str:
+        """What it is called: its title, or the name of its file where it has none."""
+        return self.record.title or self.name
+
+    @property
     def speed(self) -> float:
         """Camshaft speed, rad/s."""
         run = self.record.run

@@ -46,9 +46,10 @@ def trade(
     if csv is not None:
         write_text(csv, trade_csv(against, found), overwrite=overwrite)
     if plot is not None:
-        from flexcam.view import save_figure, work_precision_figure
+        from flexcam.view import save_figure, titled, work_precision_figure
 
-        save_figure(work_precision_figure(found), plot, overwrite=overwrite)
+        figure = work_precision_figure(found)
+        save_figure(titled(figure, read.title), plot, overwrite=overwrite)
     files = [str(path) for path in (csv, plot) if path is not None]
     if as_json:
         print_json({"status": "ok", **trade_json(against, found), "files": files})

@@ -98,7 +98,7 @@ def parting(
 ) -> None:  # fmt: skip
     """Compare a rigid train, one held to its cam and one that may leave it over speed: where they part.
 
-    Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
+    Speeds are those of the crankshaft where the case gives crank_speed, else those of the camshaft.
     """
     read = load_beams(case, overrides)
     scale = read.turns
@@ -108,10 +108,11 @@ def parting(
         found = compare_models(read, np.linspace(low, high, count).tolist(), contact=contact, advance=shown)
     shaft = shaft_name(scale)
     if plot is not None:
-        from flexcam.view import force_figure, save_figure
+        from flexcam.view import force_figure, save_figure, titled
 
         rpm = np.array([scale * one.rpm for one in found])
-        save_figure(force_figure(rpm, force_bands(found), shaft), plot, overwrite=overwrite)
+        figure = force_figure(rpm, force_bands(found), shaft)
+        save_figure(titled(figure, read.title), plot, overwrite=overwrite)
     if as_json:
         files = [] if plot is None else [str(plot)]
         print_json({"status": "ok", **parting_json(found, scale, part), "shaft": shaft, "files": files})
@@ -135,7 +136,7 @@ def stability(
 ) -> None:  # fmt: skip
     """Tell what endangers a case at its speed, or over a range: the step, parametric growth, resonance, lost contact.
 
-    Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
+    Speeds are those of the crankshaft where the case gives crank_speed, else those of the camshaft.
     """
     read = load_beams(case, overrides)
     scale = read.turns
@@ -150,11 +151,12 @@ def stability(
     with counting(count, "speeds") as shown:
         every = over_speeds(read, np.linspace(low, high, count).tolist(), advance=shown)
     if plot is not None:
-        from flexcam.view import growth_figure, save_figure
+        from flexcam.view import growth_figure, save_figure, titled
 
         rpm = np.array([scale * one.rpm for one in every])
         shaft = shaft_name(scale)
-        save_figure(growth_figure(rpm, growths(every), dangers(every), shaft), plot, overwrite=overwrite)
+        figure = growth_figure(rpm, growths(every), dangers(every), shaft)
+        save_figure(titled(figure, read.title), plot, overwrite=overwrite)
     if as_json:
         files = [] if plot is None else [str(plot)]
         print_json({"status": "ok", "speeds": [stability_json(one, scale) for one in every], "files": files})

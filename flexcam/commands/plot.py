@@ -163,14 +163,14 @@ def _energy(asked: Asked) -> Figure:
 
 
 def _svaj(asked: Asked) -> Figure:
-    from flexcam.view import lift_figure
+    from flexcam.view import lift_figure, titled
 
     events = {
         ", ".join(filter(None, (name, cam))): one.event
         for name, source in asked.sources.items()
         for cam, one in _cams(source, asked.cam).items()
     }
-    return lift_figure(events)
+    return titled(lift_figure(events), asked.first.case.title if len(asked.sources) == 1 else "")
 
 
 def _profile(asked: Asked) -> Figure:
@@ -197,34 +197,34 @@ def _modes(asked: Asked) -> Figure:
         raise refuse("--count", count, "a whole number from 1")
     case = _single(asked, "modes").case
     structure = build_structure(build_model(case))
-    return mode_figure(structure, runner.modes(case, count), title=case.record.title or case.name)
+    return mode_figure(structure, runner.modes(case, count), title=case.title)
 
 
 def _campbell(asked: Asked) -> Figure:
     """Draw modes and orders from half to one and a half of the case's speed."""
     from flexcam.stability import campbell
-    from flexcam.view import campbell_figure
+    from flexcam.view import campbell_figure, titled
 
     case = _single(asked, "campbell").case
     scale = case.turns
     speeds = _speeds(asked, case)
     with counting(len(speeds), "speeds") as shown:
         found = campbell(case, speeds, orders=range(1, _ORDERS + 1), advance=shown)
-    return campbell_figure(found, scale, shaft_name(scale))
+    return titled(campbell_figure(found, scale, shaft_name(scale)), case.title)
 
 
 def _waterfall(asked: Asked) -> Figure:
     """Draw the orders of a motion and a force from half to one and a half of the case's speed."""
     from flexcam.commands.speeds import signals
     from flexcam.orders import waterfall
-    from flexcam.view import waterfall_figure
+    from flexcam.view import titled, waterfall_figure
 
     case = _single(asked, "waterfall").case
     seen = signals(case, asked.channels, None if asked.probe is None else [asked.probe])
     scale, speeds = case.turns, _speeds(asked, case)
     with counting(len(speeds), "speeds") as shown:
         found = waterfall(case, speeds, seen, _ORDERS, advance=shown)
-    return waterfall_figure(found, scale, shaft_name(scale))
+    return titled(waterfall_figure(found, scale, shaft_name(scale)), case.title)
 
 
 _ORDERS = 24
@@ -238,11 +238,11 @@ def _speeds(asked: Asked, case: Case) -> list[float]:
 
 
 def _work_precision(asked: Asked) -> Figure:
-    from flexcam.view import work_precision_figure
+    from flexcam.view import titled, work_precision_figure
 
     source = _single(asked, "work-precision")
     probe = asked.probe or runner.scalar_probe(source.ready)
-    return work_precision_figure(fidelity.trade(source.case, probe, repeats=1)[1])
+    return titled(work_precision_figure(fidelity.trade(source.case, probe, repeats=1)[1]), source.title)
 
 
 _FIGURES: Mapping[str, Callable[[Asked], Figure]] = {

@@ -53,7 +53,7 @@ def campbell(
 ) -> None:  # fmt: skip
     """Draw natural frequencies over speed with the orders of a cam, and list where they meet.
 
-    Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
+    Speeds are those of the crankshaft where the case gives crank_speed, else those of the camshaft.
     """
     read = load_beams(case, overrides)
     scale = read.turns
@@ -64,9 +64,10 @@ def campbell(
     with counting(count, "speeds") as shown:
         found = find_crossings(read, speeds, orders=numbers, modes=modes, contact=contact, advance=shown)
     if plot is not None:
-        from flexcam.view import campbell_figure, save_figure
+        from flexcam.view import campbell_figure, save_figure, titled
 
-        save_figure(campbell_figure(found, scale, shaft_name(scale)), plot, overwrite=overwrite)
+        figure = campbell_figure(found, scale, shaft_name(scale))
+        save_figure(titled(figure, read.title), plot, overwrite=overwrite)
     if as_json:
         files = [] if plot is None else [str(plot)]
         print_json({"status": "ok", **campbell_json(found, scale), "files": files})
@@ -101,7 +102,7 @@ def orders(
 ) -> None:  # fmt: skip
     """Tell the orders of acceleration and contact force over speed: harmonics of the last revolution.
 
-    Speeds are those of the shaft the case gives its own of: the crankshaft (crank_speed) or the camshaft (speed).
+    Speeds are those of the crankshaft where the case gives crank_speed, else those of the camshaft.
     """
     read = load(case, overrides)
     scale = read.turns
@@ -115,9 +116,10 @@ def orders(
     if csv is not None:
         write_text(csv, orders_csv(found, scale), overwrite=overwrite)
     if plot is not None:
-        from flexcam.view import save_figure, waterfall_figure
+        from flexcam.view import save_figure, titled, waterfall_figure
 
-        save_figure(waterfall_figure(found, scale, shaft_name(scale)), plot, overwrite=overwrite)
+        figure = waterfall_figure(found, scale, shaft_name(scale))
+        save_figure(titled(figure, read.title), plot, overwrite=overwrite)
     files = [str(path) for path in (csv, plot) if path is not None]
     if as_json:
         print_json({"status": "ok", **orders_json(found, scale), "files": files})

@@ -115,7 +115,7 @@ def _motion(
     """Return what is shown, and its title."""
     from flexcam.scene import case_motion, mode_motion, result_motion
 
-    title = case.record.title or case.name
+    title = case.title
     if mode is not None:
         if mode < 1:
             raise refuse("--mode", mode, "a whole number from 1, as flexcam modes counts them")

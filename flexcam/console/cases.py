@@ -117,7 +117,7 @@ def model_table(ready: Prepared, modes: ModelModes, takes: Budget | None = None)
         ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
         *([("a run takes", f"{size(takes.memory)} of memory, a result of {size(takes.file)}")] if takes else []),
     ]
-    return facts(ready.case.record.title or ready.case.name, rows)
+    return facts(ready.case.title, rows)
 
 
 def left_out(ready: Prepared) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from flexcam.case import unusual
+from flexcam.console.lobes import lobe_doubts
 from flexcam.console.mishaps import mishaps
 from flexcam.console.watched import Watched
 from flexcam.held import loose, unheld
@@ -71,7 +72,7 @@ def coarse_steps(ready: Prepared) -> list[str]:
 
 
 def input_doubts(ready: Prepared) -> list[str]:
-    """Return what is hardly meant in a case, in words: numbers, what acts on nothing, what stands open.
+    """Return what is hardly meant in a case, in words: numbers, lobes, what acts on nothing, what stands open.
 
     Parameters
     ----------
@@ -84,7 +85,7 @@ def input_doubts(ready: Prepared) -> list[str]:
         Sentences; none where everything is usual.
     """
     standing = unheld(ready.model, ready.problem, ready.scheme)
-    return [*unusual(ready.case), *loose(ready.model), *standing, *coarse_steps(ready)]
+    return [*unusual(ready.case), *lobe_doubts(ready.model), *loose(ready.model), *standing, *coarse_steps(ready)]
 
 
 def run_doubts(ready: Prepared, watched: Watched, figures: list[Figure], stats: Stats) -> list[str]:

@@ -13,6 +13,7 @@ from rich.table import Table
 from flexcam.case import Case
 from flexcam.console.doubts import balances
 from flexcam.console.words import fixed
+from flexcam.fem import ROTATIONS
 from flexcam.io import Result, Verified
 from flexcam.memory import Extremes
 from flexcam.response import Response, Stats
@@ -40,10 +41,10 @@ def run_table(case: Case, extremes: Extremes) -> Table:
     for name, components in extremes.outline.probes:
         for component, *bounds in zip(components, *extremes.probe(name), strict=True):
             full = name if len(components) == 1 else f"{name}.{component}"
-            unit = "mrad" if component in ("rx", "ry", "rz") else "mm"
+            unit = "mrad" if component in ROTATIONS else "mm"
             if round(1e3 * float(np.abs(bounds).max()), 4) > 0.0:
                 rows.append((full, *(f"{fixed(1e3 * float(x), 4)} {unit}" for x in bounds)))
-    title = f"{case.record.title or case.name}, {case.told_speed}"
+    title = f"{case.title}, {case.told_speed}"
     return table(title, ("probe", "least", "largest"), rows or [("no probe moves", "", "")])
 
 

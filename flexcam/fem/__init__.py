@@ -5,7 +5,7 @@ A new element is a file in `elements`; a new concentrated part goes to `lumped`,
 """
 
 from flexcam.fem.assembly import assemble, geometric, mass, stiffness
-from flexcam.fem.conventions import COMPONENTS, component, direction
+from flexcam.fem.conventions import COMPONENTS, ROTATIONS, component, direction
 from flexcam.fem.damping import Damping
 from flexcam.fem.dofs import DofMap, dof_map
 from flexcam.fem.elements import beam
@@ -19,6 +19,7 @@ from flexcam.fem.section import Section
 
 __all__ = [
     "COMPONENTS",
+    "ROTATIONS",
     "Beams",
     "Damping",
     "DofMap",

@@ -18,6 +18,9 @@ from flexcam.linalg import FloatArray
 COMPONENTS = ("ux", "uy", "uz", "rx", "ry", "rz")
 """The six components of a node, in the order of every array."""
 
+ROTATIONS = COMPONENTS[3:]
+"""Those of them that are angles."""
+
 
 def component(name: str, where: str = "component") -> int:
     """Return the position of a component among the six.

@@ -8,9 +8,12 @@ from operator import add
 
 import numpy as np
 
-from flexcam.fem.conventions import COMPONENTS, component
+from flexcam.fem.conventions import COMPONENTS, ROTATIONS, component
 from flexcam.fem.mesh import Mesh
 from flexcam.linalg import FloatArray, IntArray
+
+_ROUNDING = 1e-10
+"""Part of the largest motion of a mode below which a node is at rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +99,35 @@ class DofMap:
         """
         padded = np.concatenate([unknowns, np.zeros((*unknowns.shape[:-1], 1))], axis=-1)
         return padded[..., self.numbers]
+
+    def nodal_modes(self, shapes: FloatArray, size: float) -> FloatArray:
+        """Return modes spread over all nodes, with zeros where only rounding moves a node.
+
+        A mode of a rocker and its springs leaves nodes at rest that it does not touch. What rounding leaves there would
+        look like a mode of the members when it is drawn to size.
+
+        Parameters
+        ----------
+        shapes
+            Shape (..., size of the numbering).
+        size
+            Length by which rotations count beside translations, such as the model's, m.
+
+        Returns
+        -------
+        ndarray
+            Shape (..., nodes, 6), global axes.
+
+        Examples
+        --------
+        >>> mesh = Mesh([[0, 0, 0], [1, 0, 0]], {"bar": [0, 1]}, {"root": [0], "tip": [1]})
+        >>> dofs = dof_map(mesh, [("root", COMPONENTS)]).extended(["valve"])
+        >>> float(dofs.nodal_modes(np.array([0, 1e-16, 0, 0, 0, 0, 1.0]), 1.0).max())
+        0.0
+        """
+        arms = np.array([size if name.rpartition(".")[2] in ROTATIONS else 1.0 for name in self.names])
+        largest = np.abs(arms * shapes).max(axis=-1, initial=0.0, keepdims=True)
+        return self.nodal(np.where(np.abs(arms * shapes) < _ROUNDING * largest, 0.0, shapes))
 
     def rigid_motion(self, mesh: Mesh, direction: FloatArray) -> FloatArray:
         """Return the free components of a unit rigid motion about the origin.

@@ -132,6 +132,11 @@ class Mesh:
                 return name
         return f"node {node}"
 
+    @property
+    def extent(self) -> float:
+        """Diagonal of the box around all nodes, m."""
+        return float(np.linalg.norm(np.ptp(self.nodes, axis=0)))
+
     def elements(self) -> IntArray:
         """Return both node numbers of every element, shape (e, 2), member after member."""
         pairs = [np.column_stack([line[:-1], line[1:]]) for line in self.lines.values()]

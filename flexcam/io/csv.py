@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from flexcam.checks import refuse
+from flexcam.fem import ROTATIONS
 from flexcam.io.target import free_to_write, made_folder
 from flexcam.io.vtkhdf import SERIES
 from flexcam.linalg import FloatArray
@@ -82,7 +83,7 @@ def component_unit(component: str, unit: str) -> str:
     >>> component_unit("rz", "m/s")
     'rad/s'
     """
-    return unit.replace("m", "rad", 1) if component in ("rx", "ry", "rz") else unit
+    return unit.replace("m", "rad", 1) if component in ROTATIONS else unit
 
 
 def write_text(path: Path, text: str, *, overwrite: bool = False) -> Path:

@@ -80,11 +80,11 @@ def write_modes(
 
 
 def _drawn(geometry: Geometry, frequencies: FloatArray, shapes: FloatArray) -> dict[str, FloatArray]:
-    size = float(np.linalg.norm(np.ptp(geometry.mesh.nodes, axis=0)))
+    size = geometry.mesh.extent
     drawn: dict[str, FloatArray] = {}
-    for i, (frequency, shape) in enumerate(zip(frequencies, shapes.T, strict=True), start=1):
-        moved = geometry.dofs.nodal(shape)[geometry.node, :3]
+    nodal = geometry.dofs.nodal_modes(shapes.T, size)[:, geometry.node, :3]
+    for i, (frequency, moved) in enumerate(zip(frequencies, nodal, strict=True), start=1):
         largest = float(np.linalg.norm(moved, axis=1).max())
-        scale = _SWING * size / largest if largest > 0.0 else 0.0  # a mode of pure twist moves no point
+        scale = _SWING * size / largest if largest > 0.0 else 0.0  # pure twist, or what is no member, moves no point
         drawn[f"mode_{i:02d}_{frequency:.1f}Hz"] = scale * moved
     return drawn

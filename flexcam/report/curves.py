@@ -9,13 +9,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from flexcam.fem import ROTATIONS
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.report.content import Album, Chart, Curve, Panel
 from flexcam.response import STATE, Outline, Response
 from flexcam.units import shown
 
 _SERIES = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
-_TURNS = ("rx", "ry", "rz")
 _WITHIN = 1e-4
 """Part of its range by which a drawn curve may miss the true one: below a pixel of a large screen."""
 
@@ -206,7 +206,7 @@ def _moves(responses: Sequence[Response], name: str) -> bool:
 
 
 def _motion(runs: Runs, name: str) -> Chart:
-    unit = "rad" if name.rpartition(".")[2] in _TURNS else "m"
+    unit = "rad" if name.rpartition(".")[2] in ROTATIONS else "m"
     panels = tuple(_motion_panel(runs, name, series, unit + per) for series, per in _SERIES.items())
     return Chart(name, _words(panels), panels)
 

@@ -109,7 +109,7 @@ def _modes(about: Subject, lines: _Lines) -> list[Shape]:
     if about.known is None or about.modes is None:
         return []
     found, structure = about.modes, about.known.structure
-    moved = lines.of_beams(structure.beams, structure.dofs.nodal(found.modes.shapes.T))
+    moved = lines.of_beams(structure.beams, structure.dofs.nodal_modes(found.modes.shapes.T, about.result.mesh.extent))
     return [
         Shape(f"mode {i + 1}, {frequency:.4g} Hz", found.words(i) + _unseen(structure, shares), moved[i : i + 1])
         for i, (frequency, shares) in enumerate(zip(found.modes.frequencies.tolist(), found.shares, strict=True))

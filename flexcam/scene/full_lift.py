@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexcam.case import Case
-from flexcam.fem import COMPONENTS
+from flexcam.fem import ROTATIONS
 from flexcam.linalg import FloatArray
 from flexcam.response import Response
 
@@ -47,5 +47,6 @@ def _paths(response: Response, probe: str) -> list[FloatArray]:
     history = response[probe]
     if history.displacement.ndim == 1:
         return [history.displacement]
-    turns = COMPONENTS[3:]
-    return [path for name, path in zip(history.components, history.displacement.T, strict=True) if name not in turns]
+    return [
+        path for name, path in zip(history.components, history.displacement.T, strict=True) if name not in ROTATIONS
+    ]

@@ -47,7 +47,7 @@ def model_size(model: Model) -> float:
     float
         A decimetre where all lie at one place.
     """
-    return float(np.linalg.norm(np.ptp(model.mesh.nodes, axis=0))) or 0.1
+    return model.mesh.extent or 0.1
 
 
 def valve_lift(model: Model) -> float:

@@ -19,7 +19,7 @@ from flexcam.case.tables.contacts import CamContactRecord
 from flexcam.checks import did_you_mean, refuse
 from flexcam.integrate import solve
 from flexcam.linalg import FloatArray, Triplets
-from flexcam.response import Advance, Status, counted, heed
+from flexcam.response import Advance, RunFailedError, Status, counted, heed
 from flexcam.runner import prepare
 from flexcam.stability.reached import ReachedModes, force_harmonics, reached_modes
 from flexcam.stability.resonance import Resonance, lift_harmonics
@@ -47,8 +47,8 @@ class Campbell:
     rpm
         Camshaft speeds, shape (m,).
     frequencies
-        Hz, shape (m, k), a column per mode, the lowest first; NaN where a run broke off, or where there is no such mode
-        because a contact has opened or closed.
+        Hz, shape (m, k), a column per mode, the lowest first; NaN where a run broke off or its state
+        is unstable, or where there is no such mode because a contact has opened or closed.
     reached
         Whether each mode is felt at the contact at some speed: it takes part in what the contact yields.
     words
@@ -60,7 +60,7 @@ class Campbell:
     crossings
         Where an order meets a mode that is felt at the contact, the lowest speed first.
     statuses
-        How the run at every speed ended.
+        How every speed ended: its run, or the search for its modes, of which an unstable state has none.
     """
 
     contact: str
@@ -140,10 +140,16 @@ def campbell(
         response = solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=ready.save)
         heed(response.status)
         statuses.append(response.status)
-        if response.status.ok:
-            loads[i] = force_harmonics(response, name, max(orders))[wanted - 1]
-            structure = build_structure(ready.model)
-            _follow(lines, i, len(rpm), reached_modes(ready, response, name, structure), structure.mass, modes)
+        if not response.status.ok:
+            continue
+        loads[i] = force_harmonics(response, name, max(orders))[wanted - 1]
+        structure = build_structure(ready.model)
+        try:
+            here = reached_modes(ready, response, name, structure)
+        except RunFailedError as failure:
+            statuses[-1] = failure.status
+        else:
+            _follow(lines, i, len(rpm), here, structure.mass, modes)
     lines.sort(key=lambda line: float(np.nanmin(line.frequencies)))
     met = _crossings(rpm, lines, lifts, loads)
     frequencies = np.array([line.frequencies for line in lines]).reshape(len(lines), len(rpm)).T

@@ -26,8 +26,8 @@ class LimitMap:
     axes
         What varies: down the rows, and along the columns.
     rpm
-        By limit, such as ``loss_of_contact``: speed of the shaft that the case gives its own of, shape (rows, columns);
-        NaN where it is not met in the range looked at, or a run failed.
+        By limit, such as ``loss_of_contact``: speed, shape (rows, columns), of the crankshaft where the case gives
+        ``crank_speed``, else of the camshaft; NaN where it is not met in the range looked at, or a run failed.
     statuses
         How every variant ended, row by row.
     """

@@ -2,8 +2,9 @@
 
 ===========================  ==================================================================
 ``frequency.1``, ...         natural frequencies, Hz, of the unloaded train without free motions
-``limits.loss_of_contact``   the speed at which something gives way, rpm of the shaft that the
-                             case gives its own of; also bounce, coil_clash, buckling
+``limits.loss_of_contact``   the speed at which something gives way, rpm of the crankshaft where
+                             the case gives ``crank_speed``, else of the camshaft; also
+                             bounce, coil_clash, buckling
 ``cams.NAME.area``           integral of the lift over a revolution, m rad; also ``velocity``,
                              ``acceleration``, ``deceleration``, ``jerk``: the largest, by the
                              cam angle in rad

@@ -4,7 +4,7 @@ May import `fidelity` and everything below it; owns matplotlib, of which only `F
 A new picture is a function that draws into given axes, and one that makes its figure.
 """
 
-from flexcam.view.axes import free_for_picture, png_of, save_figure
+from flexcam.view.axes import free_for_picture, png_of, save_figure, titled
 from flexcam.view.campbell import campbell_figure
 from flexcam.view.curves import (
     law_figure,
@@ -60,6 +60,7 @@ __all__ = [
     "save_figure",
     "scatter_figure",
     "spectrum_figure",
+    "titled",
     "waterfall_figure",
     "work_precision_figure",
 ]

@@ -58,6 +58,26 @@ def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
     return path
 
 
+def titled(figure: Figure, title: str) -> Figure:
+    """Put a title above the first axes, below a legend that stands outside of them.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    title
+        Such as that of the case; nothing is written where it is empty.
+
+    Returns
+    -------
+    Figure
+        The same.
+    """
+    if title:
+        figure.axes[0].set_title(title, fontsize="medium")
+    return figure
+
+
 def png_of(figure: Figure) -> bytes:
     """Return a figure as a picture for paper, whose size does not grow with its curves.
 

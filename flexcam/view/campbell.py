@@ -17,6 +17,8 @@ from flexcam.view.axes import looks
 _LARGEST = 160.0
 """Area of the largest circle, points squared."""
 
+_MET = "an order meets a mode; area: its part of the force"
+
 
 def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     """Return natural frequencies over speed with the orders of a cam.
@@ -41,14 +43,15 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     rpm = scale * found.rpm
     top = _top(found)
     _rays(axes, found, rpm, top)
-    styles = looks()
+    styles, told = looks(), False
     for i, (column, reached) in enumerate(zip(found.frequencies.T, found.reached, strict=True)):
         if reached:
             colour, dashes = next(styles)
             axes.plot(rpm, column, color=colour, linestyle=dashes, linewidth=1.8, marker="o", markersize=3,
                       label=_named(found, i, top))  # fmt: skip
         else:
-            axes.plot(rpm, column, color="0.6", linewidth=0.8)
+            axes.plot(rpm, column, color="0.5", linewidth=1.2, label="" if told else "not felt at the contact")
+            told = told or bool((column <= top).any())
     _circles(axes, found, scale)
     axes.set_xlim(rpm[0], rpm[-1])
     axes.set_ylim(0.0, top)
@@ -94,5 +97,5 @@ def _circles(axes: Axes, found: Campbell, scale: float) -> None:
     sizes = [max(_LARGEST * one.load / largest, 8.0) for one in met]
     axes.scatter(
         [scale * one.rpm for one in met], [one.frequency for one in met], s=sizes, facecolors="none",
-        edgecolors="black", linewidths=1.2, zorder=3,
+        edgecolors="black", linewidths=1.2, zorder=3, label=_MET * bool(met),
     )  # fmt: skip

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
 from flexcam.checks import did_you_mean, refuse
+from flexcam.fem import ROTATIONS
 from flexcam.linalg import FloatArray
 from flexcam.response import Response
 from flexcam.units import shown
@@ -25,7 +26,6 @@ Over = Literal["angle", "time"]
 SERIES = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
 """Motions of a probe, and what their units have beside that of the displacement."""
 
-_TURNS = ("rx", "ry", "rz")
 _TICKS = (5, 10, 15, 30, 45, 90, 180, 360, 720)
 _MOST_TICKS = 9
 _BELOW = {"angle": "cam angle, deg", "time": "time, s"}
@@ -67,7 +67,7 @@ def unit_of(component: str, series: str) -> str:
     str
         Such as ``m/s^2`` or ``rad``.
     """
-    return ("rad" if component.rpartition(".")[2] in _TURNS else "m") + SERIES[series]
+    return ("rad" if component.rpartition(".")[2] in ROTATIONS else "m") + SERIES[series]
 
 
 def draw_motion(
@@ -208,8 +208,8 @@ def motion_figure(
         If a run has no such probe or channel.
     """
     first = next(iter(responses.values()))
-    motions = [_label(series, unit_of(probe, series)) for series in SERIES]
-    called = [_label(_short(name), unit_of_channel(first, name)) for name in channels]
+    motions = [axis_label(series, unit_of(probe, series)) for series in SERIES]
+    called = [axis_label(short_name(name), unit_of_channel(first, name)) for name in channels]
     figure, axes = stacked([*motions, *called], _BELOW[over])
     for response, look in _looked(responses, rigid or {}):
         draw_motion(axes[: len(SERIES)], response, probe, over=over, look=look)
@@ -244,7 +244,9 @@ def channel_figure(
         If a run has no such channel.
     """
     first = next(iter(responses.values()))
-    figure, axes = stacked([_label(_short(name), unit_of_channel(first, name)) for name in channels], _BELOW[over])
+    figure, axes = stacked(
+        [axis_label(short_name(name), unit_of_channel(first, name)) for name in channels], _BELOW[over]
+    )
     for response, look in _looked(responses, rigid or {}):
         for one, channel in zip(axes, channels, strict=True):
             draw_channel(one, response, channel, over=over, look=look)
@@ -310,13 +312,48 @@ def _looked(responses: Mapping[str, Response], rigid: Mapping[str, Response]) ->
     return found
 
 
-def _label(name: str, unit: str) -> str:
+def axis_label(name: str, unit: str) -> str:
+    r"""Return a name with its unit below it.
+
+    Parameters
+    ----------
+    name
+        What is drawn.
+    unit
+        SI.
+
+    Returns
+    -------
+    str
+        With the unit it is shown in, see `flexcam.units.shown`; a bare number has none.
+
+    Examples
+    --------
+    >>> axis_label("acceleration", "m/s^2")
+    'acceleration\nm/s²'
+    """
     _, symbol = shown(unit)
     return f"{name}\n{symbol}" if symbol else name
 
 
-def _short(channel: str) -> str:
-    """Return a channel as the label of an axis: ``contacts.intake.force`` is the intake's force."""
+def short_name(channel: str) -> str:
+    """Return a channel as an axis is called after it.
+
+    Parameters
+    ----------
+    channel
+        Its name.
+
+    Returns
+    -------
+    str
+        Without the kind of part.
+
+    Examples
+    --------
+    >>> short_name("contacts.intake.force")
+    'intake force'
+    """
     return " ".join(channel.split(".")[1:]).replace("_", " ")
 
 

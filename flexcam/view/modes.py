@@ -88,7 +88,7 @@ def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> 
     size = (2.0 + 3.0 * len(members), 1.4 + 1.7 * count)
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(count, len(members), squeeze=False, sharex="col", sharey=True)
-    shapes = structure.dofs.nodal(found.modes.shapes.T)
+    shapes = structure.dofs.nodal_modes(found.modes.shapes.T, structure.model.mesh.extent)
     for mode, (row, nodal) in enumerate(zip(grid, shapes, strict=True)):
         largest = _largest(structure, nodal)
         for axes, member in zip(row, members, strict=True):

@@ -12,6 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexcam.orders import Waterfall
+from flexcam.units import shown
+from flexcam.view.histories import axis_label, short_name
 
 _DECADES = 3.0
 """Decades below the largest amplitude that the colours tell apart."""
@@ -47,12 +49,13 @@ def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Fi
 def _draw(figure: Figure, axes: Axes, found: Waterfall, scale: float) -> None:
     from matplotlib.colors import LogNorm
 
-    sizes = found.amplitudes[:, 1:]
+    factor, _ = shown(found.unit)
+    sizes = factor * found.amplitudes[:, 1:]
     largest = float(np.nanmax(sizes)) if np.isfinite(sizes).any() else 1.0
     norm = LogNorm(10.0**-_DECADES * (largest or 1.0), largest or 1.0, clip=True)
-    shown = axes.pcolormesh(
+    drawn = axes.pcolormesh(
         np.arange(1.0, sizes.shape[1] + 1.0), scale * found.rpm, sizes, norm=norm, cmap="cividis",
         shading="nearest", rasterized=True,
     )  # fmt: skip
-    name = f"acceleration of {found.signal.name}" if found.signal.probe else found.signal.name
-    figure.colorbar(shown, ax=axes, label=f"{name}\n{found.unit}")
+    name = f"acceleration of {found.signal.name}" if found.signal.probe else short_name(found.signal.name)
+    figure.colorbar(drawn, ax=axes, label=axis_label(name, found.unit))

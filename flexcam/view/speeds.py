@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from flexcam.linalg import FloatArray
 from flexcam.view.axes import legend, looks, stacked
 
+_SLOW = 1.0
+"""Growth, 1/s, that the axis always spans, and within which it is linear: rounding then looks like the zero it is."""
+
 
 def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatArray]], shaft: str) -> Figure:
     """Return largest and least contact force over speed.
@@ -62,8 +65,10 @@ def growth_figure(rpm: FloatArray, growth: FloatArray, dangers: Mapping[str, NDA
     """
     figure, (upper, lower) = stacked(("growth, 1/s", "endangered by"), f"{shaft} speed, rpm")
     upper.plot(rpm, growth, color="black", marker="o", markersize=3)
-    upper.set_yscale("symlog", linthresh=1.0)
+    upper.set_yscale("symlog", linthresh=_SLOW)
     upper.axhline(0.0, color="black", linewidth=0.8)
+    least, largest = upper.get_ylim()
+    upper.set_ylim(min(least, -_SLOW), max(largest, _SLOW))
     for row, ((_, at), (colour, _)) in enumerate(zip(dangers.items(), looks(), strict=False)):
         chosen = rpm[at]
         lower.plot(chosen, np.full(len(chosen), row), color=colour, marker="s", linestyle="none")

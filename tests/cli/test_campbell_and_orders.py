@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from flexcam import read_case
+from flexcam.response import BUCKLED, RunFailedError
+from flexcam.stability import campbell
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -51,6 +56,25 @@ def test_campbell_of_an_engine(flexcam):
     for one in surge:
         assert one["rpm"] == pytest.approx(120.0 * one["frequency"] / one["harmonic"], rel=1e-12)
         assert one["frequency"] == pytest.approx(454.9, abs=0.5)
+
+
+def test_a_speed_at_which_the_train_stands_unstable_leaves_the_others(monkeypatch):
+    """No modes are known where the state at full lift is unstable: that speed says so, the others stay."""
+    module = sys.modules["flexcam.stability.campbell"]
+    real, calls = module.reached_modes, []
+
+    def reached(*given):
+        calls.append(given)
+        if len(calls) == 2:
+            raise RunFailedError(BUCKLED)
+        return real(*given)
+
+    monkeypatch.setattr(module, "reached_modes", reached)
+    case = read_case(PUBLISHED, ["run.steps_per_revolution=360"])
+    found = campbell(case, [200.0, 300.0, 400.0], orders=[1])
+    assert [one.ok for one in found.statuses] == [True, False, True]
+    assert found.statuses[1] is BUCKLED
+    assert np.isnan(found.frequencies).tolist() == [[False] * 8, [True] * 8, [False] * 8]
 
 
 def test_orders_of_a_simple_harmonic_lift(flexcam, tmp_path):

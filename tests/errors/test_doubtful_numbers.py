@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 from flexcam import InputError, prepare, read_case, read_result
-from flexcam.case import unusual
+from flexcam.case import build_model, unusual
 from flexcam.case.usual import STRAIGHT, TWISTED, USUAL
 from flexcam.cli import main
 from flexcam.console.doubts import input_doubts
+from flexcam.console.lobes import lobe_doubts
 
 ROOT = Path(__file__).parents[2]
 CASE = ROOT / "tests/data/inline.toml"
@@ -167,3 +168,17 @@ def test_run_tells_it_and_the_result_keeps_it(tmp_path, capsys):
     warned = json.loads(capsys.readouterr().out)["warnings"]
     assert any("7.8 g/cm^3" in one for one in warned)
     assert "7.8 g/cm^3" in read_result(tmp_path / "inline.vtkhdf").about["warnings"]
+
+
+@pytest.mark.parametrize(("override", "said"), [
+    ("cams.intake.base_radius=17.4mm", "its profile would cross itself (undercut)"),
+    ("sections.shaft.diameter=50mm", "its base circle has a radius of 24 mm, its shaft one of 25 mm"),
+])  # fmt: skip
+def test_a_lobe_that_cannot_be_made(override, said):
+    (told,) = lobe_doubts(build_model(read_case(PUSHROD, [override])))
+    assert "cams.intake" in told
+    assert said in told
+
+
+def test_a_lobe_as_thick_as_its_shaft_is_no_fault():
+    assert lobe_doubts(build_model(read_case(PUSHROD, ["sections.shaft.diameter=48mm"]))) == []

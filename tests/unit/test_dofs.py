@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from flexcam import read_case
+from flexcam.case import build_model
 from flexcam.checks import InputError
 from flexcam.fem import COMPONENTS, Mesh, dof_map, refined
 from flexcam.fem.generate import chain
+from flexcam.runner import modes
+from flexcam.train import build_structure
 
 MESH = Mesh([[0, 0, 0], [1, 0, 0], [1, 2, 0], [9, 9, 9]], {"a": [0, 1], "b": [1, 2]}, {"root": [0], "ends": [0, 2]})
 
@@ -93,3 +99,28 @@ def test_chain():
     assert mesh.node("end") == 4
     with pytest.raises(InputError):
         chain((0, 0, 0), (1, 0, 0), 0)
+
+
+def test_rounding_at_nodes_is_no_part_of_a_mode():
+    """Beside a rocker that moves by 1, 1e-14 at a node is rounding, 1e-6 is a motion, and so is a turn alone."""
+    dofs = dof_map(MESH, [("root", COMPONENTS)]).extended(["valve"])
+    turn = next(i for i, name in enumerate(dofs.names) if name.endswith(".rz"))
+    shapes = np.zeros((3, dofs.size))
+    shapes[:, -1] = 1.0, 1.0, 0.0
+    shapes[:, 0] = 1e-14, 1e-6, 1e-14
+    shapes[:, turn] = 1e-14, 1e-14, 0.5
+    seen = dofs.nodal_modes(shapes, MESH.extent)
+    assert not seen[0].any()
+    assert np.count_nonzero(seen[1]) == 1
+    assert seen[1].max() == 1e-6
+    assert seen[2].max() == 0.5
+    assert np.count_nonzero(seen[2]) == 1
+
+
+def test_modes_of_springs_leave_members_at_rest():
+    """In a finger train without contact the valve springs swing alone; solved densely, rounding moves every node."""
+    case = read_case(Path(__file__).parents[2] / "cases/direct-acting/finger.toml")
+    structure, found = build_structure(build_model(case)), modes(case, 6)
+    shapes = found.modes.shapes.T
+    assert structure.dofs.nodal(shapes)[1].any()
+    assert not structure.dofs.nodal_modes(shapes, structure.model.mesh.extent)[1].any()

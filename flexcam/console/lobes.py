@@ -1,0 +1,66 @@
+"""Lobes that cannot be made as the case gives them: a profile that crosses itself, a shaft thicker than its cam."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexcam.cam import Follower, profile_at, undercut
+from flexcam.checks import InputError
+from flexcam.train import Cam, Model
+
+_ANGLES = 2.0 * math.pi * np.arange(720) / 720.0
+"""Cam angles at which a profile is looked at."""
+
+_THICKER = 1.0 + 1e-9
+"""Shaft by base circle from which the shaft is the thicker one; where both are equal the follower rests on either."""
+
+
+def lobe_doubts(model: Model) -> list[str]:
+    """Return which lobes cannot be made, in words.
+
+    Parameters
+    ----------
+    model
+        The model.
+
+    Returns
+    -------
+    list
+        Sentences; none where every profile can be made, or no follower says what the profile is.
+
+    Examples
+    --------
+    ``lobe_doubts(build_model(read_case("cases/pushrod-engine/intake.toml", ["cams.intake.base_radius=18mm"])))``
+    tells that the flat face would need a profile that crosses itself.
+    """
+    known = [(name, cam, cam.follower) for name, cam in model.cams.items() if cam.follower is not None]
+    return [one for name, cam, follower in known for one in _told(model, name, cam, follower)]
+
+
+def _told(model: Model, name: str, cam: Cam, follower: Follower) -> Iterator[str]:
+    if _undercut(cam, follower):
+        why = "its profile would cross itself (undercut), so that no cam makes the lift of this run"
+        yield f"Warning: cams.{name}: {why}; flexcam cam says which base circle is enough"
+    shaft = _shaft_radius(model, cam)
+    if shaft > _THICKER * follower.base_radius:
+        sizes = f"its base circle has a radius of {1e3 * follower.base_radius:.4g} mm, its shaft one of"
+        yield f"Warning: cams.{name}: {sizes} {1e3 * shaft:.4g} mm: the follower would run on the shaft"
+
+
+def _undercut(cam: Cam, follower: Follower) -> bool:
+    try:
+        radius = profile_at(cam.event, follower, _ANGLES, cam.turn).radius
+    except InputError:  # the follower cannot stand on it: what needs the profile refuses it
+        return False
+    return bool(undercut(radius, follower).any())
+
+
+def _shaft_radius(model: Model, cam: Cam) -> float:
+    """Return the radius of the round shaft a cam sits on, m; zero where there is none."""
+    node = model.mesh.points.get(cam.at, np.empty(0, dtype=int))
+    lines, members = model.mesh.lines, model.members
+    sections = [one.section for name, one in members.items() if np.isin(node, lines[name]).any()]
+    return max((one.radius for one in sections if one.round), default=0.0)
