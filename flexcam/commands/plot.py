@@ -104,7 +104,8 @@ def plot(
     )
     target = output or Path(f"{files[0].name.partition('.')[0] if files else 'flexcam'}-{what}.svg")
     free_for_picture(target, overwrite=overwrite)
-    asked = Asked(named(opened(files, overrides)), probe, channels, over, rigid, cam, angle, count)
+    sources = named(opened(files, overrides, cams=what in _OF_CAMS))
+    asked = Asked(sources, probe, channels, over, rigid, cam, angle, count)
     save_figure(_FIGURES[what](asked), target, overwrite=overwrite)
     if as_json:
         print_json({"status": "ok", "files": [str(target)]})
@@ -118,9 +119,10 @@ def _solved(asked: Asked) -> list[Response]:
     return [one.response for one in asked.sources.values() if one.result is None and "response" in vars(one)]
 
 
+_OF_CAMS = ("svaj", "profile")
 _APPLIES = {
     "probe": ("motion", "waterfall", "work-precision"), "channel": ("motion", "force", "waterfall"),
-    "rigid": ("motion", "force"), "over": ("motion", "force", "energy"), "cam": ("svaj", "profile"),
+    "rigid": ("motion", "force"), "over": ("motion", "force", "energy"), "cam": _OF_CAMS,
     "angle": ("profile",), "count": ("modes", "campbell", "waterfall"),
 }  # fmt: skip
 
@@ -170,7 +172,7 @@ def _svaj(asked: Asked) -> Figure:
         for name, source in asked.sources.items()
         for cam, one in _cams(source, asked.cam).items()
     }
-    return titled(lift_figure(events), asked.first.case.title if len(asked.sources) == 1 else "")
+    return titled(lift_figure(events), asked.first.subject if len(asked.sources) == 1 else "")
 
 
 def _profile(asked: Asked) -> Figure:
@@ -259,7 +261,7 @@ def _single(asked: Asked, what: str) -> Source:
 
 def _cams(source: Source, name: str | None) -> Mapping[str, Cam]:
     """Return the cams of a source, or the one asked for."""
-    cams: Mapping[str, Cam] = build_model(source.case).cams
+    cams = source.cams
     known: Sequence[str] = list(cams)
     if name is not None and name not in cams:
         raise refuse("--cam", repr(name), ", ".join(known), "", did_you_mean(name, known))

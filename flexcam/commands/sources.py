@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from flexcam.case import Case, recalled_case
+from flexcam.cams import CamSet, load_cams
+from flexcam.case import Case, build_model, recalled_case
+from flexcam.case.read import holds_mechanism
 from flexcam.checks import refuse
 from flexcam.commands.app import load
 from flexcam.console.words import told_apart
@@ -17,6 +19,7 @@ from flexcam.reopened import reopened
 from flexcam.response import Response, heed
 from flexcam.runner import Prepared, prepare
 from flexcam.terminal import progress
+from flexcam.train import Cam
 
 RESULT = ".vtkhdf"
 
@@ -61,6 +64,23 @@ class Source:
         """The same with rigid members."""
         return _solved(prepare(self.case, rigid=True))
 
+    @cached_property
+    def alone(self) -> CamSet | None:
+        """The cams of a file that has nothing else; None for a result, and for a case with its mechanism."""
+        if self.path.suffix == RESULT or holds_mechanism(self.path):
+            return None
+        return load_cams(self.path, self.overrides)
+
+    @property
+    def cams(self) -> Mapping[str, Cam]:
+        """Its cams, by name."""
+        return build_model(self.case).cams if self.alone is None else self.alone.cams
+
+    @property
+    def subject(self) -> str:
+        """What the case, or the file of cams, is called."""
+        return self.case.title if self.alone is None else self.alone.title or self.stem
+
     @property
     def stem(self) -> str:
         """Name of the file without its endings."""
@@ -79,15 +99,18 @@ def _solved(ready: Prepared) -> Response:
     return response
 
 
-def opened(paths: Sequence[Path], overrides: Sequence[str] | None) -> list[Source]:
-    """Return the sources of some files; what cannot be read is refused before anything is computed."""
+def opened(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams: bool = False) -> list[Source]:
+    """Return the sources of some files; what cannot be read is refused before anything is computed.
+
+    Where `cams` are asked for, a file with cams alone will do.
+    """
     if not paths:
         raise refuse("command line", "no file", "one or more results (.vtkhdf) or cases (.toml)")
     if overrides and any(path.suffix == RESULT for path in paths):
         raise refuse("--set", overrides[0], "cases alone", "a result has been computed", "give the case, or run it")
     found = [Source(path, tuple(overrides or ())) for path in paths]
     for one in found:
-        _ = one.result or one.case
+        _ = one.result or (cams and one.alone) or one.case
     return found
 
 
@@ -95,5 +118,5 @@ def named(sources: Sequence[Source]) -> dict[str, Source]:
     """Return sources by what tells them apart: nothing for a single one, else file name, speed or number."""
     if len(sources) == 1:
         return {"": sources[0]}
-    speeds = [one.case.told_speed for one in sources]
+    speeds = ["" if one.alone else one.case.told_speed for one in sources]
     return dict(zip(told_apart([one.stem for one in sources], speeds), sources, strict=True))

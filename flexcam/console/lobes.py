@@ -11,7 +11,7 @@ from flexcam.cam import Follower, profile_at, undercut
 from flexcam.checks import InputError
 from flexcam.train import Cam, Model
 
-_ANGLES = 2.0 * math.pi * np.arange(720) / 720.0
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
 """Cam angles at which a profile is looked at."""
 
 _THICKER = 1.0 + 1e-9

@@ -89,6 +89,15 @@ def test_a_result_whose_case_is_gone(flexcam, result, case):
         assert flexcam("plot", result, "--what", what, *more, "-o", f"{what}.png").code == 0
 
 
+@pytest.mark.parametrize(("what", "said"), [("svaj", "Swinging roller follower of Li (2014)"), ("profile", "pivot")])
+def test_cams_alone(what, said, flexcam, tmp_path):
+    """A file of cams without a mechanism has lifts and profiles, as for `flexcam cam`."""
+    path = Path(__file__).parents[2] / "cases/cams/li-swing.toml"
+    assert flexcam("plot", path, "--what", what, "-o", "cams.svg").code == 0
+    assert said in words_of(tmp_path / "cams.svg")
+    assert flexcam("plot", path, "-o", "motion.svg").code == 2
+
+
 def test_what_a_run_that_ended_early_left(flexcam, case, tmp_path):
     """It is drawn as far as it came; the command ends as the run did."""
     told = flexcam("plot", "case.toml", "--set", "run.integrator.beta=0.01", "-o", "early.svg")
