@@ -57,6 +57,10 @@ class Case:
     mesh: Mesh | None
     places: Places
 
+    def __repr__(self) -> str:
+        """Return what it is called and where it lies."""
+        return f"<Case {self.title!r}, {self.path}>"
+
     @property
     def name(self) -> str:
         """The file's name without its ending; results are named after it."""

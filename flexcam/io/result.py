@@ -57,6 +57,10 @@ class Result:
     about: Mapping[str, str]
     warnings: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        """Return whose result it is, not its numbers."""
+        return f"<Result of {self.about.get('title') or self.about.get('case_file', 'a run')!r}: {self.response!r}>"
+
     @property
     def field_names(self) -> tuple[str, ...]:
         """Names of the nodal vectors, for `field`."""

@@ -18,6 +18,7 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 
 from flexcam.checkpoint import Checkpoint
 from flexcam.checks import refuse
+from flexcam.fem import ROTATIONS
 from flexcam.io.draft import Draft, plainly
 from flexcam.io.geometry import RECOVERED, Geometry
 from flexcam.io.growing import Growing, fixed, ordered
@@ -131,8 +132,9 @@ class ResultFile:
         for name, components in self._outline.probes:
             group = ordered(probes, name)
             note(group, "components", components)
+            turns = any(one in ROTATIONS for one in components)
             for series, unit in SERIES.items():
-                told = unit if len(components) == 1 else f"{unit}; rotations {unit.replace('m', 'rad', 1)}"
+                told = f"{unit}; rotations {unit.replace('m', 'rad', 1)}" if turns else unit
                 made = Growing(group, series, rows, told, width=len(components))
                 self._probes.append((series, self._outline.columns(name), made))
         channels = ordered(history, "channels")

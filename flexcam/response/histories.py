@@ -81,6 +81,10 @@ class History:
     velocity: FloatArray
     acceleration: FloatArray
 
+    def __repr__(self) -> str:
+        """Return what it is of, not its numbers."""
+        return f"<History of {self.name}: {', '.join(self.components)}; shape {self.displacement.shape}>"
+
 
 @dataclass(frozen=True, eq=False)
 class Response:
@@ -116,6 +120,12 @@ class Response:
     fields: Series
     status: Status = field(default_factory=Status)
     stats: Stats = field(default_factory=Stats)
+
+    def __repr__(self) -> str:
+        """Return how it ended and what it holds, not its numbers."""
+        probes = ", ".join(name for name, _ in self.outline.probes) or "none"
+        held = f"{len(self.time)} instants, {len(self.field_time)} fields; probes: {probes}"
+        return f"<Response, {self.status}; {held}; {len(self.channels)} channels>"
 
     @property
     def inner(self) -> FloatArray:

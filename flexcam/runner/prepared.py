@@ -52,6 +52,11 @@ class Prepared:
     scheme: Method
     save: SaveAt
 
+    def __repr__(self) -> str:
+        """Return what is to be run, not its numbers."""
+        problem = self.problem
+        return f"<Prepared {self.case!r}: {problem.steps} steps of {problem.step:.4g} s, {problem.system!r}>"
+
     @property
     def revolution(self) -> float:
         """Time of a camshaft revolution, s."""

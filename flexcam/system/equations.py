@@ -130,6 +130,10 @@ class System:
     carried: Carried | None = None
     stored: float = 0.0
 
+    def __repr__(self) -> str:
+        """Return its size and parts, not its numbers."""
+        return f"<System of {self.size} unknowns, {len(self.loads)} loads, {len(self.local_forces)} local forces>"
+
     @property
     def size(self) -> int:
         """Number of unknowns."""
