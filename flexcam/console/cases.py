@@ -7,7 +7,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 
 import numpy as np
-import tomli_w
 from rich.table import Table
 
 from flexcam.budget import Budget, size
@@ -17,6 +16,7 @@ from flexcam.console.mishaps import left_words
 from flexcam.console.words import fixed
 from flexcam.fidelity import Claim, Comparison
 from flexcam.integrate import reached
+from flexcam.io import toml_text
 from flexcam.linalg import FloatArray
 from flexcam.runner import Prepared
 from flexcam.terminal import bare, facts, table
@@ -51,7 +51,7 @@ def resolved(case: Case) -> str:
     str
         TOML text.
     """
-    return tomli_w.dumps(filled(case.record))
+    return toml_text(filled(case.record))
 
 
 def couplings(case: Case, figures: Sequence[Figure] = ()) -> list[str]:

@@ -166,8 +166,18 @@ def stats_json(stats: Stats) -> dict[str, object]:
     return asdict(stats) if stats.told else {"steps": stats.steps, **({"size": stats.size} if stats.size else {})}
 
 
+def _warned(result: Result) -> list[tuple[str, str]]:
+    """Return what was doubtful about the run, and about the numbers of its case."""
+    told = dict.fromkeys([*result.warnings, *result.about.get("warnings", "").splitlines()])
+    return [("warning", one.removeprefix("Warning: ")) for one in told] or [("warnings", "none")]
+
+
 def _seconds(stats: Stats) -> str:
     return f", {stats.seconds:.3g} s" if stats.told else ""
+
+
+_ELSEWHERE = ("case", "resolved", "overrides", "warnings")
+"""Texts of a result that its table tells in other rows, or not at all."""
 
 
 def info_table(result: Result) -> Table:
@@ -184,7 +194,7 @@ def info_table(result: Result) -> Table:
         For rich.
     """
     response = result.response
-    about = [(name, text) for name, text in result.about.items() if name not in ("case", "resolved", "overrides")]
+    about = [(name, text) for name, text in result.about.items() if name not in _ELSEWHERE]
     rows = [
         ("run", str(response.status)),
         ("steps", f"{response.stats.steps} of {unknowns(response)}{_seconds(response.stats)}"),
@@ -200,7 +210,7 @@ def info_table(result: Result) -> Table:
         ("fields", ", ".join([*result.field_names, *result.recovered])),
         ("members", ", ".join(f"{name} ({len(line) - 1})" for name, line in result.mesh.lines.items()) or "none"),
         *about,
-        *(("warning", one.removeprefix("Warning: ")) for one in result.warnings),
+        *_warned(result),
         ("overrides", ", ".join(json.loads(result.about["overrides"])) or "none"),
     ]
     return facts("Result", rows)

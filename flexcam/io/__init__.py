@@ -21,6 +21,7 @@ from flexcam.io.result import Result, read_result
 from flexcam.io.result_size import points_drawn, result_bytes
 from flexcam.io.sealed import seal, seal_fault
 from flexcam.io.target import free_to_write, made_folder, takes_files
+from flexcam.io.toml_text import toml_text
 from flexcam.io.unfinished import Unfinished
 from flexcam.io.verify import Verified, verified
 from flexcam.io.vtkhdf import VECTORS, ResultFile, partial_of
@@ -52,6 +53,7 @@ __all__ = [
     "seal_fault",
     "takes_files",
     "text_of",
+    "toml_text",
     "verified",
     "write_csv",
     "write_law",

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 
-import tomli_w
-
 from flexcam.checks import refuse
 from flexcam.io.target import free_to_write, made_folder
+from flexcam.io.toml_text import toml_text
 from flexcam.motion import KINDS, HarmonicLift, Law
 
 
@@ -72,5 +71,5 @@ def _write(path: Path, content: Mapping[str, object], *, overwrite: bool) -> Pat
         raise refuse("output", str(path), "a name that ends in .toml", "so a case tells it from a name of a law")
     free_to_write("output", path, overwrite=overwrite)
     made_folder(path.parent)
-    path.write_text(tomli_w.dumps(content), encoding="utf-8")
+    path.write_text(toml_text(content), encoding="utf-8")
     return path

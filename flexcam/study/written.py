@@ -9,7 +9,7 @@ from typing import Any, cast
 
 from flexcam.case import Case
 from flexcam.case.report import filled
-from flexcam.io import file_beside
+from flexcam.io import file_beside, toml_text
 
 
 def case_text(case: Case, target: Path, told: Sequence[str] = ()) -> str:
@@ -29,11 +29,9 @@ def case_text(case: Case, target: Path, told: Sequence[str] = ()) -> str:
     str
         TOML, SI.
     """
-    import tomli_w
-
     moved = _named_from(filled(case.record), case.path, target.parent)
     head = "".join(f"# {line}\n" for line in told)
-    return head + tomli_w.dumps(cast("dict[str, Any]", moved))
+    return head + toml_text(cast("dict[str, Any]", moved))
 
 
 def _named_from(value: object, case: Path, new: Path) -> object:

@@ -1,0 +1,42 @@
+"""Tables as TOML text in which a short array stands in one line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+_ARRAY = re.compile(r"^(?P<head>.*)\[\n(?P<body>(?: +[^ \[\]{}].*,\n)+) *\](?P<tail>,?)$", re.MULTILINE)
+"""An array as tomli_w writes it, an element to a line; one of arrays or tables stays as it is."""
+
+_WIDE = 100
+"""Letters of a line."""
+
+
+def toml_text(content: Mapping[str, object]) -> str:
+    """Return tables as TOML text.
+
+    Parameters
+    ----------
+    content
+        Tables, arrays, texts and numbers.
+
+    Returns
+    -------
+    str
+        What `tomllib` reads as the same content.
+
+    Examples
+    --------
+    >>> print(toml_text({"node": [0.0, 0.5, 1.0]}))
+    node = [0.0, 0.5, 1.0]
+    <BLANKLINE>
+    """
+    import tomli_w
+
+    return _ARRAY.sub(_joined, tomli_w.dumps(content))
+
+
+def _joined(found: re.Match[str]) -> str:
+    elements = [line.strip().removesuffix(",") for line in found["body"].splitlines()]
+    line = f"{found['head']}[{', '.join(elements)}]{found['tail']}"
+    return line if len(line) <= _WIDE else found[0]

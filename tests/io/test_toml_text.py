@@ -1,0 +1,28 @@
+"""TOML text that people read: short arrays in a line, and the same content as before."""
+
+from __future__ import annotations
+
+import tomllib
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexcam.io import toml_text
+
+LEAVES = st.one_of(st.booleans(), st.integers(-9, 9), st.floats(allow_nan=False), st.text(max_size=4),
+                   st.sampled_from(["[\n", "],\n", " = [\n    1,\n]", "#", "}"]))  # fmt: skip
+VALUES = st.recursive(
+    LEAVES, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner, max_size=3)
+)
+
+
+@given(st.dictionaries(st.text(max_size=3), VALUES, max_size=3))
+def test_it_reads_as_it_was(content):
+    assert tomllib.loads(toml_text(content)) == content
+
+
+def test_short_arrays_stand_in_a_line():
+    text = toml_text({"held": ["ux", "uy"], "rows": [[1, 2], [3, 4]], "long": list(range(60))})
+    assert 'held = ["ux", "uy"]\n' in text
+    assert "rows = [\n    [1, 2],\n    [3, 4],\n]\n" in text
+    assert "long = [\n    0,\n" in text
