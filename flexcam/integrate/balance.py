@@ -16,6 +16,7 @@ from flexcam.linalg import (
     DENSE_LIMIT,
     TOO_MUCH,
     FloatArray,
+    IntArray,
     Triplets,
     diagonal_scale,
     factorize_held,
@@ -29,6 +30,9 @@ _MOST_ITERATIONS = 300
 _TOLERANCE = 1e-9
 """Of the largest force, by which forces may miss their balance."""
 
+_SHARP = 1e-12
+"""The same of a balance that is compared with one nearby: their difference has few of the digits."""
+
 _SUMS = 4.0
 """Roundings of a sum of a dozen parts, a few of which are large."""
 
@@ -40,7 +44,9 @@ _FALL = 0.01
 """Distance, m, that a part which nothing holds may fall in one iteration."""
 
 
-def balanced(system: System, forces: LocalForces, load: FloatArray, motion: CamMotion) -> FloatArray:
+def balanced(
+    system: System, forces: LocalForces, load: FloatArray, motion: CamMotion, near: FloatArray | None = None
+) -> FloatArray:
     """Return the displacement at which loads, stiffness and local forces balance, at rest.
 
     Parameters
@@ -53,6 +59,8 @@ def balanced(system: System, forces: LocalForces, load: FloatArray, motion: CamM
         Shape (n,).
     motion
         The cam at the instant, one row.
+    near
+        Where the search begins, shape (n,), such as the balance of a cam angle nearby; None for zero.
 
     Returns
     -------
@@ -66,21 +74,24 @@ def balanced(system: System, forces: LocalForces, load: FloatArray, motion: CamM
     """
     free = null_space(system.stiffness) if system.free is None else system.free
     free = np.linalg.qr(free)[0] if free.shape[1] else free
-    potential = _Potential(system, forces, forces.schedule(motion), load)
-    u = np.zeros(system.size)
+    potential = _Potential.of(system, forces, forces.schedule(motion), load)
+    u = np.zeros(system.size) if near is None else near
     # A soft hold of the free motions limits a step along them and vanishes with the step.
     hold = max(float(np.abs(free.T @ load).max(initial=0.0)) / _FALL, 1.0)
-    before = np.inf
+    before, energy = np.inf, None
     for _ in range(_MOST_ITERATIONS):
         missing, size, tangent = potential.at(u)
         most = float(np.abs(missing).max(initial=0.0))
-        if most <= _TOLERANCE * size or (0.5 * before <= most <= potential.rounding(u)):  # gets no better
-            if most > _TOLERANCE * size and share_lost(system.stiffness, u) > TOO_MUCH:
+        stalled, close = 0.5 * before <= most, most <= _TOLERANCE * size
+        done = close and (near is None or stalled or most <= _SHARP * size)
+        if done or (stalled and most <= potential.rounding(u)):  # gets no better
+            if not close and share_lost(system.stiffness, u) > TOO_MUCH:
                 raise RunFailedError(TOO_FINE)
             _refuse_buckled(tangent, system)
             return u
         step = factorize_held(tangent, free, hold).solve(missing)
-        u, before = u + potential.shortened(u, step, missing) * step, most
+        part, energy = potential.shortened(u, step, missing, energy)
+        u, before = u + part * step, most
     missing, _, tangent = potential.at(u)
     _refuse_buckled(tangent, system)
     raise _unbalanced(system, missing, free)
@@ -98,7 +109,13 @@ def _refuse_buckled(tangent: Triplets, system: System) -> None:
         return
     scale = diagonal_scale(tangent)
     scaled = scale[:, None] * tangent.dense() * scale
-    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+    symmetric = 0.5 * (scaled + scaled.T)
+    try:
+        np.linalg.cholesky(symmetric + _NEGATIVE * np.eye(len(symmetric)))
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(symmetric)
+    else:
+        return
     if values[0] >= -_NEGATIVE:
         return
     motion = np.abs(scale * vectors[:, 0])
@@ -108,29 +125,67 @@ def _refuse_buckled(tangent: Triplets, system: System) -> None:
 
 
 @dataclass(frozen=True, eq=False)
+class _Touching:
+    """What one local law does to the unknowns that it touches, at a cam angle.
+
+    Parameters
+    ----------
+    scalars
+        Its place among the sensed scalars.
+    touched
+        The unknowns, shape (t,).
+    act, sense
+        Derivatives by them of what it acts along and of what it senses, shape (c, t).
+    """
+
+    scalars: slice
+    touched: IntArray
+    act: FloatArray
+    sense: FloatArray
+
+    def tangent(self, by_gap: FloatArray, size: int) -> Triplets:
+        """Return the stiffness of the law, n x n, from the derivatives of all forces by what is sensed, shape (c, c)."""
+        own = Triplets.from_dense(-self.act.T @ by_gap[self.scalars, self.scalars] @ self.sense)
+        return Triplets(size, self.touched[own.rows], self.touched[own.cols], own.values)
+
+
+@dataclass(frozen=True, eq=False)
 class _Potential:
     """Potential energy of a system at rest, its negative slope (what is out of balance) and its tangent."""
 
     system: System
     forces: LocalForces
-    schedule: Schedule
+    angle: FloatArray
+    offset: FloatArray
+    act: FloatArray
+    sense: FloatArray
+    touching: tuple[_Touching, ...]
     load: FloatArray
 
-    def _gap(self, u: FloatArray) -> FloatArray:
-        return self.schedule.sensing(0) @ (self.forces.sense.vectors @ u) + self.schedule.offset[0]
+    @classmethod
+    def of(cls, system: System, forces: LocalForces, schedule: Schedule, load: FloatArray) -> _Potential:
+        """Return that of a cam angle, under a load of shape (n,)."""
+        act = schedule.acting(0) @ forces.act.vectors
+        sense = schedule.sensing(0) @ forces.sense.vectors
+        each: list[_Touching] = []
+        for _, part, _ in forces.laws:
+            at = np.flatnonzero((act[part] != 0.0).any(axis=0) | (sense[part] != 0.0).any(axis=0))
+            each.append(_Touching(part, at, act[part, at], sense[part, at]))
+        return cls(system, forces, schedule.angle, schedule.offset[0], act, sense, tuple(each), load)
 
     def at(self, u: FloatArray) -> tuple[FloatArray, float, Triplets]:
         """Return the forces out of balance (n,), the size of the forces, and the tangent."""
         still, states = np.zeros(self.forces.count), self.forces.start_state
-        reaction = self.forces.respond(self._gap(u), still, states, float(self.schedule.angle[0]))
-        act = self.schedule.acting(0) @ self.forces.act.vectors
-        sense = self.schedule.sensing(0) @ self.forces.sense.vectors
-        strain, pushed = self.system.stiffness.times(u), reaction.force @ act
-        coupled = np.argwhere(reaction.by_gap).tolist()
-        local = [Triplets.outer(act[i], sense[j], -float(reaction.by_gap[i, j])) for i, j in coupled]
-        tangent = Triplets.joined([self.system.stiffness, *local])
+        reaction = self.forces.respond(self._gap(u), still, states, float(self.angle[0]))
+        stiffness = self.system.stiffness
+        strain, pushed = stiffness.times(u), reaction.force @ self.act
+        local = [one.tangent(reaction.by_gap, stiffness.size) for one in self.touching]
         size = max(float(np.abs(part).max(initial=0.0)) for part in (self.load, strain, pushed))
-        return self.load + pushed - strain, max(size, np.finfo(float).tiny), tangent
+        missing = self.load + pushed - strain
+        return missing, max(size, np.finfo(float).tiny), Triplets.joined([stiffness, *local])
+
+    def _gap(self, u: FloatArray) -> FloatArray:
+        return self.sense @ u + self.offset
 
     def rounding(self, u: FloatArray) -> float:
         """Return what is left out of balance in the best of cases, the strain forces being sums of large parts."""
@@ -141,19 +196,22 @@ class _Potential:
     def energy(self, u: FloatArray) -> float:
         """Return the potential energy; laws that store none count with nothing."""
         state = self.forces.start_state[None]
-        stored = float(self.forces.stored(self._gap(u)[None], state, self.schedule.angle[:1]).energy[0])
+        stored = float(self.forces.stored(self._gap(u)[None], state, self.angle).energy[0])
         return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
 
-    def shortened(self, u: FloatArray, step: FloatArray, missing: FloatArray) -> float:
-        """Return the part of a step that lowers the energy enough."""
+    def shortened(
+        self, u: FloatArray, step: FloatArray, missing: FloatArray, known: float | None
+    ) -> tuple[float, float | None]:
+        """Return the part of a step that lowers the energy enough, and the energy behind it; `known` is that before."""
         if not self.forces.storing.all():
-            return 1.0  # a linear coupling: the whole step is right
-        before, slope, part = self.energy(u), float(missing @ step), 1.0
+            return 1.0, None  # a linear coupling: the whole step is right
+        before, slope, part = self.energy(u) if known is None else known, float(missing @ step), 1.0
         for _ in range(_HALVINGS):
-            if self.energy(u + part * step) <= before - _DECREASE * part * slope + 1e-12 * abs(before):
-                return part
+            after = self.energy(u + part * step)
+            if after <= before - _DECREASE * part * slope + 1e-12 * abs(before):
+                return part, after
             part *= 0.5
-        return part
+        return part, None
 
 
 def _unbalanced(system: System, missing: FloatArray, free: FloatArray) -> RunFailedError:

@@ -157,7 +157,7 @@ def equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
     RunFailedError
         If the loads drive a motion that nothing resists, or the local forces do not settle.
     """
-    return _balanced(system, drive, time, lambda load: True)
+    return _balanced(system, drive, time, _all)
 
 
 def carried_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
@@ -187,7 +187,8 @@ def carried_equilibrium(system: System, drive: Drive, time: float = 0.0) -> Stat
     """
     still = equilibrium(system, drive, time)
     step = _CARRIED / float(drive.at(np.array([time])).speed[0])
-    before, after = (equilibrium(system, drive, time + side).displacement for side in (-step, step))
+    near = still.displacement
+    before, after = (_balanced(system, drive, time + side, _all, near).displacement for side in (-step, step))
     return replace(still, velocity=(after - before) / (2.0 * step))
 
 
@@ -195,7 +196,14 @@ _CARRIED = 1e-3
 """rad."""
 
 
-def _balanced(system: System, drive: Drive, time: float, acts: Callable[[Load], bool]) -> State:
+def _all(load: Load) -> bool:
+    return True
+
+
+def _balanced(
+    system: System, drive: Drive, time: float, acts: Callable[[Load], bool], near: FloatArray | None = None
+) -> State:
+    """Return the balance at an instant under some of the loads, sought from a displacement nearby."""
     motion = drive.at(np.array([time]))
     counted = np.array([acts(load) for load in system.loads], dtype=float)
     load = (counted * system.load_histories(motion)[0]) @ system.load_vectors()
@@ -203,7 +211,7 @@ def _balanced(system: System, drive: Drive, time: float, acts: Callable[[Load], 
     if not forces.count:
         d = static_displacement(system.stiffness, load, system.names, system.free)
     else:
-        d = balanced(system, forces, load, motion)
+        d = balanced(system, forces, load, motion, near)
     return State(d, np.zeros(system.size), time, _resting(forces, d, motion))
 
 
