@@ -45,6 +45,10 @@ class Touch:
     sliding
         Velocity of the cam's surface relative to the follower along the tangent (the normal turned by -90 deg), m/rad.
         A roller takes it up by turning.
+    sliding_rate
+        Its derivative by the cam angle, m/rad^2.
+    pressure_rate
+        Derivative by the cam angle of the angle from the normal to the motion, 1.
     """
 
     point: ComplexArray
@@ -53,6 +57,8 @@ class Touch:
     motion: ComplexArray
     trace: ComplexArray
     sliding: FloatArray
+    sliding_rate: FloatArray
+    pressure_rate: FloatArray
 
 
 class Follower(Protocol):
@@ -116,7 +122,8 @@ class FlatFollower:
         height = self.base_radius + lift
         point = _complex(turn * velocity + 1j * height)
         up = _complex(np.full(point.shape, 1j))
-        return Touch(point, up, height + acceleration, up, point, -turn * height)
+        still = np.zeros(point.shape)
+        return Touch(point, up, height + acceleration, up, point, -turn * height, -turn * velocity, still)
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the height of the face above the base circle."""
@@ -132,19 +139,26 @@ def _complex(values: NDArray[Any]) -> ComplexArray:
 
 
 def _roller(
-    trace: ComplexArray, first: ComplexArray, second: ComplexArray, motion: ComplexArray, radius: float, turn: Turn
-) -> Touch:
-    """Return the touch of a roller from its centre's path in the fixed frame, two derivatives and its direction."""
+    trace: ComplexArray, first: ComplexArray, second: ComplexArray, motion: ComplexArray, swing: FloatArray | float,
+    radius: float, turn: Turn,
+) -> Touch:  # fmt: skip
+    """Return the touch of a roller from its centre's path in the fixed frame, two derivatives, and its direction.
+
+    `swing` is by how much the direction turns per cam angle.
+    """
     # In the frame of the cam, c exp(-i turn theta): its derivatives, without the common factor.
     speed = first - 1j * turn * trace
     bend = second - 2j * turn * first - trace
-    along = speed / np.abs(speed)
+    fast, curved = np.abs(speed), np.conj(speed) * bend
+    along = speed / fast
     normal = 1j * turn * along
-    pitch = -turn * np.abs(speed) ** 3 / (np.conj(speed) * bend).imag
+    pitch = -turn * fast**3 / curved.imag
     point = trace - radius * normal
     # The material velocity of the cam at the contact, less that of the roller's centre, along the tangent.
     sliding = (np.conj(-1j * normal) * (1j * turn * point - first)).real
-    return Touch(point, normal, pitch - radius, motion, trace, sliding)
+    # The speed, which the normal follows, turns by what its own direction does in the frame of the cam and by that.
+    tilted = swing - turn - curved.imag / fast**2
+    return Touch(point, normal, pitch - radius, motion, trace, sliding, -turn * curved.real / fast, tilted)
 
 
 @dataclass(frozen=True)
@@ -188,7 +202,7 @@ class RollerFollower:
         """Touch where the normal of the centre's path meets the roller."""
         trace = _complex(self.offset + 1j * (self._start + lift))
         up = _complex(np.full(trace.shape, 1j))
-        return _roller(trace, _complex(1j * velocity), _complex(1j * acceleration), up, self.roller_radius, turn)
+        return _roller(trace, _complex(1j * velocity), _complex(1j * acceleration), up, 0.0, self.roller_radius, turn)
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the lift at which the roller would touch a point."""
@@ -269,7 +283,8 @@ class SwingRollerFollower:
         first = _complex(-1j * self.side * rate * reach)
         second = _complex(-1j * self.side * bend * reach - rate**2 * reach)
         motion = _complex(-1j * self.side * reach / self.arm)
-        return _roller(_complex(self.distance + reach), first, second, motion, self.roller_radius, turn)
+        swing = -self.side * rate
+        return _roller(_complex(self.distance + reach), first, second, motion, swing, self.roller_radius, turn)
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the lift at which the roller would touch a point: the larger of the two triangles' angles."""
@@ -355,8 +370,13 @@ class SwingFlatFollower:
         sliding = (np.conj(along) * (1j * way * point + 1j * rate * (point - a))).real
         motion = -1j * (point - a) / np.abs(point - a)
         fixed = [one if self.side > 0 else np.conj(one) for one in (point, normal, motion)]
+        # In full the sliding is way a sin(psi) + (way + psi') e, and the motion is inclined like q - i e.
+        slid = way * a * np.cos(psi) * rate + e * bend
+        tilted = self.side * e * q_rate / (q**2 + e**2)
         # The tangent is the normal turned by -90 deg: along the face in the mirror image, against it otherwise.
-        return Touch(fixed[0], fixed[1], -way * path / slip, fixed[2], fixed[0], -self.side * sliding)
+        return Touch(
+            fixed[0], fixed[1], -way * path / slip, fixed[2], fixed[0], -self.side * sliding, -self.side * slid, tilted
+        )
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the lift at which the face would touch a point."""

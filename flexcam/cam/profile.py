@@ -80,6 +80,11 @@ class CamProfile:
         return np.angle(self.touch.motion * np.conj(self.touch.normal))
 
     @property
+    def pressure_rate(self) -> FloatArray:
+        """Derivative of the pressure angle by the cam angle, 1, shape (n,)."""
+        return self.touch.pressure_rate
+
+    @property
     def offset(self) -> FloatArray:
         """Distance of the contact from the normal's parallel through the cam's centre, m; s' under a flat follower."""
         return -(self.touch.point * np.conj(1j * self.touch.normal)).real

@@ -19,7 +19,7 @@ import numpy as np
 from flexcam.checkpoint import Arrays, below, flattened
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.moment import Track
-from flexcam.linalg import FloatArray, operator
+from flexcam.linalg import FloatArray, Triplets, operator
 from flexcam.system import Observed, System
 
 if TYPE_CHECKING:
@@ -33,9 +33,10 @@ PARTS = ("work", "kinetic", "strain", "contact", "dissipated", "numerical", "res
 class _Held:
     """Energies of some instants, J, shape (m,), and what the work between them is computed from.
 
-    `loads` are histories, `acted` the weights of the acting vectors, `still` the contacts' forces without their
-    dissipation, `by_state` the derivatives of their energy by internal states, `changing` its part that depends on
-    the cam angle, `carried` the part of the sensed rates that the cam alone causes.
+    `damped` is what the damping holds back, per unknown; `pushes` are loads and forces, `paths` what they move, of all
+    that acts but opposed contacts (`LocalForces.opposed`); `still` the contacts' forces without their dissipation,
+    `by_state` the derivatives of their energy by internal states, `changing` its part that depends on the cam angle,
+    `carried` the part of the sensed rates that the cam alone causes. What a system cannot have, has no columns.
     """
 
     angle: FloatArray
@@ -43,17 +44,17 @@ class _Held:
     strain: FloatArray
     contact: FloatArray
     d: FloatArray
-    v: FloatArray
-    loads: FloatArray
-    acted: FloatArray
+    damped: FloatArray
+    pushes: FloatArray
+    paths: FloatArray
     force: FloatArray
     still: FloatArray
     gap: FloatArray
-    rate: FloatArray
-    carried: FloatArray
     states: FloatArray
     by_state: FloatArray
     changing: FloatArray
+    rate: FloatArray
+    carried: FloatArray
     impulse: FloatArray
 
     def after(self, last: _Held) -> _Held:
@@ -79,9 +80,15 @@ class EnergyAccount:
 
     def __init__(self, system: System, forces: LocalForces) -> None:
         self._system, self._forces = system, forces
-        self._M, self._C, self._K = (operator(m) for m in (system.mass, system.damping, system.stiffness))
+        self._M, self._C, self._K = (_Form(m) for m in (system.mass, system.damping, system.stiffness))
         self._damped = bool(system.damping.values.any())
-        self._vectors = system.load_vectors()
+        self._others = np.flatnonzero(~forces.opposed)
+        self._storing = forces.storing if not forces.storing.all() else None
+        self._strikes = not np.isnan(forces.restitution).all()
+        # Vectors of the contacts that are not opposed, and whose force acts along each.
+        self._acting = np.flatnonzero(forces.act.owner[self._others].any(axis=0))
+        self._acted = forces.act.owner[:, self._acting].argmax(axis=0) if forces.count else self._acting
+        self._pushed = np.concatenate([system.load_vectors(), forces.act.vectors[self._acting]])
         self._last: _Held | None = None
         self._sums = np.zeros(4)  # work, dissipated, numerical, and the energy at the start
 
@@ -109,20 +116,20 @@ class EnergyAccount:
 
     def _gone(self, both: _Held) -> FloatArray:
         """Return work, dissipation and numerical loss between successive instants, shape (m - 1, 3)."""
-        moved = np.diff(both.d, axis=0)
-        damped = _dot(_mean(both.v @ self._C), moved) if self._damped else np.zeros(len(moved))
-        given = _dot(_mean(both.loads), moved @ self._vectors.T)
-        # What a contact does: along its whole depth, and on the unknowns; the difference comes from the cam.
-        deepened = np.diff(both.gap, axis=0)
-        along = _dot(_mean(both.force), deepened)
-        on_unknowns = _dot(_mean(both.acted), moved @ self._forces.act.vectors.T)
-        crushed = _dot(_mean(both.force - both.still), deepened)
-        crushed -= _dot(_mean(both.by_state), np.diff(both.states, axis=0))
+        damped = _done(both.damped, np.diff(both.d, axis=0))
+        given = _done(both.pushes, np.diff(both.paths, axis=0))
+        # What a contact does along its whole depth comes from the unknowns, and where it is not opposed from the cam.
+        deepened, others = np.diff(both.gap, axis=0), self._others
+        moving = _done(both.force[:, others], deepened[:, others])
+        taken = _done(both.force, deepened) - moving
+        lossy = self._forces.lossy
+        crushed = _done(both.force[:, lossy], deepened[:, lossy]) - _done(both.still[:, lossy], deepened[:, lossy])
+        crushed -= _done(both.by_state, np.diff(both.states, axis=0))
         curved, turned = self._curved(both, deepened)
         impulse = both.impulse[1:]
-        struck, impact_lost = _dot(impulse, _mean(both.carried)), _dot(impulse, _mean(both.rate))
-        numerical = given + on_unknowns - np.diff(both.kinetic + both.strain) - damped + (struck - impact_lost) + curved
-        work = given + along + on_unknowns + struck + turned
+        struck, impact_lost = _done(both.carried, impulse), _done(both.rate, impulse)
+        numerical = given - taken - np.diff(both.kinetic + both.strain) - damped + (struck - impact_lost) + curved
+        work = given + moving + struck + turned
         return np.column_stack([work, damped + crushed + impact_lost, numerical])
 
     def _curved(self, both: _Held, deepened: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -132,30 +139,51 @@ class EnergyAccount:
         """
         angle, half = both.angle, _mean(both.states)
         middle = self._forces.stored(_mean(both.gap), half, 0.5 * (angle[1:] + angle[:-1]))
-        curved = 2.0 / 3.0 * _dot(_mean(both.still) - middle.by_gap, deepened)
+        curved = 2.0 / 3.0 * (_done(both.still, deepened) - _dot(middle.by_gap, deepened))
         later = self._forces.changing(both.gap[:-1], both.states[:-1], angle[1:])
         earlier = self._forces.changing(both.gap[1:], both.states[1:], angle[:-1])
         return curved, 0.5 * (later - both.changing[:-1] + both.changing[1:] - earlier)
 
     def _held(self, track: Track, seen: Observed, carried: FloatArray, schedule: Schedule) -> _Held:
-        kept = self._forces.stored(seen.gaps, seen.states, schedule.angle)
+        kept, d = self._forces.stored(seen.gaps, seen.states, schedule.angle), track.d
+        nothing = np.zeros((len(d), 0))
+        struck = (seen.rates, carried, track.impulse) if self._strikes else (nothing,) * 3
+        acted = seen.forces[:, self._acted] * schedule.act[:, self._acting]
         return _Held(
-            schedule.angle, 0.5 * _quadratic(self._M, seen.velocity),
-            0.5 * _quadratic(self._K, seen.displacement) + self._system.stored, kept.energy,
-            seen.displacement, seen.velocity, seen.histories, (seen.forces @ schedule.acts) * schedule.act,
-            seen.forces * self._forces.storing, kept.by_gap, seen.gaps, seen.rates, carried, seen.states, kept.by_state,
-            kept.changing, track.impulse,
+            schedule.angle, 0.5 * self._M.twice(track.v), 0.5 * self._K.twice(d) + self._system.stored, kept.energy,
+            *((d, self._C.times(track.v)) if self._damped else (nothing, nothing)),
+            np.hstack([seen.histories, acted]), d @ self._pushed.T,
+            seen.forces if self._storing is None else seen.forces * self._storing, kept.by_gap, seen.gaps,
+            seen.states, kept.by_state, kept.changing, *struck,
         )  # fmt: skip
+
+
+class _Form:
+    """A matrix, all of it or its diagonal where it has nothing else."""
+
+    def __init__(self, matrix: Triplets) -> None:
+        self._diagonal = matrix.diagonal() if (matrix.rows == matrix.cols).all() else None
+        self._whole: FloatArray | csr_array = operator(matrix) if self._diagonal is None else np.zeros((0, 0))
+
+    def times(self, rows: FloatArray) -> FloatArray:
+        """Return what it makes of every row, shape (m, n)."""
+        if self._diagonal is not None:
+            return rows * self._diagonal
+        return np.asarray(rows @ self._whole, dtype=float)
+
+    def twice(self, rows: FloatArray) -> FloatArray:
+        """Return x A x of every row x, shape (m,)."""
+        return np.square(rows) @ self._diagonal if self._diagonal is not None else _dot(self.times(rows), rows)
 
 
 def _mean(values: FloatArray) -> FloatArray:
     return 0.5 * (values[1:] + values[:-1])
 
 
+def _done(forces: FloatArray, paths: FloatArray) -> FloatArray:
+    """Return what the mean of forces (m, k) does along the paths between them, shape (m - 1, k)."""
+    return 0.5 * _dot(forces[1:] + forces[:-1], paths)
+
+
 def _dot(values: FloatArray, others: FloatArray) -> FloatArray:
     return np.einsum("mi,mi->m", values, others)
-
-
-def _quadratic(matrix: FloatArray | csr_array, rows: FloatArray) -> FloatArray:
-    products = np.asarray(matrix @ rows.T, dtype=float)
-    return np.einsum("mn,nm->m", rows, products)

@@ -12,6 +12,7 @@ import numpy as np
 
 from flexcam.checkpoint import Arrays
 from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.moment import Track
 from flexcam.linalg import FloatArray, IntArray, operator
 from flexcam.system import Observed, System
 
@@ -48,11 +49,11 @@ class Imbalance:
         lacking, acting = self._largest
         return float(lacking / acting) if acting > 0.0 else 0.0
 
-    def look(self, seen: Observed, schedule: Schedule, rows: IntArray) -> None:
+    def look(self, track: Track, seen: Observed, schedule: Schedule, rows: IntArray) -> None:
         """Take some instants into account."""
         if not len(rows) or not len(self._weights):
             return
-        moved = (seen.acceleration[rows], seen.velocity[rows], seen.displacement[rows])
+        moved = (track.a[rows], track.v[rows], track.d[rows])
         parts = [_product(matrix, one) for matrix, one in zip(self._matrices, moved, strict=True)]
         parts.append(-seen.histories[rows] @ self._vectors)
         if self._forces.count:

@@ -40,6 +40,10 @@ class _Stack:
     still: FloatArray
     moving: tuple[tuple[int, AngleFunction], ...]
     """Weights that are constant, and the functions that are the others."""
+    rows: FloatArray
+    """What is constant of every scalar, then the vectors whose weights are functions, shape (c + moving, n)."""
+    places: tuple[tuple[int, int], ...]
+    """Of these vectors: to which scalar each belongs, and its place among all vectors."""
 
     @classmethod
     def of(cls, terms: tuple[AngleVector, ...], size: int) -> _Stack:
@@ -50,7 +54,10 @@ class _Stack:
             owner[i, first : first + len(term.vectors)] = 1.0
             first += len(term.vectors)
         functions = [function for t in terms for function in t.functions or (ONE,) * len(t.vectors)]
-        return cls(vectors, owner, *_sorted(functions))
+        still, moving = _sorted(functions)
+        places = tuple((int(owner[:, i].argmax()), i) for i, _ in moving)
+        rows = np.concatenate([(owner * still) @ vectors, vectors[[i for _, i in places]]])
+        return cls(vectors, owner, still, moving, rows, places)
 
     def weights(self, evaluated: Evaluated, order: int = 0) -> FloatArray:
         """Return the weights of all vectors, shape (times, vectors)."""
@@ -69,7 +76,7 @@ def _filled(
     """Return functions side by side, or their derivatives, shape (times, functions)."""
     found = np.zeros((len(evaluated.angle), len(still)))
     if order == 0:
-        found += still
+        found[:] = still
     for i, function in moving:
         found[:, i] = evaluated(function, order)
     return found
@@ -91,6 +98,8 @@ class Schedule:
         rad, shape (times,).
     senses, acts
         To which scalar each sensing vector, to which force each acting one belongs: 1 there, shape (c, k) and (c, m).
+    cam
+        Functions of the cam angle at these instants.
     """
 
     sense: FloatArray
@@ -101,13 +110,14 @@ class Schedule:
     angle: FloatArray
     senses: FloatArray
     acts: FloatArray
+    cam: Evaluated
 
     def row(self, i: int) -> Schedule:
         """Return one instant of it."""
         one = slice(i, i + 1)
         return Schedule(
             self.sense[one], self.sense_rate[one], self.act[one], self.offset[one], self.offset_rate[one],
-            self.angle[one], self.senses, self.acts,
+            self.angle[one], self.senses, self.acts, Evaluated(self.angle[one]),
         )  # fmt: skip
 
     def sensing(self, i: int) -> FloatArray:
@@ -171,17 +181,44 @@ class LocalForces:
         self.storing = np.zeros(self.count)
         for _, part, _, _ in self._kept:
             self.storing[part] = 1.0
+        self.opposed = self._opposed()
+        self.lossy = np.concatenate(
+            [np.arange(part.start, part.stop) for law, part, _, _ in self._kept if not _lossless(law, part)]
+            or [np.zeros(0, dtype=np.intp)]
+        )
+        self._last = Evaluated(np.full(1, -np.inf))
         self.switching: IntArray = np.array([one for one, _ in switches], dtype=np.intp)
         self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
 
-    def schedule(self, motion: CamMotion) -> Schedule:
-        """Return the parts that follow from the cam motion at some instants."""
-        evaluated, speed = Evaluated(motion.angle), motion.speed[:, None]
-        offset, slope = (_filled(*self._offsets, evaluated, order) for order in (0, 1))
+    def _opposed(self) -> NDArray[np.bool_]:
+        """Tell which forces act straight against what they sense, while the cam does nothing about it, shape (c,)."""
+        c = self.count
+        found = (self.sense.rows[:c] == -self.act.rows[:c]).all(axis=1) & (self.storing > 0.0)
+        for scalar, _ in (*self.sense.places, *self.act.places, *self._offsets[1]):
+            found[scalar] = False
+        return found
+
+    def schedule(self, motion: CamMotion, at: IntArray | None = None) -> Schedule:
+        """Return the parts that follow from the cam motion at some instants; `at` is the places of the last block's."""
+        cam = self._evaluated(motion.angle, at)
+        sense_rate, offset_rate = self.sense.weights(cam, 1), _filled(*self._offsets, cam, 1)
+        for rates, moving in ((sense_rate, self.sense.moving), (offset_rate, self._offsets[1])):
+            for i, _ in moving:
+                rates[:, i] *= motion.speed
         return Schedule(
-            self.sense.weights(evaluated), self.sense.weights(evaluated, 1) * speed, self.act.weights(evaluated),
-            offset, slope * speed, motion.angle, self.sense.owner, self.act.owner,
+            self.sense.weights(cam), sense_rate, self.act.weights(cam), _filled(*self._offsets, cam, 0), offset_rate,
+            motion.angle, self.sense.owner, self.act.owner, cam,
         )  # fmt: skip
+
+    def _evaluated(self, angle: FloatArray, at: IntArray | None) -> Evaluated:
+        """Return functions of the cam at some angles, rad, ascending; those of the last block are remembered."""
+        last = self._last.angle
+        if at is not None and len(at) == len(last) and np.array_equal(angle[at], last):
+            return Evaluated(angle, self._last, at) if len(at) < len(angle) else self._last
+        found = Evaluated(angle)
+        if len(angle) and not angle[0] < last[-1]:  # what lies within a block only looks at it more closely
+            self._last = found
+        return found
 
     def sensed(self, d: FloatArray, v: FloatArray, schedule: Schedule) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return gamma, gamma', and the part of gamma' that the cam alone causes.
@@ -198,11 +235,16 @@ class LocalForces:
         tuple
             Shape (m, c) each.
         """
-        on_d, on_v = d @ self.sense.vectors.T, v @ self.sense.vectors.T
-        to_scalars = self.sense.owner.T
-        gap = (schedule.sense * on_d) @ to_scalars + schedule.offset
-        carried = (schedule.sense_rate * on_d) @ to_scalars + schedule.offset_rate
-        return gap, (schedule.sense * on_v) @ to_scalars + carried, carried
+        rows, c = self.sense.rows.T, self.count
+        on_d, on_v = d @ rows, v @ rows
+        gap, carried = on_d[:, :c] + schedule.offset, schedule.offset_rate.copy()
+        rate = on_v[:, :c] + carried
+        for j, (scalar, i) in enumerate(self.sense.places, c):
+            weight, turning = schedule.sense[:, i], schedule.sense_rate[:, i] * on_d[:, j]
+            gap[:, scalar] += weight * on_d[:, j]
+            carried[:, scalar] += turning
+            rate[:, scalar] += weight * on_v[:, j] + turning
+        return gap, rate, carried
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return the reaction of all laws side by side to gamma and gamma', shape (c,), and all states, shape (s,)."""
@@ -251,6 +293,12 @@ def _steady(law: LocalLaw, count: int) -> bool:
     """Tell whether a law is known not to depend on the cam angle."""
     formulas = law.formulas(count) if isinstance(law, Formulated) else None
     return formulas is not None and not any(one.functions for one in formulas)
+
+
+def _lossless(law: LocalLaw, part: slice) -> bool:
+    """Tell whether a law is known to give back all that it takes."""
+    formulas = law.formulas(part.stop - part.start) if isinstance(law, Formulated) else None
+    return formulas is not None and all(one.lossless for one in formulas)
 
 
 def _inner(answers: list[tuple[Reaction, slice, slice]], c: int, s: int) -> tuple[FloatArray, ...]:

@@ -37,7 +37,7 @@ from flexcam.response import (
     Stats,
     Status,
 )
-from flexcam.system import CamMotion, Observed, Probe, System
+from flexcam.system import CamMotion, Motions, Observed, Probe, System
 
 
 def outline(system: System, *, channels: bool = True) -> Outline:
@@ -268,16 +268,15 @@ class _Run:
         )  # fmt: skip
 
     def _block(self, steps: IntArray, track: Track) -> Block:
-        ends = track.ends if len(track.ends) < len(track.time) else slice(None)
-        motion, time = self._problem.drive.at(track.time), track.time[ends]
-        at_ends = CamMotion(motion.angle[ends], motion.speed[ends], motion.rate[ends])
-        series = Series(track.d[ends], track.v[ends], track.a[ends])
-        saved = self._save.fields(steps, self._problem.steps)
+        motion, time = self._problem.drive.at(track.time), track.time
+        ends = track.ends if len(track.ends) < len(time) else slice(None)
+        fields, series = track.ends[self._save.fields(steps, self._problem.steps)], Series(track.d, track.v, track.a)
+        probes = _probe_series(self._system.probes, series, motion)
+        shown = Series(*self._system.carried.at(motion)) if self._system.carried else series
         return Block(
-            time=time, angle=at_ends.angle, probes=_probe_series(self._system.probes, series, at_ends),
+            time=time[ends], angle=motion.angle[ends], probes=probes.at(ends),
             channels=self._channels(steps, track, motion) if self._save.channels else np.zeros((len(steps), 0)),
-            field_time=time[saved], field_angle=at_ends.angle[saved],
-            fields=(Series(*self._system.carried.at(at_ends)) if self._system.carried else series).at(saved),
+            field_time=time[fields], field_angle=motion.angle[fields], fields=shown.at(fields),
         )  # fmt: skip
 
     def counted(self, stats: Stats) -> Stats:
@@ -287,27 +286,26 @@ class _Run:
 
     def _channels(self, steps: IntArray, track: Track, motion: CamMotion) -> FloatArray:
         """Return channels, energies and internal states at the ends of steps."""
-        schedule = self._forces.schedule(motion)
+        schedule = self._forces.schedule(motion, track.ends)
         seen, carried = self._observed(track, motion, schedule)
-        energies = self._account.block(track, seen, carried, schedule)[track.ends]
+        energies = self._account.block(track, seen, carried, schedule)
         between = (steps + 1) % self._save.field_every == 0  # at saved fields some ways take their state anew
-        self._imbalance.look(seen, schedule, track.ends[between])
-        seen = seen.at(track.ends)
-        return np.column_stack([*(channel.value(seen) for channel in self._system.channels), energies, seen.states])
+        self._imbalance.look(track, seen, schedule, track.ends[between])
+        each = [channel.value(seen) for channel in self._system.channels]
+        found = np.column_stack([*each, energies, seen.states])
+        return found[track.ends] if len(steps) < len(found) else found
 
     def _observed(self, track: Track, motion: CamMotion, schedule: Schedule) -> tuple[Observed, FloatArray]:
         """Return what is observed, and the part of the sensed rates that the cam alone causes."""
         gaps, rates, carried = self._forces.sensed(track.d, track.v, schedule)
-        histories = self._system.load_histories(motion)
-        moved = (track.d, track.v, track.a)
-        return Observed(motion, *moved, histories, track.local, gaps, rates, track.state), carried
+        histories, moved = self._system.load_histories(motion), Motions(track.d, track.v, track.a)
+        return Observed(motion, schedule.cam, moved, histories, track.local, gaps, rates, track.state), carried
 
 
 def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -> Series:
-    picked = np.concatenate([p.rows for p in probes]) if probes else np.zeros((0, moved.displacement.shape[1]))
-    return _offset(
-        probes, Series(*(one @ picked.T for one in (moved.displacement, moved.velocity, moved.acceleration))), motion
-    )
+    rows = np.concatenate([p.rows for p in probes]) if probes else np.zeros((0, moved.displacement.shape[1]))
+    picked = (one @ rows.T for one in (moved.displacement, moved.velocity, moved.acceleration))
+    return _offset(probes, Series(*picked), motion)
 
 
 def _offset(probes: tuple[Probe, ...], picked: Series, motion: CamMotion) -> Series:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.linalg import FloatArray
+from flexcam.linalg import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +39,8 @@ class Series:
         moving = _cubic(x, v[left], v[right], length * a[left], length * a[right])
         return Series(moved, moving, a[left] + x * (a[right] - a[left]))
 
-    def at(self, instants: NDArray[np.bool_]) -> Series:
-        """Return the chosen instants, shape (times,)."""
+    def at(self, instants: NDArray[np.bool_] | IntArray | slice) -> Series:
+        """Return the chosen instants: yes or no for each, or their places."""
         return Series(self.displacement[instants], self.velocity[instants], self.acceleration[instants])
 
 

@@ -6,15 +6,15 @@ A new kind of load or force that fits the equations needs nothing here; another 
 """
 
 from flexcam.system.basis import Basis, Selection, Shapes, projected
-from flexcam.system.channel import Channel, Observable, Observed, force_sum, load_sum, row_of, total
+from flexcam.system.channel import Channel, Motions, Moved, Observable, Observed, force_sum, load_sum, row_of, total
 from flexcam.system.drive import CamMotion, ConstantSpeed, Drive, FluctuatingSpeed, SpeedByAngle
 from flexcam.system.equations import Carried, Load, Probe, System
+from flexcam.system.evaluated import Evaluated, Following
 from flexcam.system.formula import ONE, Formula, Formulated, Kind
 from flexcam.system.local import (
     AngleFunction,
     AngleVector,
     Constant,
-    Evaluated,
     LocalForce,
     LocalLaw,
     Reaction,
@@ -39,12 +39,15 @@ __all__ = [
     "Drive",
     "Evaluated",
     "FluctuatingSpeed",
+    "Following",
     "Formula",
     "Formulated",
     "Kind",
     "Load",
     "LocalForce",
     "LocalLaw",
+    "Motions",
+    "Moved",
     "Observable",
     "Observed",
     "Probe",

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from flexcam.linalg import FloatArray, IntArray, Triplets
-from flexcam.system.channel import Channel, Observed
+from flexcam.system.channel import Channel, Moved, Observed
 from flexcam.system.equations import Load, Probe, System
 from flexcam.system.local import AngleFunction, AngleVector, Constant, LocalForce
 
@@ -281,15 +282,44 @@ class _Shown:
     """Shows what is observed in all unknowns, once to all channels that look at the same."""
 
     def __init__(self, basis: Basis) -> None:
-        self._basis = basis
+        self._rows = _Rows(basis)
         self._last: tuple[Observed, Observed] | None = None
 
     def __call__(self, seen: Observed) -> Observed:
         if self._last is None or self._last[0] is not seen:
-            spread = self._basis.spread
-            moved = spread(seen.displacement) + self._basis.held
-            full = replace(
-                seen, displacement=moved, velocity=spread(seen.velocity), acceleration=spread(seen.acceleration)
-            )
-            self._last = seen, full
+            self._last = seen, replace(seen, moved=_Spread(seen.moved, self._rows))
         return self._last[1]
+
+
+class _Rows:
+    """Rows over all unknowns as rows over those of a basis, each made once."""
+
+    def __init__(self, basis: Basis) -> None:
+        self.basis, self.held = basis, basis.held
+        self._known: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}  # an array keeps its number
+
+    def __call__(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the rows, and what they pick of what is held."""
+        if id(rows) not in self._known:
+            self._known[id(rows)] = rows, self.basis.rows(rows), rows @ self.held
+        return self._known[id(rows)][1:]
+
+
+class _Spread:
+    """Motion of all unknowns from that of others, computed as far as it is asked for."""
+
+    def __init__(self, inside: Moved, rows: _Rows) -> None:
+        self._inside, self._rows = inside, rows
+        self._picked: dict[tuple[int, int], FloatArray] = {}
+
+    @cached_property
+    def displacement(self) -> FloatArray:
+        return self._rows.basis.spread(self._inside.displacement) + self._rows.held
+
+    def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
+        key = id(rows), order
+        if key not in self._picked:
+            own, still = self._rows(rows)
+            found = self._inside.picked(own, order)
+            self._picked[key] = found + still if order == 0 else found
+        return self._picked[key]

@@ -3,13 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from flexcam.linalg import FloatArray, IntArray
+from flexcam.linalg import FloatArray
 from flexcam.system.drive import CamMotion
+from flexcam.system.evaluated import Evaluated
 from flexcam.system.local import AngleFunction
+
+
+class Moved(Protocol):
+    """Motion of some unknowns at some instants."""
+
+    @property
+    def displacement(self) -> FloatArray:
+        """All unknowns, shape (m, n)."""
+        ...
+
+    def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
+        """Return what rows (k, n) pick of displacement (order 0), velocity (1) or acceleration (2), shape (m, k)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """Motion of all unknowns.
+
+    Parameters
+    ----------
+    displacement, velocity, acceleration
+        Shape (m, n).
+    """
+
+    displacement: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+    def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
+        """Return what rows pick, as `Moved` says."""
+        return (self.displacement, self.velocity, self.acceleration)[order] @ rows.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,8 +54,10 @@ class Observed:
     ----------
     motion
         The cam, shape (m,) each.
-    displacement, velocity, acceleration
-        All unknowns, shape (m, n).
+    cam
+        Functions of the cam angle at these instants.
+    moved
+        Motion of all unknowns.
     histories
         Scalar histories of the loads, shape (m, loads).
     forces, gaps, rates
@@ -31,26 +67,19 @@ class Observed:
     """
 
     motion: CamMotion
-    displacement: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
+    cam: Evaluated
+    moved: Moved
     histories: FloatArray
     forces: FloatArray
     gaps: FloatArray
     rates: FloatArray
     states: FloatArray
 
-    def at(self, rows: IntArray) -> Observed:
-        """Return some of the instants."""
-        motion = CamMotion(self.motion.angle[rows], self.motion.speed[rows], self.motion.rate[rows])
-        names = [name for name in self.__dataclass_fields__ if name != "motion"]
-        return Observed(motion, *(getattr(self, name)[rows] for name in names))
-
     def part(self, loads: slice, scalars: slice, states: slice) -> Observed:
         """Return what concerns some of the loads, sensed scalars and internal states."""
-        return replace(
-            self, histories=self.histories[:, loads], forces=self.forces[:, scalars], gaps=self.gaps[:, scalars],
-            rates=self.rates[:, scalars], states=self.states[:, states],
+        return Observed(
+            self.motion, self.cam, self.moved, self.histories[:, loads], self.forces[:, scalars],
+            self.gaps[:, scalars], self.rates[:, scalars], self.states[:, states],
         )  # fmt: skip
 
 
@@ -92,7 +121,7 @@ def load_sum(*loads: int, factor: AngleFunction | None = None) -> Observable:
     Callable
         Of what is observed.
     """
-    return lambda seen: _times(seen, seen.histories[:, list(loads)].sum(axis=1), factor)
+    return lambda seen: _times(seen, _sum(seen.histories, loads), factor)
 
 
 def force_sum(*scalars: int, factor: AngleFunction | None = None) -> Observable:
@@ -110,7 +139,7 @@ def force_sum(*scalars: int, factor: AngleFunction | None = None) -> Observable:
     Callable
         Of what is observed.
     """
-    return lambda seen: _times(seen, seen.forces[:, list(scalars)].sum(axis=1), factor)
+    return lambda seen: _times(seen, _sum(seen.forces, scalars), factor)
 
 
 def total(*parts: Observable) -> Observable:
@@ -142,8 +171,13 @@ def row_of(row: FloatArray) -> Observable:
     Callable
         Of what is observed.
     """
-    return lambda seen: seen.displacement @ row
+    rows = row[None]
+    return lambda seen: seen.moved.picked(rows)[:, 0]
+
+
+def _sum(values: FloatArray, columns: tuple[int, ...]) -> FloatArray:
+    return values[:, columns[0]] if len(columns) == 1 else values[:, list(columns)].sum(axis=1)
 
 
 def _times(seen: Observed, values: FloatArray, factor: AngleFunction | None) -> FloatArray:
-    return values if factor is None else values * factor(seen.motion.angle, 0)
+    return values if factor is None else values * seen.cam(factor, 0)

@@ -30,6 +30,10 @@ class Kind(IntEnum):
     """EA/L, g by rows, y0, g y0: a shallow arch beyond its straight bar, of seven scalars."""
 
 
+_DISSIPATION = {Kind.BILATERAL: 1, Kind.STOP: 1, Kind.HUNT_CROSSLEY: 1, Kind.LINE: 4, Kind.LEVER: 1}
+"""Which of the constants dissipates."""
+
+
 @dataclass(frozen=True, eq=False)
 class Formula:
     """A law of one or a few scalars.
@@ -53,6 +57,12 @@ class Formula:
     functions: tuple[AngleFunction, ...] = ()
     scalars: int = 1
     friction: tuple[float, float] | None = None
+
+    @property
+    def lossless(self) -> bool:
+        """Whether it gives back all that it takes: no dissipation, friction or leak."""
+        where = _DISSIPATION.get(self.kind)
+        return self.friction is None and self.kind is not Kind.OIL and (where is None or self.constants[where] == 0.0)
 
 
 @runtime_checkable

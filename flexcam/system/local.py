@@ -219,30 +219,3 @@ def derivative(function: AngleFunction) -> AngleFunction:
     array([0., 0.])
     """
     return Derivative(function)
-
-
-class Evaluated:
-    """Functions of the cam angle at some angles, each computed once however often it is asked for.
-
-    Parameters
-    ----------
-    angle
-        rad, any shape.
-
-    Examples
-    --------
-    >>> Evaluated(np.zeros(2))(constant(2.0), 0)
-    array([2., 2.])
-    """
-
-    def __init__(self, angle: FloatArray) -> None:
-        self.angle = angle
-        self._known: dict[tuple[AngleFunction, int], FloatArray] = {}
-
-    def __call__(self, function: AngleFunction, order: int) -> FloatArray:
-        """Return a function or its derivative."""
-        while isinstance(function, Derivative):
-            function, order = function.function, order + 1
-        if (function, order) not in self._known:
-            self._known[function, order] = function(self.angle, order)
-        return self._known[function, order]

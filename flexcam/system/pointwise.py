@@ -11,7 +11,8 @@ Answer = tuple[float, float, float]
 """Force, and its derivatives by depth and rate."""
 
 _MOST_ITERATIONS = 60
-_SETTLED = 1e-14
+_SETTLED = 1e-7
+"""Change of a load, as a part of it, behind which Newton's iteration, which squares its error, changes no digit."""
 _LEAST = 1e-300
 """Load times its give, m, below which there is none: the logarithm of zero is not a number."""
 
@@ -111,11 +112,10 @@ def line_load(approach: float, most: float, give: float, rest: float, depth: flo
     q = max(q * approach / end, _LEAST)
     for _ in range(_MOST_ITERATIONS):
         terms = 2.0 * math.log(depth / q) - rest
-        new = q + (approach - q * terms) / (terms - 2.0)
-        new = new if new > 0.0 else 0.5 * q
-        if abs(new - q) <= _SETTLED * new:
+        old, q = q, q + (approach - q * terms) / (terms - 2.0)
+        q = q if q > 0.0 else 0.5 * old
+        if abs(q - old) <= _SETTLED * q:
             break
-        q = new
     return q / give, 1.0 / (give * (2.0 * math.log(depth / q) - rest - 2.0))
 
 

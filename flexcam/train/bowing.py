@@ -117,9 +117,10 @@ def _linear_compression(structure: Structure, elements: IntArray) -> Observable:
     ends = [(numbers[:, i, j], pulled[:, i, j]) for i, j in np.argwhere(pulled.any(axis=0)).tolist()]
 
     def largest(seen: Observed) -> FloatArray:
-        tension = np.zeros((len(seen.displacement), len(beams)))
+        moved = seen.moved.displacement
+        tension = np.zeros((len(moved), len(beams)))
         for at, force in ends:
-            tension += seen.displacement[:, at] * force
+            tension += moved[:, at] * force
         return -tension.min(axis=1)
 
     return largest

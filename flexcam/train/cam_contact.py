@@ -9,15 +9,21 @@ slides.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
 import numpy as np
 
 from flexcam.cam import CamProfile, profile_at, undercut
+from flexcam.cam.profile import Motion
 from flexcam.checks import InputError, refuse
 from flexcam.linalg import FloatArray
 from flexcam.system import (
     AngleFunction,
     AngleVector,
     Channel,
+    Evaluated,
     LocalForce,
     LocalLaw,
     Observable,
@@ -38,9 +44,6 @@ _ANGLES = np.linspace(0.0, 2.0 * np.pi, 7201)
 
 _STRAIGHT = 1e-2
 """Least relative curvature, 1/m: a flank with a radius above 100 m is as good as straight."""
-
-_STEP = 1e-5
-"""Cam angle, rad, over which a slope is taken that only multiplies sideways deflections, micrometres."""
 
 
 def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling:
@@ -69,15 +72,16 @@ def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling
     depth = _depth(structure, contact, cam, where)
     law = _cam_law(structure, name, contact, cam)
     force = conservative(where, depth, law, cam.event, contact.restitution)
+    slide = _slide(cam)
     torque: Observable = force_sum(0, factor=derivative(cam.event))
     if contact.friction:
-        force = _rubbing(structure, name, contact, cam, force)
-        torque = total(torque, force_sum(1, factor=_slide(cam)))
+        force = _rubbing(structure, name, contact, cam, force, slide)
+        torque = total(torque, force_sum(1, factor=slide))
     return Coupling((), (force,), (
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.torque", "N m", torque),
         Channel(f"{where}.gap", "m", lambda seen: -seen.gaps[:, 0]),
-        *_profile_channels(structure, name, contact, cam),
+        *_profile_channels(structure, name, contact, cam, law, slide),
     ))  # fmt: skip
 
 
@@ -139,46 +143,74 @@ def _sideways(structure: Structure, contact: CamContact, cam: Cam) -> FloatArray
     return structure.row(cam.at, along) - own
 
 
-def _profile(cam: Cam, angle: FloatArray) -> CamProfile:
+def _profile(cam: Cam, angle: FloatArray, motion: Motion | None = None) -> CamProfile:
     if cam.follower is None:
         raise refuse("follower", "none", "a follower and a base circle", "the profile follows from them")
-    return profile_at(cam.event, cam.follower, angle, cam.turn)
+    return profile_at(cam.event, cam.follower, angle, cam.turn, motion)
+
+
+@lru_cache(maxsize=8)
+def _around(cam: Cam) -> CamProfile:
+    """Return the profile at `_ANGLES`, of which several things are tabled."""
+    return _profile(cam, _ANGLES)
+
+
+@dataclass(frozen=True, eq=False)
+class _OfProfile:
+    """A function of the cam angle that follows from the profile, with its derivative; a `Following`."""
+
+    cam: Cam
+    value: Callable[[CamProfile], FloatArray]
+    slope: Callable[[CamProfile], FloatArray]
+
+    def __call__(self, angle: FloatArray, order: int) -> FloatArray:
+        return self.of(Evaluated(angle), order)
+
+    def of(self, cam: Evaluated, order: int) -> FloatArray:
+        return (self.value, self.slope)[order](_touched(self.cam, cam))
+
+
+def _touched(cam: Cam, at: Evaluated) -> CamProfile:
+    """Return the profile at cam angles, made once for all that ask."""
+
+    def made() -> CamProfile:
+        event = cam.event
+        return _profile(cam, at.angle, (at(event, 0), at(event, 1), at(event, 2)))
+
+    return at.once((_touched, id(cam)), made)
 
 
 def _tangent(cam: Cam) -> AngleFunction:
     """Return the tangent of the pressure angle."""
-
-    def tangent(angle: FloatArray, order: int) -> FloatArray:
-        if order == 0:
-            return np.tan(_profile(cam, angle).pressure_angle)
-        return (tangent(angle + _STEP, 0) - tangent(angle - _STEP, 0)) / (2.0 * _STEP)
-
-    return tangent
+    return _OfProfile(
+        cam, lambda made: np.tan(made.pressure_angle),
+        lambda made: made.pressure_rate * (1.0 + np.tan(made.pressure_angle) ** 2),
+    )  # fmt: skip
 
 
 def _slide(cam: Cam) -> AngleFunction:
     """Return the path per cam angle, m, by which the cam's surface slides to the right of a flat face."""
-
-    def slide(angle: FloatArray, order: int) -> FloatArray:
-        if order == 0:
-            return _profile(cam, angle).touch.sliding
-        return (slide(angle + _STEP, 0) - slide(angle - _STEP, 0)) / (2.0 * _STEP)
-
-    return slide
+    return _OfProfile(cam, lambda made: made.touch.sliding, lambda made: made.touch.sliding_rate)
 
 
-def _travelled(path: AngleFunction) -> AngleFunction:
-    """Return the path that has slid past since cam angle zero, m; `path` is its derivative."""
-    width = _ANGLES[1]
-    x, w = np.polynomial.legendre.leggauss(4)
-    within = path((_ANGLES[:-1, None] + 0.5 * width * (1.0 + x)).ravel(), 0).reshape(-1, 4)
-    sums = np.concatenate([[0.0], np.cumsum(0.5 * width * (within @ w))])
-    slopes = path(_ANGLES, 0)
+class _Travelled:
+    """The path that has slid past since cam angle zero, m; `path` is its derivative. A `Following`."""
 
-    def travelled(angle: FloatArray, order: int) -> FloatArray:
+    def __init__(self, path: AngleFunction) -> None:
+        width = _ANGLES[1]
+        x, w = np.polynomial.legendre.leggauss(4)
+        within = path((_ANGLES[:-1, None] + 0.5 * width * (1.0 + x)).ravel(), 0).reshape(-1, 4)
+        self._path, self._slopes = path, path(_ANGLES, 0)
+        self._sums = np.concatenate([[0.0], np.cumsum(0.5 * width * (within @ w))])
+
+    def __call__(self, angle: FloatArray, order: int) -> FloatArray:
+        return self.of(Evaluated(angle), order)
+
+    def of(self, cam: Evaluated, order: int) -> FloatArray:
         if order:
-            return path(angle, order - 1)
-        turns, rest = np.divmod(angle, 2.0 * np.pi)
+            return cam(self._path, order - 1)
+        width, sums, slopes = _ANGLES[1], self._sums, self._slopes
+        turns, rest = np.divmod(cam.angle, 2.0 * np.pi)
         i = np.minimum((rest / width).astype(int), len(_ANGLES) - 2)
         z = (rest - _ANGLES[i]) / width
         y = 1.0 - z
@@ -186,10 +218,10 @@ def _travelled(path: AngleFunction) -> AngleFunction:
         ends = y * y * (1.0 + 2.0 * z) * sums[i] + z * z * (3.0 - 2.0 * z) * sums[i + 1]
         return turns * sums[-1] + ends + width * z * y * (y * slopes[i] - z * slopes[i + 1])
 
-    return travelled
 
-
-def _rubbing(structure: Structure, name: str, contact: CamContact, cam: Cam, force: LocalForce) -> LocalForce:
+def _rubbing(
+    structure: Structure, name: str, contact: CamContact, cam: Cam, force: LocalForce, path: AngleFunction
+) -> LocalForce:
     """Return the contact with friction: a second scalar whose rate is the velocity of sliding."""
     where = f"contacts.{name}.friction"
     if cam.follower is None:
@@ -198,12 +230,11 @@ def _rubbing(structure: Structure, name: str, contact: CamContact, cam: Cam, for
     if np.isfinite(cam.follower.roller_radius):
         why = "a roller takes the sliding up by turning"
         raise refuse(where, contact.friction, "a follower with a flat face", why, "leave friction out")
-    path = _slide(cam)
     rows = np.array([_sideways(structure, contact, cam), structure.row(cam.at, _turning(contact.shaft_axis))])
     along = AngleVector(rows, (constant(1.0), path))
     acting = AngleVector(-rows, along.functions)
     law = Sliding(force.law, contact.friction, contact.friction_speed)
-    offset = (*force.offset, _travelled(path))
+    offset = (*force.offset, _Travelled(path))
     return LocalForce(
         force.name, (*force.sense, along), (*force.act, acting), law, offset, force.switching, force.restitution
     )  # fmt: skip
@@ -217,7 +248,7 @@ def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> 
     law = hertz_line(structure, name, contact, cam)
     if cam.follower is None or not np.isfinite(cam.follower.roller_radius):
         return law
-    cosines = np.cos(_profile(cam, _ANGLES).pressure_angle)
+    cosines = np.cos(_around(cam).pressure_angle)
     return Inclined(law, _table(cosines))
 
 
@@ -266,7 +297,7 @@ def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -
         given, why = f"hertz, of a cam at {cam.at!r} on no member", "the member says the material"
         raise refuse(where, given, "a number, or a cam on a member", why)
     follower, roller = cam.follower, cam.follower.roller_radius
-    own = _profile(cam, _ANGLES).radius
+    own = _around(cam).radius
     curvature = 1.0 / own + 1.0 / roller
     if (undercut(own, follower) | (curvature < 0.0)).any():
         given = "a profile that is undercut or hollow under its follower"
@@ -276,32 +307,35 @@ def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -
     return HertzLine(cam.width, material.E, material.nu, radius, depth, contact.dissipation)
 
 
-def _profile_channels(structure: Structure, name: str, contact: CamContact, cam: Cam) -> list[Channel]:
+def _profile_channels(
+    structure: Structure, name: str, contact: CamContact, cam: Cam, law: LocalLaw, slide: AngleFunction
+) -> list[Channel]:
     """Return Hertz pressure, sliding velocity and friction, where the profile is known."""
     if cam.follower is None:
         return []
     where = f"contacts.{name}"
     channels: list[Channel] = []
     follower = cam.follower
-    whole = not undercut(_profile(cam, _ANGLES).radius, follower).any()
+    whole = not undercut(_around(cam).radius, follower).any()
     on_member = structure.model.mesh.on_members()[find_node(structure.model, cam.at, f"cams.{contact.cam}.at")]
     if cam.width is not None and whole and on_member:
-        line = hertz_line(structure, name, contact, cam)
+        own = law.normal if isinstance(law, Inclined) else law
+        line = own if isinstance(own, HertzLine) else hertz_line(structure, name, contact, cam)
         channels.append(Channel(f"{where}.pressure", "Pa", _pressure(line, cam)))
     if not np.isfinite(follower.roller_radius):
-        channels.append(Channel(f"{where}.sliding", "m/s", _per_time(_slide(cam))))
+        channels.append(Channel(f"{where}.sliding", "m/s", _per_time(slide)))
     if contact.friction:
         channels.append(Channel(f"{where}.friction", "N", force_sum(1)))
     return channels
 
 
 def _per_time(path: AngleFunction) -> Observable:
-    return lambda seen: path(seen.motion.angle, 0) * seen.motion.speed
+    return lambda seen: seen.cam(path, 0) * seen.motion.speed
 
 
 def _pressure(line: HertzLine, cam: Cam) -> Observable:
     def pressed(seen: Observed) -> FloatArray:
-        angle = seen.motion.angle
-        return line.pressure(seen.forces[:, 0] / np.cos(_profile(cam, angle).pressure_angle), angle)
+        inclined = np.cos(_touched(cam, seen.cam).pressure_angle)
+        return line.pressure(seen.forces[:, 0] / inclined, seen.cam(line.radius, 0))
 
     return pressed

@@ -130,15 +130,17 @@ def _pushed(spring: Spring, rows: FloatArray) -> Observable:
     installed, stiffness = spring.installed_force or 0.0, spring.stiffness * spring.elements
 
     def pushed(seen: Observed) -> FloatArray:
-        swing = np.zeros(1) if spring.pulsation is None else spring.pulsation.part(seen.motion.angle)
-        return installed + stiffness * (1.0 + swing)[:, None] * (seen.displacement @ rows.T)
+        stretch = seen.moved.picked(rows)
+        if spring.pulsation is None:
+            return installed + stiffness * stretch
+        return installed + stiffness * (1.0 + spring.pulsation.part(seen.motion.angle))[:, None] * stretch
 
     return pushed
 
 
 def _surge(rows: FloatArray) -> Observable:
     def largest(seen: Observed) -> FloatArray:
-        stretch = seen.displacement @ rows.T
+        stretch = seen.moved.picked(rows)
         uneven = np.cumsum(stretch - stretch.mean(axis=1, keepdims=True), axis=1)
         return np.abs(uneven).max(axis=1)
 
@@ -151,4 +153,4 @@ def _stress(pushed: Observable, wire: Wire) -> Observable:
 
 
 def _clearance(travel: float, rows: FloatArray) -> Observable:
-    return lambda seen: travel - len(rows) * (seen.displacement @ rows.T).max(axis=1)
+    return lambda seen: travel - len(rows) * seen.moved.picked(rows).max(axis=1)

@@ -13,7 +13,7 @@ from flexcam.linalg import FloatArray
 from flexcam.system import ONE, AngleFunction, Formula, Formulated, Kind, LocalLaw, Reaction, Stored, Storing
 from flexcam.system.pointwise import dissipating, hunt_crossley, line_load, sliding, stop
 
-_MOST_ITERATIONS, _SETTLED, _LEAST = 60, 1e-14, 1e-300
+_MOST_ITERATIONS, _SETTLED, _LEAST = 60, 1e-7, 1e-300  # as in `pointwise`
 _WITH_FRICTION = 2
 """Scalars of a contact with friction: depth and path."""
 
@@ -284,10 +284,10 @@ class HertzLine(Stateless):
         """Return load per length and slope at one approach."""
         return line_load(approach, most, self._one, self._rest, self.depth)
 
-    def pressure(self, force: FloatArray, angle: FloatArray) -> FloatArray:
-        """Return the largest Hertz pressure, sqrt(p E*/(pi R)), Pa, of forces (N) at cam angles (rad), shape (n,)."""
+    def pressure(self, force: FloatArray, radius: FloatArray) -> FloatArray:
+        """Return the largest Hertz pressure, sqrt(p E*/(pi R)), Pa, of forces (N) and relative radii (m), shape (n,)."""
         p = np.maximum(force, 0.0) / self.width
-        return np.sqrt(p * 0.5 * self.plane_strain / (math.pi * self.radius(angle, 0)))
+        return np.sqrt(p * 0.5 * self.plane_strain / (math.pi * radius))
 
 
 @dataclass(frozen=True, eq=False)

@@ -83,10 +83,10 @@ def _torque(structure: Structure, node: int, axis: FloatArray) -> Observable:
     on_a = _assembled(dofs.size, numbers, heavy)
     inertia = float(np.sum(heavy @ np.tile(turning, 2)))
     inertia += sum(float(turning @ matrix @ turning) for at, matrix in _bodies(structure) if at == node)
-    on_v = damping.alpha * on_a + damping.beta * on_d
+    each = [row[None] for row in (on_d, damping.alpha * on_a + damping.beta * on_d, on_a)]
 
     def held(seen: Observed) -> FloatArray:
-        own = seen.displacement @ on_d + seen.velocity @ on_v + seen.acceleration @ on_a
+        own = sum(seen.moved.picked(row, order)[:, 0] for order, row in enumerate(each))
         return own + inertia * seen.motion.rate
 
     return held

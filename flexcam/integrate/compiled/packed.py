@@ -9,7 +9,7 @@ import numpy as np
 from flexcam.integrate.local import LocalForces, Schedule
 from flexcam.integrate.scheme import Scheme
 from flexcam.linalg import FloatArray, IntArray
-from flexcam.system import AngleFunction, Formula, Formulated, Kind, System
+from flexcam.system import AngleFunction, Evaluated, Formula, Formulated, Kind, System
 
 _NONE = np.zeros((0, 0))
 
@@ -67,7 +67,7 @@ class PackedForces:
 
         Weights of the sensing vectors, their rates, weights of the acting ones, offsets, their rates, functions.
         """
-        functions = [function(schedule.angle, 0)[:, None] for function in self.functions]
+        functions = [schedule.cam(function, 0)[:, None] for function in self.functions]
         parts = (schedule.sense, schedule.sense_rate, schedule.act, schedule.offset, schedule.offset_rate, *functions)
         return np.ascontiguousarray(np.hstack(parts))
 
@@ -77,7 +77,7 @@ class PackedForces:
         cuts = np.cumsum([senses, senses, acts, c, c])
         sense, sense_rate, act, offset, offset_rate, _ = np.split(cam, cuts, axis=1)
         owners = forces.sense.owner, forces.act.owner
-        return Schedule(sense, sense_rate, act, offset, offset_rate, angle, *owners)
+        return Schedule(sense, sense_rate, act, offset, offset_rate, angle, *owners, Evaluated(angle))
 
 
 def _begins(owner: FloatArray) -> IntArray:
