@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -311,10 +310,13 @@ class _Spread:
     def __init__(self, inside: Moved, rows: _Rows) -> None:
         self._inside, self._rows = inside, rows
         self._picked: dict[tuple[int, int], FloatArray] = {}
+        self._whole: dict[int, FloatArray] = {}
 
-    @cached_property
-    def displacement(self) -> FloatArray:
-        return self._rows.basis.spread(self._inside.displacement) + self._rows.held
+    def whole(self, order: int) -> FloatArray:
+        if order not in self._whole:
+            spread = self._rows.basis.spread(self._inside.whole(order))
+            self._whole[order] = spread + self._rows.held if order == 0 else spread
+        return self._whole[order]
 
     def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
         key = id(rows), order

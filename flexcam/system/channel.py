@@ -17,13 +17,12 @@ from flexcam.system.local import AngleFunction
 class Moved(Protocol):
     """Motion of some unknowns at some instants."""
 
-    @property
-    def displacement(self) -> FloatArray:
-        """All unknowns, shape (m, n)."""
+    def whole(self, order: int) -> FloatArray:
+        """Return displacement (order 0), velocity (1) or acceleration (2) of all unknowns, shape (m, n)."""
         ...
 
     def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
-        """Return what rows (k, n) pick of displacement (order 0), velocity (1) or acceleration (2), shape (m, k)."""
+        """Return what rows pick of that, shape (k, n) to (m, k); rows are known again by the array that they are."""
         ...
 
 
@@ -41,9 +40,13 @@ class Motions:
     velocity: FloatArray
     acceleration: FloatArray
 
+    def whole(self, order: int) -> FloatArray:
+        """Return the motion, as `Moved` says."""
+        return (self.displacement, self.velocity, self.acceleration)[order]
+
     def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
         """Return what rows pick, as `Moved` says."""
-        return (self.displacement, self.velocity, self.acceleration)[order] @ rows.T
+        return self.whole(order) @ rows.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +77,21 @@ class Observed:
     gaps: FloatArray
     rates: FloatArray
     states: FloatArray
+
+    @property
+    def displacement(self) -> FloatArray:
+        """Of all unknowns, shape (m, n)."""
+        return self.moved.whole(0)
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Of all unknowns, shape (m, n)."""
+        return self.moved.whole(1)
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """Of all unknowns, shape (m, n)."""
+        return self.moved.whole(2)
 
     def part(self, loads: slice, scalars: slice, states: slice) -> Observed:
         """Return what concerns some of the loads, sensed scalars and internal states."""

@@ -117,7 +117,7 @@ def _linear_compression(structure: Structure, elements: IntArray) -> Observable:
     ends = [(numbers[:, i, j], pulled[:, i, j]) for i, j in np.argwhere(pulled.any(axis=0)).tolist()]
 
     def largest(seen: Observed) -> FloatArray:
-        moved = seen.moved.displacement
+        moved = seen.displacement
         tension = np.zeros((len(moved), len(beams)))
         for at, force in ends:
             tension += moved[:, at] * force
