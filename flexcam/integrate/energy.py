@@ -152,7 +152,7 @@ class EnergyAccount:
         return _Held(
             schedule.angle, 0.5 * self._M.twice(track.v), 0.5 * self._K.twice(d) + self._system.stored, kept.energy,
             *((d, self._C.times(track.v)) if self._damped else (nothing, nothing)),
-            np.hstack([seen.histories, acted]), d @ self._pushed.T,
+            np.hstack([seen.histories, acted]), (self._pushed @ d.T).T,
             seen.forces if self._storing is None else seen.forces * self._storing, kept.by_gap, seen.gaps,
             seen.states, kept.by_state, kept.changing, *struck,
         )  # fmt: skip

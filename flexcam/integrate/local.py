@@ -235,8 +235,8 @@ class LocalForces:
         tuple
             Shape (m, c) each.
         """
-        rows, c = self.sense.rows.T, self.count
-        on_d, on_v = d @ rows, v @ rows
+        rows, c = self.sense.rows, self.count
+        on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # a scalar's history lies together: most is done scalar by scalar
         gap, carried = on_d[:, :c] + schedule.offset, schedule.offset_rate.copy()
         rate = on_v[:, :c] + carried
         for j, (scalar, i) in enumerate(self.sense.places, c):

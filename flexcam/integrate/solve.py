@@ -299,7 +299,8 @@ class _Run:
         """Return what is observed, and the part of the sensed rates that the cam alone causes."""
         gaps, rates, carried = self._forces.sensed(track.d, track.v, schedule)
         histories, moved = self._system.load_histories(motion), Motions(track.d, track.v, track.a)
-        return Observed(motion, schedule.cam, moved, histories, track.local, gaps, rates, track.state), carried
+        forces = np.asfortranarray(track.local)  # scalar by scalar, as what is sensed
+        return Observed(motion, schedule.cam, moved, histories, forces, gaps, rates, track.state), carried
 
 
 def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -> Series:

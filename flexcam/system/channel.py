@@ -46,7 +46,7 @@ class Motions:
 
     def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
         """Return what rows pick, as `Moved` says."""
-        return self.whole(order) @ rows.T
+        return (rows @ self.whole(order).T).T  # what a row picks lies together
 
 
 @dataclass(frozen=True, eq=False)

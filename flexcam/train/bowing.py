@@ -31,10 +31,6 @@ class Bowing(Stateless):
 
     arch: Arch
 
-    def axial_force(self, gap: FloatArray) -> FloatArray:
-        """Return the axial force of every element, tension positive, N, shape (..., e)."""
-        return self.arch.axial_force(_by_element(gap))
-
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return force and tangent."""
         values = _by_element(gap)
@@ -127,8 +123,11 @@ def _linear_compression(structure: Structure, elements: IntArray) -> Observable:
 
 
 def _compression(law: Bowing, part: slice) -> Observable:
+    stretches = slice(part.start, part.stop, SCALARS)
+
     def largest(seen: Observed) -> FloatArray:
-        return -law.axial_force(seen.gaps[:, part]).min(axis=-1)
+        # What acts on a stretch is the axial force beyond that of the straight bar.
+        return -(law.arch.axial * seen.gaps[:, stretches] + seen.forces[:, stretches]).min(axis=-1)
 
     return largest
 

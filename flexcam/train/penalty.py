@@ -27,6 +27,13 @@ def _one(force: float, by_gap: float, by_rate: float) -> Reaction:
     return Reaction(np.array([force]), np.array([[by_gap]]), np.array([[by_rate]]))
 
 
+def _linear_stop(stiffness: float, gap: FloatArray, state: FloatArray) -> Stored:
+    """Return the energy of springs that only push, and its derivative, per instant."""
+    pressed = np.maximum(gap, 0.0)
+    energy = 0.5 * stiffness * np.einsum("...i,...i->...", pressed, pressed)
+    return Stored(energy, stiffness * pressed, np.zeros_like(state))
+
+
 class Stateless:
     """A law without internal state.
 
@@ -119,9 +126,7 @@ class Stop(Stateless):
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy stored and its derivative, per instant."""
-        pressed = np.maximum(gap, 0.0)
-        energy = 0.5 * self.stiffness * np.sum(pressed**2, axis=-1)
-        return Stored(energy, self.stiffness * pressed, np.zeros_like(state))
+        return _linear_stop(self.stiffness, gap, state)
 
 
 @dataclass(frozen=True)
@@ -158,9 +163,7 @@ class HuntCrossley(Stateless):
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy stored and its derivative, per instant."""
-        pressed = np.maximum(gap, 0.0)
-        energy = 0.5 * self.stiffness * np.sum(pressed**2, axis=-1)
-        return Stored(energy, self.stiffness * pressed, np.zeros_like(state))
+        return _linear_stop(self.stiffness, gap, state)
 
 
 @dataclass(frozen=True, eq=False)

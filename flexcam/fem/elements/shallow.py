@@ -100,29 +100,33 @@ class Arch:
 
     def pull(self, values: FloatArray) -> FloatArray:
         """Return g (y + y0) of the scalars, shape (..., e, 7): what a unit force does to bending, shape (..., e, 6)."""
-        bent = values[..., 1:] + self.bow
-        by_element = np.swapaxes(bent.reshape(-1, *self.bow.shape), 0, 1)  # one product each, of all instants at once
-        return np.swapaxes(by_element @ np.swapaxes(self.shortening, 1, 2), 0, 1).reshape(bent.shape)
-
-    def beyond(self, values: FloatArray) -> FloatArray:
-        """Return the axial force of the shortening, N, shape (..., e), of the scalars, shape (..., e, 7)."""
-        return self._beyond(values, self.pull(values))
-
-    def _beyond(self, values: FloatArray, pulled: FloatArray) -> FloatArray:
-        # y.g.(y + 2 y0): the difference of both squares would leave rounding where nothing is bent.
-        start = np.einsum("eij,ej->ei", self.shortening, self.bow)
-        return 0.5 * self.axial * np.einsum("...ei,...ei->...e", values[..., 1:], pulled + start)
+        return _behind(self._pull(_before(values)), values)
 
     def axial_force(self, values: FloatArray) -> FloatArray:
         """Return the axial force, tension positive, N, shape (..., e), of the scalars, shape (..., e, 7)."""
-        return self.axial * values[..., 0] + self.beyond(values)
+        first = _before(values)
+        N = self.axial[:, None] * first[:, 0] + self._beyond(first, self._pull(first))
+        return _behind(N, values)
 
     def forces(self, values: FloatArray) -> FloatArray:
         """Return the forces beyond those of straight bars and beams, shape (..., e, 7), of the scalars, as large."""
-        pulled = self.pull(values)
-        beyond = self._beyond(values, pulled)
-        N = self.axial * values[..., 0] + beyond
-        return np.concatenate([beyond[..., None], N[..., None] * pulled], axis=-1)
+        first = _before(values)
+        pulled, found = self._pull(first), np.empty_like(first)
+        beyond = self._beyond(first, pulled)
+        N = self.axial[:, None] * first[:, 0] + beyond
+        found[:, 0] = beyond
+        np.multiply(N[:, None], pulled, out=found[:, 1:])
+        return _behind(found, values)
+
+    def _pull(self, first: FloatArray) -> FloatArray:
+        """Return what `pull` does, instants last: shape (e, 7, m) to (e, 6, m)."""
+        return self.shortening @ (first[:, 1:] + self.bow[..., None])
+
+    def _beyond(self, first: FloatArray, pulled: FloatArray) -> FloatArray:
+        """Return the axial force of the shortening, N, shape (e, m)."""
+        # y.g.(y + 2 y0): the difference of both squares would leave rounding where nothing is bent.
+        start = np.einsum("eij,ej->ei", self.shortening, self.bow)[..., None]
+        return 0.5 * self.axial[:, None] * np.einsum("eim,eim->em", first[:, 1:], pulled + start)
 
     def tangent(self, values: FloatArray) -> FloatArray:
         """Return the derivative of these forces, shape (e, 7, 7), by the scalars, shape (e, 7)."""
@@ -132,6 +136,16 @@ class Arch:
         found[:, 0, 1:] = found[:, 1:, 0] = across
         found[:, 1:, 1:] = N[:, None, None] * self.shortening + across[:, :, None] * pulled[:, None, :]
         return found
+
+
+def _before(values: FloatArray) -> FloatArray:
+    """Return scalars with the instants last, shape (..., e, k) to (e, k, m): what belongs together lies together."""
+    return np.ascontiguousarray(np.moveaxis(values.reshape(-1, *values.shape[-2:]), 0, -1))
+
+
+def _behind(found: FloatArray, values: FloatArray) -> FloatArray:
+    """Return what has the instants last with the instants of scalars first, shape (e, ..., m) to (..., e, ...)."""
+    return np.moveaxis(found, -1, 0).reshape(*values.shape[:-2], *found.shape[:-1])
 
 
 def beyond_linear(beams: Beams, local: FloatArray) -> FloatArray:
