@@ -57,11 +57,6 @@ class _Held:
     carried: FloatArray
     impulse: FloatArray
 
-    def after(self, last: _Held) -> _Held:
-        """Return the instants behind the last one of an earlier block, `last` of that."""
-        names = self.__dataclass_fields__
-        return _Held(*(np.concatenate([getattr(last, n), getattr(self, n)]) for n in names))
-
     def last(self) -> _Held:
         """Return the last instant alone."""
         return _Held(*(getattr(self, n)[-1:] for n in self.__dataclass_fields__))
@@ -99,7 +94,7 @@ class EnergyAccount:
         first = self._last is None
         if first:
             self._sums[3] = energy[0]
-        gone = self._gone(new if self._last is None else new.after(self._last))
+        gone = self._gone(new, self._last)
         sums = self._sums[:3] + np.cumsum(np.vstack([np.zeros((int(first), 3)), gone]), axis=0)
         self._sums[:3], self._last = sums[-1], new.last()
         residual = sums[:, 0] - (energy - self._sums[3]) - sums[:, 1] - sums[:, 2]
@@ -114,38 +109,45 @@ class EnergyAccount:
         held = below("held", state)
         self._last, self._sums = (_Held(**held) if held else None), state["sums"].copy()
 
-    def _gone(self, both: _Held) -> FloatArray:
-        """Return work, dissipation and numerical loss between successive instants, shape (m - 1, 3)."""
-        damped = _done(both.damped, np.diff(both.d, axis=0))
-        given = _done(both.pushes, np.diff(both.paths, axis=0))
+    def _gone(self, new: _Held, last: _Held | None) -> FloatArray:
+        """Return work, dissipation and numerical loss up to every instant from the one before it, shape (b, 3)."""
+
+        def added(name: str) -> FloatArray:
+            return _paired(np.add, getattr(new, name), getattr(last, name, None))
+
+        def passed(name: str) -> FloatArray:
+            return _paired(np.subtract, getattr(new, name), getattr(last, name, None))
+
+        # Forces do their mean along the path; what is halved is halved at last.
+        damped, given = (0.5 * _dot(added(one), passed(path)) for one, path in (("damped", "d"), ("pushes", "paths")))
         # What a contact does along its whole depth comes from the unknowns, and where it is not opposed from the cam.
-        deepened, others = np.diff(both.gap, axis=0), self._others
-        moving = _done(both.force[:, others], deepened[:, others])
-        taken = _done(both.force, deepened) - moving
+        forces, still, deepened, others = added("force"), added("still"), passed("gap"), self._others
+        moving = 0.5 * _dot(forces[:, others], deepened[:, others])
+        taken = 0.5 * _dot(forces, deepened) - moving
         lossy = self._forces.lossy
-        crushed = _done(both.force[:, lossy], deepened[:, lossy]) - _done(both.still[:, lossy], deepened[:, lossy])
-        crushed -= _done(both.by_state, np.diff(both.states, axis=0))
-        curved, turned = self._curved(both, deepened)
-        impulse = both.impulse[1:]
-        struck, impact_lost = _done(both.carried, impulse), _done(both.rate, impulse)
-        numerical = given - taken - np.diff(both.kinetic + both.strain) - damped + (struck - impact_lost) + curved
-        work = given + moving + struck + turned
+        crushed = 0.5 * _dot(forces[:, lossy] - still[:, lossy], deepened[:, lossy])
+        crushed -= 0.5 * _dot(added("by_state"), passed("states"))
+        # What the mean force does beyond the curved one, by Simpson's rule.
+        half = 0.5 * added("gap"), 0.5 * added("states"), 0.5 * added("angle")
+        curved = 2.0 / 3.0 * _dot(0.5 * still - self._forces.stored(*half).by_gap, deepened)
+        impulse = new.impulse if last else new.impulse[1:]
+        struck, impact_lost = (0.5 * _dot(impulse, added(one)) for one in ("carried", "rate"))
+        numerical = given - taken - passed("kinetic") - passed("strain") - damped + (struck - impact_lost) + curved
+        work = given + moving + struck + self._turned(new, last)
         return np.column_stack([work, damped + crushed + impact_lost, numerical])
 
-    def _curved(self, both: _Held, deepened: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return what the mean force does beyond the curved one (by Simpson's rule), and what the cam's turning stores.
-
-        The law of a contact may change with the cam angle, as with the cam's curvature: that energy comes from the cam.
-        """
-        angle, half = both.angle, _mean(both.states)
-        middle = self._forces.stored(_mean(both.gap), half, 0.5 * (angle[1:] + angle[:-1]))
-        curved = 2.0 / 3.0 * (_done(both.still, deepened) - _dot(middle.by_gap, deepened))
-        later = self._forces.changing(both.gap[:-1], both.states[:-1], angle[1:])
-        earlier = self._forces.changing(both.gap[1:], both.states[1:], angle[:-1])
-        return curved, 0.5 * (later - both.changing[:-1] + both.changing[1:] - earlier)
+    def _turned(self, new: _Held, last: _Held | None) -> FloatArray:
+        """Return what the cam's turning stores in contacts whose law changes with its angle, as with its curvature."""
+        begin = 0 if last else 1
+        before = _before(new.gap, last and last.gap), _before(new.states, last and last.states)
+        later = self._forces.changing(*before, new.angle[begin:])
+        angle, changing = _before(new.angle, last and last.angle), _before(new.changing, last and last.changing)
+        earlier = self._forces.changing(new.gap[begin:], new.states[begin:], angle)
+        return 0.5 * (later - changing + new.changing[begin:] - earlier)
 
     def _held(self, track: Track, seen: Observed, carried: FloatArray, schedule: Schedule) -> _Held:
         kept, d = self._forces.stored(seen.gaps, seen.states, schedule.angle), track.d
+        changing = self._forces.changing(seen.gaps, seen.states, schedule.angle)
         nothing = np.zeros((len(d), 0))
         struck = (seen.rates, carried, track.impulse) if self._strikes else (nothing,) * 3
         acted = seen.forces[:, self._acted] * schedule.act[:, self._acting]
@@ -154,7 +156,7 @@ class EnergyAccount:
             *((d, self._C.times(track.v)) if self._damped else (nothing, nothing)),
             np.hstack([seen.histories, acted]), (self._pushed @ d.T).T,
             seen.forces if self._storing is None else seen.forces * self._storing, kept.by_gap, seen.gaps,
-            seen.states, kept.by_state, kept.changing, *struck,
+            seen.states, kept.by_state, changing, *struck,
         )  # fmt: skip
 
 
@@ -176,13 +178,19 @@ class _Form:
         return np.square(rows) @ self._diagonal if self._diagonal is not None else _dot(self.times(rows), rows)
 
 
-def _mean(values: FloatArray) -> FloatArray:
-    return 0.5 * (values[1:] + values[:-1])
+def _paired(operation: np.ufunc, now: FloatArray, last: FloatArray | None) -> FloatArray:
+    """Return sum or difference of every instant and the one before it; the first has none where `last` is None."""
+    if last is None:
+        return np.asarray(operation(now[1:], now[:-1]), dtype=float)
+    found = np.empty_like(now)
+    operation(now[:1], last, out=found[:1])
+    operation(now[1:], now[:-1], out=found[1:])
+    return found
 
 
-def _done(forces: FloatArray, paths: FloatArray) -> FloatArray:
-    """Return what the mean of forces (m, k) does along the paths between them, shape (m - 1, k)."""
-    return 0.5 * _dot(forces[1:] + forces[:-1], paths)
+def _before(now: FloatArray, last: FloatArray | None) -> FloatArray:
+    """Return the instants before each; the first has none where `last` is None."""
+    return now[:-1] if last is None else np.concatenate([last, now[:-1]])
 
 
 def _dot(values: FloatArray, others: FloatArray) -> FloatArray:

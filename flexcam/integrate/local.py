@@ -18,12 +18,14 @@ from flexcam.system import (
     ONE,
     AngleFunction,
     AngleVector,
+    Changing,
     CamMotion,
     Constant,
     Evaluated,
     Formulated,
     LocalLaw,
     Reaction,
+    Stored,
     Storing,
     System,
 )
@@ -133,26 +135,6 @@ class Schedule:
         return self.acts * self.act[i]
 
 
-@dataclass(frozen=True, eq=False)
-class Kept:
-    """Energy of all local laws at m instants, and its derivatives.
-
-    Parameters
-    ----------
-    energy
-        J, shape (m,).
-    by_gap, by_state
-        Derivatives by what is sensed and by the internal states, shape (m, c) and (m, s).
-    changing
-        The part of those laws whose energy depends on the cam angle, J, shape (m,).
-    """
-
-    energy: FloatArray
-    by_gap: FloatArray
-    by_state: FloatArray
-    changing: FloatArray
-
-
 class LocalForces:
     """The local forces of a system, stacked.
 
@@ -237,8 +219,9 @@ class LocalForces:
         """
         rows, c = self.sense.rows, self.count
         on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # a scalar's history lies together: most is done scalar by scalar
-        gap, carried = on_d[:, :c] + schedule.offset, schedule.offset_rate.copy()
-        rate = on_v[:, :c] + carried
+        gap, rate, carried = on_d[:, :c], on_v[:, :c], np.array(schedule.offset_rate, order="F")
+        gap += schedule.offset
+        rate += carried
         for j, (scalar, i) in enumerate(self.sense.places, c):
             weight, turning = schedule.sense[:, i], schedule.sense_rate[:, i] * on_d[:, j]
             gap[:, scalar] += weight * on_d[:, j]
@@ -264,29 +247,34 @@ class LocalForces:
             return Reaction(force, by_gap, by_rate, _NO_STATE)
         return Reaction(force, by_gap, by_rate, *_inner(answers, c, len(state)))
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Kept:
+    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy of all laws that store some, and its derivatives."""
-        energy, changing = np.zeros((2, len(angle)))
+        energy = np.zeros(len(angle))
         by_gap, by_state = np.zeros_like(gap), np.zeros_like(state)
-        for law, part, inner, changes in self._kept:
+        for law, part, inner, _ in self._kept:
             one = law.stored(gap[:, part], state[:, inner], angle)
             energy += one.energy
             by_gap[:, part], by_state[:, inner] = one.by_gap, one.by_state
-            if changes:
-                changing += one.energy
-        return Kept(energy, by_gap, by_state, changing)
+        return Stored(energy, by_gap, by_state)
 
     def changing(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
-        """Return the energy of those laws alone whose energy depends on the cam angle, J, shape (m,)."""
+        """Return the part of the energy that depends on the cam angle, J, shape (m,)."""
         energy = np.zeros(len(angle))
         for law, part, inner, changes in self._kept:
             if changes:
-                energy += law.stored(gap[:, part], state[:, inner], angle).energy
+                energy += _changing(law, gap[:, part], state[:, inner], angle)
         return energy
 
     def pressed(self, gap: FloatArray) -> NDArray[np.bool_]:
         """Return on which side of zero the switching scalars are."""
         return gap[self.switching] > 0.0
+
+
+def _changing(law: Storing, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
+    """Return the part of a law's energy that depends on the cam angle: all of it, where the law does not know better."""
+    if isinstance(law, Changing):
+        return law.changing(gap, state, angle)
+    return law.stored(gap, state, angle).energy
 
 
 def _steady(law: LocalLaw, count: int) -> bool:

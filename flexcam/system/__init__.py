@@ -14,6 +14,7 @@ from flexcam.system.formula import ONE, Formula, Formulated, Kind
 from flexcam.system.local import (
     AngleFunction,
     AngleVector,
+    Changing,
     Constant,
     LocalForce,
     LocalLaw,
@@ -33,6 +34,7 @@ __all__ = [
     "Basis",
     "CamMotion",
     "Carried",
+    "Changing",
     "Channel",
     "Constant",
     "ConstantSpeed",

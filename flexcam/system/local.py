@@ -139,6 +139,15 @@ class Storing(Protocol):
 
 
 @runtime_checkable
+class Changing(Protocol):
+    """A storing law of which only a part changes with the cam angle."""
+
+    def changing(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
+        """Return the energy without what is the same at every cam angle, J, shape (m,), as `Storing.stored` is asked."""
+        ...
+
+
+@runtime_checkable
 class Resting(Protocol):
     """A local law whose internal state follows from where it comes to rest."""
 

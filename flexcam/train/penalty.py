@@ -10,7 +10,18 @@ from typing import overload
 import numpy as np
 
 from flexcam.linalg import FloatArray
-from flexcam.system import ONE, AngleFunction, Formula, Formulated, Kind, LocalLaw, Reaction, Stored, Storing
+from flexcam.system import (
+    ONE,
+    AngleFunction,
+    Changing,
+    Formula,
+    Formulated,
+    Kind,
+    LocalLaw,
+    Reaction,
+    Stored,
+    Storing,
+)
 from flexcam.system.pointwise import dissipating, hunt_crossley, line_load, sliding, stop
 
 _MOST_ITERATIONS, _SETTLED, _LEAST = 60, 1e-7, 1e-300  # as in `pointwise`
@@ -254,16 +265,28 @@ class HertzLine(Stateless):
         energy, load = np.zeros_like(depth), np.zeros_like(depth)
         at = np.flatnonzero(depth > 0.0)
         if len(at):
-            most = self._most(self.radius(angle[at], 0))
-            radius = most / self._most(1.0)
-            load[at], slope = self.line_load(depth[at], radius)
-            straight = np.where(load[at] > most, 0.5 * (load[at] + most) * (load[at] - most) / slope, 0.0)
-            # The approach is q times terms that fall by 2 ln q: its integral over q is q^2 (terms + 1)/2.
-            p = np.minimum(load[at], most)
-            q = self._one * p
-            terms = 2.0 * np.log(self.depth / q) - self._rest
-            energy[at] = self.width * (p * q * terms - 0.5 * p * q * (terms + 1.0) + straight)
+            energy[at], load[at] = self._stored(depth[at], self.radius(angle[at], 0))
         return Stored(energy, self.width * load[..., None], np.zeros_like(state))
+
+    def changing(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
+        """Return the energy beyond that at one and the same radius: none until the law of either is straight."""
+        depth, radius, fixed = gap[..., 0], self.radius(angle, 0), np.full(len(angle), self.depth)
+        energy, q = np.zeros_like(depth), self._one * self._most(np.minimum(radius, fixed))
+        at = np.flatnonzero(depth > q * (2.0 * np.log(self.depth / q) - self._rest))
+        if len(at):
+            energy[at] = self._stored(depth[at], radius[at])[0] - self._stored(depth[at], fixed[at])[0]
+        return energy
+
+    def _stored(self, depth: FloatArray, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return energy, J, and load per length, N/m, at depths above zero and relative radii, shape (m,) each."""
+        most = self._most(radius)
+        load, slope = self.line_load(depth, radius)
+        straight = np.where(load > most, 0.5 * (load + most) * (load - most) / slope, 0.0)
+        # The approach is q times terms that fall by 2 ln q: its integral over q is q^2 (terms + 1)/2.
+        p = np.minimum(load, most)
+        q = self._one * p
+        terms = 2.0 * np.log(self.depth / q) - self._rest
+        return self.width * (p * q * terms - 0.5 * p * q * (terms + 1.0) + straight), load
 
     @property
     def _one(self) -> float:
@@ -377,3 +400,9 @@ class Sliding(Stateless):
             return Stored(np.zeros(len(gap)), np.zeros_like(gap), np.zeros_like(state))
         kept = self.normal.stored(gap[..., :1], state, angle)
         return Stored(kept.energy, np.concatenate([kept.by_gap, np.zeros_like(kept.by_gap)], axis=-1), kept.by_state)
+
+    def changing(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
+        """Return the part of the energy that changes with the cam angle."""
+        if isinstance(self.normal, Changing):
+            return self.normal.changing(gap[..., :1], state, angle)
+        return self.stored(gap, state, angle).energy
