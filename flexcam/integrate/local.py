@@ -6,7 +6,7 @@ are affine in f, and only a small system is left to iterate on (`settle`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -22,6 +22,7 @@ from flexcam.system import (
     CamMotion,
     Constant,
     Evaluated,
+    Formula,
     Formulated,
     LocalLaw,
     Reaction,
@@ -155,17 +156,14 @@ class LocalForces:
         scalars, states = _slices([len(f.sense) for f in forces]), _slices([len(f.law.start_state) for f in forces])
         self.laws = [(f.law, *places) for f, *places in zip(forces, scalars, states, strict=True)]
         switches = [(scalars[i].start + one, f.restitution) for i, f in enumerate(forces) for one in f.switching]
-        self._kept = [
-            (law, *places, not _steady(law, places[0].stop - places[0].start))
-            for law, *places in self.laws
-            if isinstance(law, Storing)
-        ]
+        self._kept = [(law, *places) for law, *places in self.laws if isinstance(law, Storing)]
+        self._changing = [(_changing(law), part, inner) for law, part, inner in self._kept if not _steady(law, part)]
         self.storing = np.zeros(self.count)
-        for _, part, _, _ in self._kept:
+        for _, part, _ in self._kept:
             self.storing[part] = 1.0
         self.opposed = self._opposed()
         self.lossy = np.concatenate(
-            [np.arange(part.start, part.stop) for law, part, _, _ in self._kept if not _lossless(law, part)]
+            [np.arange(part.start, part.stop) for law, part, _ in self._kept if not _lossless(law, part)]
             or [np.zeros(0, dtype=np.intp)]
         )
         self._last = Evaluated(np.full(1, -np.inf))
@@ -251,7 +249,7 @@ class LocalForces:
         """Return the energy of all laws that store some, and its derivatives."""
         energy = np.zeros(len(angle))
         by_gap, by_state = np.zeros_like(gap), np.zeros_like(state)
-        for law, part, inner, _ in self._kept:
+        for law, part, inner in self._kept:
             one = law.stored(gap[:, part], state[:, inner], angle)
             energy += one.energy
             by_gap[:, part], by_state[:, inner] = one.by_gap, one.by_state
@@ -260,9 +258,8 @@ class LocalForces:
     def changing(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
         """Return the part of the energy that depends on the cam angle, J, shape (m,)."""
         energy = np.zeros(len(angle))
-        for law, part, inner, changes in self._kept:
-            if changes:
-                energy += _changing(law, gap[:, part], state[:, inner], angle)
+        for law, part, inner in self._changing:
+            energy += law(gap[:, part], state[:, inner], angle)
         return energy
 
     def pressed(self, gap: FloatArray) -> NDArray[np.bool_]:
@@ -270,22 +267,24 @@ class LocalForces:
         return gap[self.switching] > 0.0
 
 
-def _changing(law: Storing, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
+def _changing(law: Storing) -> Callable[[FloatArray, FloatArray, FloatArray], FloatArray]:
     """Return the part of a law's energy that depends on the cam angle: all of it, where the law does not know better."""
-    if isinstance(law, Changing):
-        return law.changing(gap, state, angle)
-    return law.stored(gap, state, angle).energy
+    return law.changing if isinstance(law, Changing) else lambda *at: law.stored(*at).energy
 
 
-def _steady(law: LocalLaw, count: int) -> bool:
+def _formulas(law: LocalLaw, part: slice) -> tuple[Formula, ...] | None:
+    return law.formulas(part.stop - part.start) if isinstance(law, Formulated) else None
+
+
+def _steady(law: LocalLaw, part: slice) -> bool:
     """Tell whether a law is known not to depend on the cam angle."""
-    formulas = law.formulas(count) if isinstance(law, Formulated) else None
+    formulas = _formulas(law, part)
     return formulas is not None and not any(one.functions for one in formulas)
 
 
 def _lossless(law: LocalLaw, part: slice) -> bool:
     """Tell whether a law is known to give back all that it takes."""
-    formulas = law.formulas(part.stop - part.start) if isinstance(law, Formulated) else None
+    formulas = _formulas(law, part)
     return formulas is not None and all(one.lossless for one in formulas)
 
 

@@ -241,9 +241,15 @@ class LiftEvent:
         """
         local = np.mod(np.asarray(angle, dtype=float) - self.start + _SNAP, _REVOLUTION) - _SNAP
         value = np.zeros_like(local)
+        if not local.size:
+            return value
+        first, last = float(local.min()), float(local.max())
         for segment in self.segments:
-            inside = (local >= segment.start - _SNAP) & (local < segment.start + segment.span - _SNAP)
-            if inside.any():
+            begin, end = segment.start - _SNAP, segment.start + segment.span - _SNAP
+            if begin <= first and last < end:
+                return segment(local, order)
+            if first < end and begin <= last:
+                inside = (local >= begin) & (local < end)
                 value[inside] = segment(local[inside], order)
         return value
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
+from flexcam.motion.powers import horner
 
 _LARGEST = 60
 """Exponents beyond it lose too many digits in between the ends."""
@@ -98,8 +99,9 @@ class Polynomial:
         """Return the derivative of the given order at z."""
         powers, powers_of_rest = self._derived(order)
         near = 1.0 - z < _NEAR_END
-        from_start = np.polynomial.polynomial.polyval(np.where(near, 0.0, z), powers)
-        from_end = np.polynomial.polynomial.polyval(np.where(near, 1.0 - z, 0.0), powers_of_rest)
+        if not near.any():
+            return horner(z, powers)
+        from_start, from_end = horner(z, powers), horner(1.0 - z, powers_of_rest)
         return np.where(near, (-1.0) ** order * from_end, from_start)
 
     @lru_cache(maxsize=64)  # noqa: B019 - of a frozen value with a handful of numbers

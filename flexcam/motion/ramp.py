@@ -10,6 +10,7 @@ import numpy as np
 from flexcam.checks import positive, refuse
 from flexcam.linalg import FloatArray
 from flexcam.motion.law import Law
+from flexcam.motion.powers import horner
 
 _GAIN = (0.0, 1.0, 0.0, -2.0, 2.0, -0.6)
 """Powers of z of the integral of (1 - z)^3 (1 + 3 z): slope 1 at z = 0, then none, without a step of acceleration."""
@@ -26,7 +27,7 @@ def _powers(order: int) -> FloatArray:
 
 
 def _gain(z: FloatArray, order: int) -> FloatArray:
-    return np.asarray(np.polynomial.polynomial.polyval(z, _powers(order)), dtype=float)
+    return horner(z, _powers(order))
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -171,8 +172,12 @@ class System:
         ndarray
             N or N m, shape (times, n).
         """
-        return np.einsum("tk,kn->tn", self.load_histories(motion), self.load_vectors())
+        return np.einsum("tk,kn->tn", self.load_histories(motion), self._load_vectors)
 
     def load_vectors(self) -> FloatArray:
         """Return the spatial vectors of all loads, shape (loads, n)."""
+        return self._load_vectors.copy()
+
+    @cached_property
+    def _load_vectors(self) -> FloatArray:
         return np.array([load.vector for load in self.loads]).reshape(len(self.loads), self.size)

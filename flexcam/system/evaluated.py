@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Protocol, TypeVar, cast, runtime_checkable
+from typing import TypeVar, cast
 
 import numpy as np
 
@@ -13,17 +14,16 @@ from flexcam.system.local import AngleFunction, Derivative
 T = TypeVar("T")
 
 
-@runtime_checkable
-class Following(Protocol):
+class Following(ABC):
     """A function of the cam angle that follows from others, which are then computed once for all that follow."""
 
     def __call__(self, angle: FloatArray, order: int) -> FloatArray:
         """Return it, or a derivative of it."""
-        ...
+        return self.of(Evaluated(angle), order)
 
+    @abstractmethod
     def of(self, cam: Evaluated, order: int) -> FloatArray:
         """Return the same at the angles where others are known."""
-        ...
 
 
 class Evaluated:

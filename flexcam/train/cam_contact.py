@@ -24,6 +24,7 @@ from flexcam.system import (
     AngleVector,
     Channel,
     Evaluated,
+    Following,
     LocalForce,
     LocalLaw,
     Observable,
@@ -156,15 +157,12 @@ def _around(cam: Cam) -> CamProfile:
 
 
 @dataclass(frozen=True, eq=False)
-class _OfProfile:
-    """A function of the cam angle that follows from the profile, with its derivative; a `Following`."""
+class _OfProfile(Following):
+    """A function of the cam angle that follows from the profile, with its derivative."""
 
     cam: Cam
     value: Callable[[CamProfile], FloatArray]
     slope: Callable[[CamProfile], FloatArray]
-
-    def __call__(self, angle: FloatArray, order: int) -> FloatArray:
-        return self.of(Evaluated(angle), order)
 
     def of(self, cam: Evaluated, order: int) -> FloatArray:
         return (self.value, self.slope)[order](_touched(self.cam, cam))
@@ -193,8 +191,8 @@ def _slide(cam: Cam) -> AngleFunction:
     return _OfProfile(cam, lambda made: made.touch.sliding, lambda made: made.touch.sliding_rate)
 
 
-class _Travelled:
-    """The path that has slid past since cam angle zero, m; `path` is its derivative. A `Following`."""
+class _Travelled(Following):
+    """The path that has slid past since cam angle zero, m; `path` is its derivative."""
 
     def __init__(self, path: AngleFunction) -> None:
         width = _ANGLES[1]
@@ -202,9 +200,6 @@ class _Travelled:
         within = path((_ANGLES[:-1, None] + 0.5 * width * (1.0 + x)).ravel(), 0).reshape(-1, 4)
         self._path, self._slopes = path, path(_ANGLES, 0)
         self._sums = np.concatenate([[0.0], np.cumsum(0.5 * width * (within @ w))])
-
-    def __call__(self, angle: FloatArray, order: int) -> FloatArray:
-        return self.of(Evaluated(angle), order)
 
     def of(self, cam: Evaluated, order: int) -> FloatArray:
         if order:
