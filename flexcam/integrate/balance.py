@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.local import LocalForces
+from flexcam.integrate.schedule import Schedule
 from flexcam.linalg import (
     DENSE_LIMIT,
     TOO_MUCH,

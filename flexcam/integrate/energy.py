@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexcam.checkpoint import Arrays, below, flattened
-from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.local import LocalForces
 from flexcam.integrate.moment import Track
+from flexcam.integrate.schedule import Schedule
 from flexcam.linalg import FloatArray, Triplets, operator
 from flexcam.system import Observed, System
 
@@ -150,7 +151,7 @@ class EnergyAccount:
         changing = self._forces.changing(seen.gaps, seen.states, schedule.angle)
         nothing = np.zeros((len(d), 0))
         struck = (seen.rates, carried, track.impulse) if self._strikes else (nothing,) * 3
-        acted = seen.forces[:, self._acted] * schedule.act[:, self._acting]
+        acted = seen.forces[:, self._acted] * schedule.acted.columns(self._acting)
         return _Held(
             schedule.angle, 0.5 * self._M.twice(track.v), 0.5 * self._K.twice(d) + self._system.stored, kept.energy,
             *((d, self._C.times(track.v)) if self._damped else (nothing, nothing)),

@@ -54,7 +54,7 @@ def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
     motion = problem.drive.at(problem.times(steps))
     schedule = forces.schedule(motion)
     parts = [motion.angle, motion.speed, system.load_vectors(), system.load_histories(motion), forces.act.vectors]
-    parts += [forces.sense.vectors, schedule.sense, schedule.act, schedule.offset, forces.start_state]
+    parts += [forces.sense.vectors, schedule.sensed.whole, schedule.acted.whole, schedule.offset, forces.start_state]
     for matrix in (system.mass, system.damping, system.stiffness):
         parts += [matrix.rows, matrix.cols, matrix.values]
     parts += [probe.rows for probe in system.probes]

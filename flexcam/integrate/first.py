@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from flexcam.checks import refuse
-from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.local import LocalForces
 from flexcam.integrate.massless import TOUCHED, Massless
 from flexcam.integrate.moment import Instant, Moment
 from flexcam.integrate.problem import State
+from flexcam.integrate.schedule import Schedule
 from flexcam.integrate.settle import Inner
 from flexcam.linalg import Factor, FloatArray
 from flexcam.system import System

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexcam.checkpoint import Arrays
-from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.local import LocalForces
 from flexcam.integrate.moment import Track
+from flexcam.integrate.schedule import Schedule
 from flexcam.linalg import FloatArray, IntArray, operator
 from flexcam.system import Observed, System
 
@@ -57,7 +58,7 @@ class Imbalance:
         parts = [_product(matrix, one) for matrix, one in zip(self._matrices, moved, strict=True)]
         parts.append(-seen.histories[rows] @ self._vectors)
         if self._forces.count:
-            acted = (seen.forces[rows] @ schedule.acts) * schedule.act[rows]
+            acted = (seen.forces[rows] @ schedule.acts) * schedule.acted.at(rows).whole
             parts.append(-acted @ self._forces.act.vectors)
         sizes = [self._size(one) for one in parts]
         self._largest = np.maximum(self._largest, [self._size(np.sum(parts, axis=0)), max(sizes)])

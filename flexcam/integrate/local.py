@@ -13,13 +13,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from flexcam.integrate.schedule import Schedule, Weights
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.system import (
     ONE,
     AngleFunction,
     AngleVector,
-    Changing,
     CamMotion,
+    Changing,
     Constant,
     Evaluated,
     Formula,
@@ -62,9 +63,9 @@ class _Stack:
         rows = np.concatenate([(owner * still) @ vectors, vectors[[i for _, i in places]]])
         return cls(vectors, owner, still, moving, rows, places)
 
-    def weights(self, evaluated: Evaluated, order: int = 0) -> FloatArray:
-        """Return the weights of all vectors, shape (times, vectors)."""
-        return _filled(self.still, self.moving, evaluated, order)
+    def weights(self, cam: Evaluated, order: int = 0, speed: FloatArray | None = None) -> Weights:
+        """Return the weights of all vectors; their derivatives by the angle times a speed, shape (m,), by time."""
+        return _weights(self.still, self.moving, cam, order, speed)
 
 
 def _sorted(functions: Sequence[AngleFunction]) -> tuple[FloatArray, tuple[tuple[int, AngleFunction], ...]]:
@@ -73,67 +74,15 @@ def _sorted(functions: Sequence[AngleFunction]) -> tuple[FloatArray, tuple[tuple
     return still, tuple((i, one) for i, one in enumerate(functions) if not isinstance(one, Constant))
 
 
-def _filled(
-    still: FloatArray, moving: tuple[tuple[int, AngleFunction], ...], evaluated: Evaluated, order: int
-) -> FloatArray:
-    """Return functions side by side, or their derivatives, shape (times, functions)."""
-    found = np.zeros((len(evaluated.angle), len(still)))
-    if order == 0:
-        found[:] = still
-    for i, function in moving:
-        found[:, i] = evaluated(function, order)
-    return found
-
-
-@dataclass(frozen=True, eq=False)
-class Schedule:
-    """Everything about the local forces that follows from the cam motion alone, for a block of steps.
-
-    Parameters
-    ----------
-    sense, sense_rate
-        Weights of the sensing vectors and their time derivatives, shape (times, k).
-    act
-        Weights of the acting vectors, shape (times, m).
-    offset, offset_rate
-        Prescribed part of the sensed scalars and its time derivative, shape (times, c).
-    angle
-        rad, shape (times,).
-    senses, acts
-        To which scalar each sensing vector, to which force each acting one belongs: 1 there, shape (c, k) and (c, m).
-    cam
-        Functions of the cam angle at these instants.
-    """
-
-    sense: FloatArray
-    sense_rate: FloatArray
-    act: FloatArray
-    offset: FloatArray
-    offset_rate: FloatArray
-    angle: FloatArray
-    senses: FloatArray
-    acts: FloatArray
-    cam: Evaluated
-
-    def row(self, i: int) -> Schedule:
-        """Return one instant of it."""
-        one = slice(i, i + 1)
-        return Schedule(
-            self.sense[one], self.sense_rate[one], self.act[one], self.offset[one], self.offset_rate[one],
-            self.angle[one], self.senses, self.acts, Evaluated(self.angle[one]),
-        )  # fmt: skip
-
-    def sensing(self, i: int) -> FloatArray:
-        """Return the weights by which every scalar is made of the sensing vectors at an instant, shape (c, k)."""
-        return self.senses * self.sense[i]
-
-    def turning(self, i: int) -> FloatArray:
-        """Return their time derivatives, shape (c, k)."""
-        return self.senses * self.sense_rate[i]
-
-    def acting(self, i: int) -> FloatArray:
-        """Return the weights by which every force acts along the acting vectors at an instant, shape (c, m)."""
-        return self.acts * self.act[i]
+def _weights(
+    still: FloatArray, moving: tuple[tuple[int, AngleFunction], ...], cam: Evaluated, order: int,
+    speed: FloatArray | None = None,
+) -> Weights:  # fmt: skip
+    """Return functions side by side, or their derivatives."""
+    found = [(i, cam(function, order)) for i, function in moving]
+    if speed is not None:
+        found = [(i, values * speed) for i, values in found]
+    return Weights(still if order == 0 else np.zeros_like(still), found, len(cam.angle))
 
 
 class LocalForces:
@@ -180,13 +129,10 @@ class LocalForces:
 
     def schedule(self, motion: CamMotion, at: IntArray | None = None) -> Schedule:
         """Return the parts that follow from the cam motion at some instants; `at` is the places of the last block's."""
-        cam = self._evaluated(motion.angle, at)
-        sense_rate, offset_rate = self.sense.weights(cam, 1), _filled(*self._offsets, cam, 1)
-        for rates, moving in ((sense_rate, self.sense.moving), (offset_rate, self._offsets[1])):
-            for i, _ in moving:
-                rates[:, i] *= motion.speed
+        cam, speed = self._evaluated(motion.angle, at), motion.speed
         return Schedule(
-            self.sense.weights(cam), sense_rate, self.act.weights(cam), _filled(*self._offsets, cam, 0), offset_rate,
+            self.sense.weights(cam), self.sense.weights(cam, 1, speed), self.act.weights(cam),
+            _weights(*self._offsets, cam, 0), _weights(*self._offsets, cam, 1, speed),
             motion.angle, self.sense.owner, self.act.owner, cam,
         )  # fmt: skip
 
@@ -217,14 +163,16 @@ class LocalForces:
         """
         rows, c = self.sense.rows, self.count
         on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # a scalar's history lies together: most is done scalar by scalar
-        gap, rate, carried = on_d[:, :c], on_v[:, :c], np.array(schedule.offset_rate, order="F")
-        gap += schedule.offset
+        gap, rate, carried = on_d[:, :c], on_v[:, :c], np.zeros((len(d), c), order="F")
+        schedule.offsets.add(gap)
+        schedule.offset_rates.add(carried)
+        places = np.array([i for _, i in self.sense.places], dtype=np.intp)
+        weights, turning = schedule.sensed.columns(places), schedule.sensed_rates.columns(places)
+        for j, (scalar, _) in enumerate(self.sense.places):
+            gap[:, scalar] += weights[:, j] * on_d[:, c + j]
+            carried[:, scalar] += turning[:, j] * on_d[:, c + j]
+            rate[:, scalar] += weights[:, j] * on_v[:, c + j]
         rate += carried
-        for j, (scalar, i) in enumerate(self.sense.places, c):
-            weight, turning = schedule.sense[:, i], schedule.sense_rate[:, i] * on_d[:, j]
-            gap[:, scalar] += weight * on_d[:, j]
-            carried[:, scalar] += turning
-            rate[:, scalar] += weight * on_v[:, j] + turning
         return gap, rate, carried
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.checkpoint import Arrays, below
-from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.local import LocalForces
+from flexcam.integrate.schedule import Schedule
 from flexcam.integrate.settle import Inner
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.response import Series

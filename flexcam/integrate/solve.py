@@ -16,11 +16,12 @@ from flexcam.integrate.energy import PARTS, EnergyAccount
 from flexcam.integrate.engine import STOPPED, Engine
 from flexcam.integrate.fingerprint import fingerprint
 from flexcam.integrate.imbalance import Imbalance
-from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import Method
 from flexcam.integrate.moment import Glance, Track
 from flexcam.integrate.paths import engine_of, way_of
 from flexcam.integrate.problem import Problem
+from flexcam.integrate.schedule import Schedule
 from flexcam.integrate.within import shown
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
 from flexcam.memory import Keeper, Memory

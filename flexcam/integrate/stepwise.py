@@ -11,11 +11,12 @@ from flexcam.checkpoint import Arrays, flattened
 from flexcam.integrate.engine import STOPPED, everything, in_range, instant, unsettled
 from flexcam.integrate.events import Walker
 from flexcam.integrate.first import Starter
-from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import Method, Stepper
 from flexcam.integrate.moment import Instant, Moment, Track
 from flexcam.integrate.pace import Norm, Pace, StepFloorError
 from flexcam.integrate.problem import Problem, State
+from flexcam.integrate.schedule import Schedule
 from flexcam.integrate.settle import NoConvergenceError
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.response import Cause, SaveAt, Series, Stats, Status

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,11 +121,10 @@ class March:
 
     def given(self, times: FloatArray, loads: FloatArray, schedule: Schedule) -> FloatArray:
         """Return what is prescribed at some times: loads, what follows from the cam, time; a row more to work in."""
-        parts = (loads, self.packed.cam(schedule), times[:, None])
-        cuts = np.cumsum([0, *(part.shape[1] for part in parts)])
-        given = np.empty((len(times) + 1, cuts[-1]))
-        for part, (begin, end) in zip(parts, pairwise(cuts.tolist()), strict=True):
-            given[:-1, begin:end] = part
+        n, columns = loads.shape[1], sum(len(part.still) for part in schedule.parts) + len(self.packed.functions)
+        given = np.empty((len(times) + 1, n + columns + 1))
+        given[:-1, :n], given[:-1, -1] = loads, times
+        self.packed.put(schedule, given[:-1, n:-1])
         return given
 
     def same(self) -> FloatArray:

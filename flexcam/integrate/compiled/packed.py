@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexcam.integrate.local import LocalForces, Schedule
+from flexcam.integrate.local import LocalForces
+from flexcam.integrate.schedule import Schedule, Weights
 from flexcam.integrate.scheme import Scheme
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.system import AngleFunction, Evaluated, Formula, Formulated, Kind, System
@@ -67,17 +68,26 @@ class PackedForces:
 
         Weights of the sensing vectors, their rates, weights of the acting ones, offsets, their rates, functions.
         """
-        functions = [schedule.cam(function, 0)[:, None] for function in self.functions]
-        parts = (schedule.sense, schedule.sense_rate, schedule.act, schedule.offset, schedule.offset_rate, *functions)
-        return np.ascontiguousarray(np.hstack(parts))
+        widths = [len(part.still) for part in schedule.parts]
+        found = np.empty((len(schedule.angle), sum(widths) + len(self.functions)))
+        self.put(schedule, found)
+        return found
+
+    def put(self, schedule: Schedule, into: FloatArray) -> None:
+        """Put what `cam` returns into an array."""
+        end = 0
+        for part in schedule.parts:
+            begin, end = end, end + len(part.still)
+            part.put(into[:, begin:end])
+        for i, function in enumerate(self.functions, end):
+            into[:, i] = schedule.cam(function, 0)
 
     def schedule(self, cam: FloatArray, angle: FloatArray, forces: LocalForces) -> Schedule:
         """Return what such rows were made of, at their cam angles (rad)."""
         senses, acts, c = len(forces.sense.vectors), len(forces.act.vectors), forces.count
         cuts = np.cumsum([senses, senses, acts, c, c])
-        sense, sense_rate, act, offset, offset_rate, _ = np.split(cam, cuts, axis=1)
-        owners = forces.sense.owner, forces.act.owner
-        return Schedule(sense, sense_rate, act, offset, offset_rate, angle, *owners, Evaluated(angle))
+        parts = (Weights.known(part) for part in np.split(cam, cuts, axis=1)[:-1])
+        return Schedule(*parts, angle, forces.sense.owner, forces.act.owner, Evaluated(angle))
 
 
 def _begins(owner: FloatArray) -> IntArray:
