@@ -145,7 +145,7 @@ class _Touching:
     sense: FloatArray
 
     def tangent(self, by_gap: FloatArray, size: int) -> Triplets:
-        """Return the stiffness of the law, n x n, from the derivatives of all forces by what is sensed, shape (c, c)."""
+        """Return the stiffness of the law, n x n, from how all forces follow what is sensed, shape (c, c)."""
         own = Triplets.from_dense(-self.act.T @ by_gap[self.scalars, self.scalars] @ self.sense)
         return Triplets(size, self.touched[own.rows], self.touched[own.cols], own.values)
 

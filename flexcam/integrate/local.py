@@ -111,10 +111,8 @@ class LocalForces:
         for _, part, _ in self._kept:
             self.storing[part] = 1.0
         self.opposed = self._opposed()
-        self.lossy = np.concatenate(
-            [np.arange(part.start, part.stop) for law, part, _ in self._kept if not _lossless(law, part)]
-            or [np.zeros(0, dtype=np.intp)]
-        )
+        lossy = [i for law, part, _ in self._kept if not _lossless(law, part) for i in range(part.start, part.stop)]
+        self.lossy: IntArray = np.array(lossy, dtype=np.intp)
         self._last = Evaluated(np.full(1, -np.inf))
         self.switching: IntArray = np.array([one for one, _ in switches], dtype=np.intp)
         self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
@@ -128,7 +126,7 @@ class LocalForces:
         return found
 
     def schedule(self, motion: CamMotion, at: IntArray | None = None) -> Schedule:
-        """Return the parts that follow from the cam motion at some instants; `at` is the places of the last block's."""
+        """Return what follows from the cam motion at some instants; `at` is the places of the last block's."""
         cam, speed = self._evaluated(motion.angle, at), motion.speed
         return Schedule(
             self.sense.weights(cam), self.sense.weights(cam, 1, speed), self.act.weights(cam),
@@ -216,8 +214,10 @@ class LocalForces:
 
 
 def _changing(law: Storing) -> Callable[[FloatArray, FloatArray, FloatArray], FloatArray]:
-    """Return the part of a law's energy that depends on the cam angle: all of it, where the law does not know better."""
-    return law.changing if isinstance(law, Changing) else lambda *at: law.stored(*at).energy
+    """Return the part of a law's energy that depends on the cam angle: all, where the law does not know better."""
+    if isinstance(law, Changing):
+        return law.changing
+    return lambda gap, state, angle: law.stored(gap, state, angle).energy
 
 
 def _formulas(law: LocalLaw, part: slice) -> tuple[Formula, ...] | None:

@@ -37,9 +37,9 @@ class Weights:
     @classmethod
     def known(cls, whole: FloatArray) -> Weights:
         """Return those of which all are known at every instant, shape (m, k)."""
-        if len(whole) == 1:
-            return cls(whole[0], (), 1)
-        return cls(np.zeros(whole.shape[1]), list(enumerate(whole.T)), len(whole))
+        count, width = whole.shape
+        still: FloatArray = whole[0] if count == 1 else np.zeros(width)
+        return cls(still, () if count == 1 else list(enumerate(whole.T)), count)
 
     @cached_property
     def whole(self) -> FloatArray:
@@ -122,8 +122,11 @@ class Schedule:
     def row(self, i: int) -> Schedule:
         """Return one instant of it."""
         one = slice(i, i + 1)
-        parts = (part.at(one) for part in self.parts)
-        return Schedule(*parts, self.angle[one], self.senses, self.acts, Evaluated(self.angle[one]))
+        sensed, sensed_rates, acted, offsets, offset_rates = (part.at(one) for part in self.parts)
+        return Schedule(
+            sensed, sensed_rates, acted, offsets, offset_rates,
+            self.angle[one], self.senses, self.acts, Evaluated(self.angle[one]),
+        )  # fmt: skip
 
     def sensing(self, i: int) -> FloatArray:
         """Return the weights by which every scalar is made of the sensing vectors at an instant, shape (c, k)."""

@@ -143,7 +143,7 @@ class Changing(Protocol):
     """A storing law of which only a part changes with the cam angle."""
 
     def changing(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
-        """Return the energy without what is the same at every cam angle, J, shape (m,), as `Storing.stored` is asked."""
+        """Return the energy without what every cam angle has alike, J, shape (m,), as `Storing.stored` is asked."""
         ...
 
 

@@ -311,7 +311,7 @@ class HertzLine(Stateless):
         return line_load(approach, most, self._one, self._rest, self.depth)
 
     def pressure(self, force: FloatArray, radius: FloatArray) -> FloatArray:
-        """Return the largest Hertz pressure, sqrt(p E*/(pi R)), Pa, of forces (N) and relative radii (m), shape (n,)."""
+        """Return the largest Hertz pressure, sqrt(p E*/(pi R)), Pa, of forces, N, and relative radii, m, shape (n,)."""
         p = np.maximum(force, 0.0) / self.width
         return np.sqrt(p * 0.5 * self.plane_strain / (math.pi * radius))
 

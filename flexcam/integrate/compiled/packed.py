@@ -86,8 +86,9 @@ class PackedForces:
         """Return what such rows were made of, at their cam angles (rad)."""
         senses, acts, c = len(forces.sense.vectors), len(forces.act.vectors), forces.count
         cuts = np.cumsum([senses, senses, acts, c, c])
-        parts = (Weights.known(part) for part in np.split(cam, cuts, axis=1)[:-1])
-        return Schedule(*parts, angle, forces.sense.owner, forces.act.owner, Evaluated(angle))
+        sensed, rates, acted, offsets, offset_rates, _ = (Weights.known(part) for part in np.split(cam, cuts, axis=1))
+        owners = forces.sense.owner, forces.act.owner
+        return Schedule(sensed, rates, acted, offsets, offset_rates, angle, *owners, Evaluated(angle))
 
 
 def _begins(owner: FloatArray) -> IntArray:
