@@ -37,9 +37,9 @@ class Weights:
     @classmethod
     def known(cls, whole: FloatArray) -> Weights:
         """Return those of which all are known at every instant, shape (m, k)."""
-        count, width = whole.shape
-        still: FloatArray = whole[0] if count == 1 else np.zeros(width)
-        return cls(still, () if count == 1 else list(enumerate(whole.T)), count)
+        if len(whole) == 1:
+            return cls(whole.ravel(), (), 1)
+        return cls(np.zeros(len(whole.T)), list(enumerate(whole.T)), len(whole))
 
     @cached_property
     def whole(self) -> FloatArray:

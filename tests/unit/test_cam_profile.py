@@ -179,3 +179,15 @@ def test_another_base_circle_changes_nothing_else(follower):
     other = follower.with_base(0.019)
     assert other.base_radius == 0.019
     assert other.with_base(follower.base_radius) == follower
+
+
+def test_slopes_of_pressure_angle_and_sliding(follower, turn, smooth_event):
+    """Against differences over a millirad, whose own error is a ten-thousandth of the largest slope."""
+    angle = np.linspace(0.3, 6.0, 50)
+    made, before, after = (profile_at(smooth_event, follower, angle + side, turn) for side in (0.0, -5e-4, 5e-4))
+    for measure, slope in (
+        (lambda one: one.pressure_angle, made.pressure_rate),
+        (lambda one: one.touch.sliding, made.touch.sliding_rate),
+    ):
+        found = (measure(after) - measure(before)) / 1e-3
+        np.testing.assert_allclose(slope, found, rtol=0.0, atol=1e-4 * np.abs(found).max() + 1e-12)
