@@ -34,6 +34,7 @@ PARTS = ("work", "kinetic", "strain", "contact", "dissipated", "numerical", "res
 class _Held:
     """Energies of some instants, J, shape (m,), and what the work between them is computed from.
 
+    `elastic` is the strain energy with that of smooth laws (`flexcam.system.Smooth`), which nothing else here counts.
     `damped` is what the damping holds back, per unknown; `pushes` are loads and forces, `paths` what they move, of all
     that acts but opposed contacts (`LocalForces.opposed`); `still` the contacts' forces without their dissipation,
     `by_state` the derivatives of their energy by internal states, `changing` its part that depends on the cam angle,
@@ -43,6 +44,7 @@ class _Held:
     angle: FloatArray
     kinetic: FloatArray
     strain: FloatArray
+    elastic: FloatArray
     contact: FloatArray
     d: FloatArray
     damped: FloatArray
@@ -78,11 +80,16 @@ class EnergyAccount:
         self._system, self._forces = system, forces
         self._M, self._C, self._K = (_Form(m) for m in (system.mass, system.damping, system.stiffness))
         self._damped = bool(system.damping.values.any())
-        self._others = np.flatnonzero(~forces.opposed)
-        self._storing = forces.storing if not forces.storing.all() else None
+        smooth = np.zeros(forces.count, dtype=bool)
+        for _, part in forces.smooth:
+            smooth[part] = True
+        rough = np.flatnonzero(~smooth)
+        self._rough = rough if smooth.any() else slice(None)
+        self._stores, self._others = forces.stores.among(rough), np.flatnonzero(~forces.opposed[rough])
+        self._storing = forces.storing[rough]
         self._strikes = not np.isnan(forces.restitution).all()
         # Vectors of the contacts that are not opposed, and whose force acts along each.
-        self._acting = np.flatnonzero(forces.act.owner[self._others].any(axis=0))
+        self._acting = np.flatnonzero(forces.act.owner[~forces.opposed].any(axis=0))
         self._acted = forces.act.owner[:, self._acting].argmax(axis=0) if forces.count else self._acting
         self._pushed = np.concatenate([system.load_vectors(), forces.act.vectors[self._acting]])
         self._last: _Held | None = None
@@ -125,15 +132,15 @@ class EnergyAccount:
         forces, still, deepened, others = added("force"), added("still"), passed("gap"), self._others
         moving = 0.5 * _dot(forces[:, others], deepened[:, others])
         taken = 0.5 * _dot(forces, deepened) - moving
-        lossy = self._forces.lossy
+        lossy = self._stores.lossy
         crushed = 0.5 * _dot(forces[:, lossy] - still[:, lossy], deepened[:, lossy])
         crushed -= 0.5 * _dot(added("by_state"), passed("states"))
         # What the mean force does beyond the curved one, by Simpson's rule.
         half = 0.5 * added("gap"), 0.5 * added("states"), 0.5 * added("angle")
-        curved = 2.0 / 3.0 * _dot(0.5 * still - self._forces.stored(*half).by_gap, deepened)
+        curved = 2.0 / 3.0 * _dot(0.5 * still - self._stores.stored(*half).by_gap, deepened)
         impulse = new.impulse if last else new.impulse[1:]
         struck, impact_lost = (0.5 * _dot(impulse, added(one)) for one in ("carried", "rate"))
-        numerical = given - taken - passed("kinetic") - passed("strain") - damped + (struck - impact_lost) + curved
+        numerical = given - taken - passed("kinetic") - passed("elastic") - damped + (struck - impact_lost) + curved
         work = given + moving + struck + self._turned(new, last)
         return np.column_stack([work, damped + crushed + impact_lost, numerical])
 
@@ -141,23 +148,25 @@ class EnergyAccount:
         """Return what the cam's turning stores in contacts whose law changes with its angle, as with its curvature."""
         begin = 0 if last else 1
         before = _before(new.gap, last and last.gap), _before(new.states, last and last.states)
-        later = self._forces.changing(*before, new.angle[begin:])
+        later = self._stores.changing(*before, new.angle[begin:])
         angle, changing = _before(new.angle, last and last.angle), _before(new.changing, last and last.changing)
-        earlier = self._forces.changing(new.gap[begin:], new.states[begin:], angle)
+        earlier = self._stores.changing(new.gap[begin:], new.states[begin:], angle)
         return 0.5 * (later - changing + new.changing[begin:] - earlier)
 
     def _held(self, track: Track, seen: Observed, carried: FloatArray, schedule: Schedule) -> _Held:
-        kept, d = self._forces.stored(seen.gaps, seen.states, schedule.angle), track.d
-        changing = self._forces.changing(seen.gaps, seen.states, schedule.angle)
-        nothing = np.zeros((len(d), 0))
-        struck = (seen.rates, carried, track.impulse) if self._strikes else (nothing,) * 3
+        gaps, forces, d = seen.gaps[:, self._rough], seen.forces[:, self._rough], track.d
+        kept = self._stores.stored(gaps, seen.states, schedule.angle)
+        changing = self._stores.changing(gaps, seen.states, schedule.angle)
+        smooth = sum((law.energy(seen.gaps[:, part]) for law, part in self._forces.smooth), np.zeros(len(d)))
+        strain, nothing = 0.5 * self._K.twice(d) + self._system.stored, np.zeros((len(d), 0))
+        struck = (seen.rates[:, self._rough], carried[:, self._rough], track.impulse[:, self._rough])
         acted = seen.forces[:, self._acted] * schedule.acted.columns(self._acting)
         return _Held(
-            schedule.angle, 0.5 * self._M.twice(track.v), 0.5 * self._K.twice(d) + self._system.stored, kept.energy,
+            schedule.angle, 0.5 * self._M.twice(track.v), strain, strain + smooth, kept.energy + smooth,
             *((d, self._C.times(track.v)) if self._damped else (nothing, nothing)),
             np.hstack([seen.histories, acted]), (self._pushed @ d.T).T,
-            seen.forces if self._storing is None else seen.forces * self._storing, kept.by_gap, seen.gaps,
-            seen.states, kept.by_state, changing, *struck,
+            forces if self._storing.all() else forces * self._storing, kept.by_gap, gaps, seen.states, kept.by_state,
+            changing, *(struck if self._strikes else (nothing,) * 3),
         )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ are affine in f, and only a small system is left to iterate on (`settle`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,20 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.integrate.schedule import Schedule, Weights
+from flexcam.integrate.stores import Stores
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.system import (
     ONE,
     AngleFunction,
     AngleVector,
     CamMotion,
-    Changing,
     Constant,
     Evaluated,
-    Formula,
-    Formulated,
-    LocalLaw,
     Reaction,
-    Stored,
+    Smooth,
     Storing,
     System,
 )
@@ -105,14 +102,14 @@ class LocalForces:
         scalars, states = _slices([len(f.sense) for f in forces]), _slices([len(f.law.start_state) for f in forces])
         self.laws = [(f.law, *places) for f, *places in zip(forces, scalars, states, strict=True)]
         switches = [(scalars[i].start + one, f.restitution) for i, f in enumerate(forces) for one in f.switching]
-        self._kept = [(law, *places) for law, *places in self.laws if isinstance(law, Storing)]
-        self._changing = [(_changing(law), part, inner) for law, part, inner in self._kept if not _steady(law, part)]
-        self.storing = np.zeros(self.count)
-        for _, part, _ in self._kept:
+        kept = [(law, part, inner) for law, part, inner in self.laws if isinstance(law, Storing)]
+        self.stores, self.storing = Stores(kept), np.zeros(self.count)
+        for _, part, _ in kept:
             self.storing[part] = 1.0
         self.opposed = self._opposed()
-        lossy = [i for law, part, _ in self._kept if not _lossless(law, part) for i in range(part.start, part.stop)]
-        self.lossy: IntArray = np.array(lossy, dtype=np.intp)
+        self.smooth = [
+            (law, part) for law, part, _ in self.laws if isinstance(law, Smooth) and bool(self.opposed[part].all())
+        ]
         self._last = Evaluated(np.full(1, -np.inf))
         self.switching: IntArray = np.array([one for one, _ in switches], dtype=np.intp)
         self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
@@ -191,49 +188,9 @@ class LocalForces:
             return Reaction(force, by_gap, by_rate, _NO_STATE)
         return Reaction(force, by_gap, by_rate, *_inner(answers, c, len(state)))
 
-    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
-        """Return the energy of all laws that store some, and its derivatives."""
-        energy = np.zeros(len(angle))
-        by_gap, by_state = np.zeros_like(gap), np.zeros_like(state)
-        for law, part, inner in self._kept:
-            one = law.stored(gap[:, part], state[:, inner], angle)
-            energy += one.energy
-            by_gap[:, part], by_state[:, inner] = one.by_gap, one.by_state
-        return Stored(energy, by_gap, by_state)
-
-    def changing(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
-        """Return the part of the energy that depends on the cam angle, J, shape (m,)."""
-        energy = np.zeros(len(angle))
-        for law, part, inner in self._changing:
-            energy += law(gap[:, part], state[:, inner], angle)
-        return energy
-
     def pressed(self, gap: FloatArray) -> NDArray[np.bool_]:
         """Return on which side of zero the switching scalars are."""
         return gap[self.switching] > 0.0
-
-
-def _changing(law: Storing) -> Callable[[FloatArray, FloatArray, FloatArray], FloatArray]:
-    """Return the part of a law's energy that depends on the cam angle: all, where the law does not know better."""
-    if isinstance(law, Changing):
-        return law.changing
-    return lambda gap, state, angle: law.stored(gap, state, angle).energy
-
-
-def _formulas(law: LocalLaw, part: slice) -> tuple[Formula, ...] | None:
-    return law.formulas(part.stop - part.start) if isinstance(law, Formulated) else None
-
-
-def _steady(law: LocalLaw, part: slice) -> bool:
-    """Tell whether a law is known not to depend on the cam angle."""
-    formulas = _formulas(law, part)
-    return formulas is not None and not any(one.functions for one in formulas)
-
-
-def _lossless(law: LocalLaw, part: slice) -> bool:
-    """Tell whether a law is known to give back all that it takes."""
-    formulas = _formulas(law, part)
-    return formulas is not None and all(one.lossless for one in formulas)
 
 
 def _inner(answers: list[tuple[Reaction, slice, slice]], c: int, s: int) -> tuple[FloatArray, ...]:

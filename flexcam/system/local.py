@@ -139,6 +139,19 @@ class Storing(Protocol):
 
 
 @runtime_checkable
+class Smooth(Protocol):
+    """A storing law that loses nothing, whatever the cam angle, and whose force is a polynomial of what it senses.
+
+    Of the third degree at most, so that Simpson's rule is exact: what it takes between two instants is the difference
+    of its energies.
+    """
+
+    def energy(self, gap: FloatArray) -> FloatArray:
+        """Return the energy at gamma, J, shape (m, c) to (m,)."""
+        ...
+
+
+@runtime_checkable
 class Changing(Protocol):
     """A storing law of which only a part changes with the cam angle."""
 

@@ -52,11 +52,12 @@ class Bowing(Stateless):
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy beyond that of the linear bar and its derivative, per instant."""
-        values, axial = _by_element(gap), self.arch.axial
-        forces = self.arch.forces(values)
-        beyond, straight = forces[..., 0], axial * values[..., 0]  # N^2 less that of the straight bar
-        energy = np.sum(beyond * (0.5 * beyond + straight) / axial, axis=-1)
-        return Stored(energy, forces.reshape(gap.shape), np.zeros_like(state))
+        forces = self.arch.forces(_by_element(gap))
+        return Stored(self.energy(gap), forces.reshape(gap.shape), np.zeros_like(state))
+
+    def energy(self, gap: FloatArray) -> FloatArray:
+        """Return the energy alone: the force is a polynomial of the third degree."""
+        return self.arch.energy(_by_element(gap))
 
 
 def _by_element(gap: FloatArray) -> FloatArray:
