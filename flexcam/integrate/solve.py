@@ -38,7 +38,7 @@ from flexcam.response import (
     Stats,
     Status,
 )
-from flexcam.system import CamMotion, Motions, Observed, Probe, System
+from flexcam.system import CamMotion, Evaluated, Motions, Observed, Probe, System
 
 
 def outline(system: System, *, channels: bool = True) -> Outline:
@@ -313,12 +313,13 @@ def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -
 def _offset(probes: tuple[Probe, ...], picked: Series, motion: CamMotion) -> Series:
     """Return what rows pick of a motion with what the cam prescribes beside it."""
     d, v, a = (np.array(one) for one in (picked.displacement, picked.velocity, picked.acceleration))
+    cam, speed = Evaluated(motion.angle), motion.speed
     for column, offset in enumerate(o for p in probes for o in p.offset):
         if offset is not None:
-            slope = offset(motion.angle, 1)
-            d[:, column] += offset(motion.angle, 0)
-            v[:, column] += slope * motion.speed
-            a[:, column] += offset(motion.angle, 2) * motion.speed**2 + slope * motion.rate
+            slope = cam(offset, 1)
+            d[:, column] += cam(offset, 0)
+            v[:, column] += slope * speed
+            a[:, column] += cam(offset, 2) * speed**2 + slope * motion.rate
     return Series(d, v, a)
 
 

@@ -15,6 +15,8 @@ from flexcam.system import (
     CamMotion,
     Carried,
     Channel,
+    Evaluated,
+    Following,
     Load,
     Probe,
     System,
@@ -233,7 +235,7 @@ def _carried(model: Model, structure: Structure, trains: Mapping[str, RigidTrain
     for name, train in trains.items():
         event = model.cams[model.driven[name].cam].event
         vectors.append(train.motions)
-        functions += [_along(1.0, coordinate, event) for coordinate in train.coordinates]
+        functions += [_Along(1.0, coordinate, event) for coordinate in train.coordinates]
     return Carried(structure.dofs.names, AngleVector(np.concatenate(vectors), tuple(functions)))
 
 
@@ -245,11 +247,11 @@ def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrai
         event = model.cams[model.driven[name].cam].event
         for component, shares in zip(moving, probe.rows @ train.motions.T, strict=True):
             component += [
-                _along(float(share), one, event)
+                _Along(float(share), one, event)
                 for share, one in zip(shares, train.coordinates, strict=True)
                 if share != 0.0
             ]
-    offsets = tuple(_combined(component) for component in moving)
+    offsets = tuple(_Sum(tuple(component)) if component else None for component in moving)
     return Probe(probe.name, probe.components, np.zeros((len(probe.components), 0)), offsets)
 
 
@@ -266,21 +268,28 @@ def _gap_before(model: Model, point: str) -> float:
     return gap
 
 
-def _along(share: float, coordinate: Coordinate, event: Event) -> AngleFunction:
-    """Return a share of a coordinate over the cam angle."""
+@dataclass(frozen=True, eq=False)
+class _Along(Following):
+    """A share of a coordinate over the cam angle."""
 
-    def lifted(angle: FloatArray, order: int) -> FloatArray:
-        h, h1, h2 = coordinate(event(angle, 0))
+    share: float
+    coordinate: Coordinate
+    event: Event
+
+    def of(self, cam: Evaluated, order: int) -> FloatArray:
+        key = id(self.coordinate), id(self.event)  # trains of several cams may share a coordinate
+        h, h1, h2 = cam.once(key, lambda: self.coordinate(cam(self.event, 0)))
         if order == 0:
-            return share * h
-        slope = event(angle, 1)
-        return share * (h1 * slope if order == 1 else h1 * event(angle, 2) + h2 * slope**2)
-
-    return lifted
+            return self.share * h
+        slope = cam(self.event, 1)
+        return self.share * (h1 * slope if order == 1 else h1 * cam(self.event, 2) + h2 * slope**2)
 
 
-def _combined(moving: list[AngleFunction]) -> AngleFunction | None:
-    """Return a sum of motions, or None where there are none."""
-    if not moving:
-        return None
-    return lambda angle, order: np.sum([one(angle, order) for one in moving], axis=0)
+@dataclass(frozen=True, eq=False)
+class _Sum(Following):
+    """A sum of motions."""
+
+    parts: tuple[AngleFunction, ...]
+
+    def of(self, cam: Evaluated, order: int) -> FloatArray:
+        return np.sum([cam(part, order) for part in self.parts], axis=0)
