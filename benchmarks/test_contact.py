@@ -17,3 +17,11 @@ def test_revolution(benchmark, path):
     assert response.stats.events > 0
     assert path in ("auto", response.stats.path)
     assert np.ptp(response["valve"].displacement) > 0.009  # a lift of 6 mm by a rocker of 1.6, less lash and ramps
+
+
+@pytest.mark.parametrize("name", ["pushrod-engine/intake", "direct-acting/bucket"])
+def test_start(benchmark, name):
+    """Equations and the balance that a run starts from, as for every speed of a sweep."""
+    ready = benchmark(revolution, name)
+    assert ready.problem.start is not None
+    assert ready.problem.start.displacement.any()
