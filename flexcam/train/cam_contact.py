@@ -73,16 +73,15 @@ def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling
     depth = _depth(structure, contact, cam, where)
     law = _cam_law(structure, name, contact, cam)
     force = conservative(where, depth, law, cam.event, contact.restitution)
-    slide = _slide(cam)
     torque: Observable = force_sum(0, factor=derivative(cam.event))
     if contact.friction:
-        force = _rubbing(structure, name, contact, cam, force, slide)
-        torque = total(torque, force_sum(1, factor=slide))
+        force = _rubbing(structure, name, contact, cam, force)
+        torque = total(torque, force_sum(1, factor=_slide(cam)))
     return Coupling((), (force,), (
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.torque", "N m", torque),
         Channel(f"{where}.gap", "m", lambda seen: -seen.gaps[:, 0]),
-        *_profile_channels(structure, name, contact, cam, law, slide),
+        *_profile_channels(structure, name, contact, cam, law),
     ))  # fmt: skip
 
 
@@ -178,6 +177,7 @@ def _touched(cam: Cam, at: Evaluated) -> CamProfile:
     return at.once((_touched, id(cam)), made)
 
 
+@lru_cache(maxsize=8)
 def _tangent(cam: Cam) -> AngleFunction:
     """Return the tangent of the pressure angle."""
     return _OfProfile(
@@ -186,9 +186,16 @@ def _tangent(cam: Cam) -> AngleFunction:
     )  # fmt: skip
 
 
+@lru_cache(maxsize=8)
 def _slide(cam: Cam) -> AngleFunction:
     """Return the path per cam angle, m, by which the cam's surface slides to the right of a flat face."""
     return _OfProfile(cam, lambda made: made.touch.sliding, lambda made: made.touch.sliding_rate)
+
+
+@lru_cache(maxsize=8)
+def _travelled(cam: Cam) -> AngleFunction:
+    """Return the path that has slid past since cam angle zero, m."""
+    return _Travelled(_slide(cam))
 
 
 class _Travelled(Following):
@@ -214,9 +221,7 @@ class _Travelled(Following):
         return turns * sums[-1] + ends + width * z * y * (y * slopes[i] - z * slopes[i + 1])
 
 
-def _rubbing(
-    structure: Structure, name: str, contact: CamContact, cam: Cam, force: LocalForce, path: AngleFunction
-) -> LocalForce:
+def _rubbing(structure: Structure, name: str, contact: CamContact, cam: Cam, force: LocalForce) -> LocalForce:
     """Return the contact with friction: a second scalar whose rate is the velocity of sliding."""
     where = f"contacts.{name}.friction"
     if cam.follower is None:
@@ -225,11 +230,12 @@ def _rubbing(
     if np.isfinite(cam.follower.roller_radius):
         why = "a roller takes the sliding up by turning"
         raise refuse(where, contact.friction, "a follower with a flat face", why, "leave friction out")
+    path = _slide(cam)
     rows = np.array([_sideways(structure, contact, cam), structure.row(cam.at, _turning(contact.shaft_axis))])
     along = AngleVector(rows, (constant(1.0), path))
     acting = AngleVector(-rows, along.functions)
     law = Sliding(force.law, contact.friction, contact.friction_speed)
-    offset = (*force.offset, _Travelled(path))
+    offset = (*force.offset, _travelled(cam))
     return LocalForce(
         force.name, (*force.sense, along), (*force.act, acting), law, offset, force.switching, force.restitution
     )  # fmt: skip
@@ -302,9 +308,7 @@ def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -
     return HertzLine(cam.width, material.E, material.nu, radius, depth, contact.dissipation)
 
 
-def _profile_channels(
-    structure: Structure, name: str, contact: CamContact, cam: Cam, law: LocalLaw, slide: AngleFunction
-) -> list[Channel]:
+def _profile_channels(structure: Structure, name: str, contact: CamContact, cam: Cam, law: LocalLaw) -> list[Channel]:
     """Return Hertz pressure, sliding velocity and friction, where the profile is known."""
     if cam.follower is None:
         return []
@@ -318,7 +322,7 @@ def _profile_channels(
         line = own if isinstance(own, HertzLine) else hertz_line(structure, name, contact, cam)
         channels.append(Channel(f"{where}.pressure", "Pa", _pressure(line, cam)))
     if not np.isfinite(follower.roller_radius):
-        channels.append(Channel(f"{where}.sliding", "m/s", _per_time(slide)))
+        channels.append(Channel(f"{where}.sliding", "m/s", _per_time(_slide(cam))))
     if contact.friction:
         channels.append(Channel(f"{where}.friction", "N", force_sum(1)))
     return channels
