@@ -83,7 +83,11 @@ class Natural:
         """Return the motions of all unknowns that are saved."""
         if not self.exactly:
             return self.spread(motions)
-        return np.array([self.vectors @ one for one in motions]).reshape(len(motions), len(self.vectors))
+        return np.matmul(self.vectors, motions[:, :, None])[:, :, 0]
+
+    def taken_anew(self, motions: FloatArray) -> FloatArray:
+        """Return amounts, shape (m, n), as they follow from the unknowns that are saved."""
+        return np.matmul(self.back, self.saved(motions)[:, :, None])[:, :, 0]
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the amounts of a motion."""

@@ -1,0 +1,172 @@
+"""The course of natural motions through time: from stride to stride, and step by step where no stride fits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from flexcam.integrate.moment import Track
+from flexcam.integrate.problem import Problem
+from flexcam.integrate.scheme import Scheme
+from flexcam.integrate.strides import Motions, Steps, Stride
+from flexcam.integrate.uncoupled import Natural
+from flexcam.linalg import FloatArray
+
+_FEWEST, _USUAL, _MOST = 16, 32, 128
+"""Steps of a stride: the longer, the less is done one after the other, and the more a stride costs to make."""
+
+
+def stride_length(every: int) -> int:
+    """Return the steps of a stride where motions are taken anew after every so many steps.
+
+    Parameters
+    ----------
+    every
+        Steps.
+
+    Returns
+    -------
+    int
+        A part of them without a rest, where that is neither very short nor very long.
+
+    Examples
+    --------
+    >>> [stride_length(every) for every in (10, 20, 37, 7200, 1009)]
+    [10, 20, 37, 32, 28]
+    """
+    even = [length for length in range(_FEWEST, _MOST + 1) if every % length == 0]
+    if even:
+        return min(even, key=lambda length: abs(length - _USUAL))
+    return every if every <= _MOST else min(range(_USUAL - 8, _USUAL + 8), key=lambda length: every % length)
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Some successive strides, or steps where no stride fits.
+
+    Parameters
+    ----------
+    row
+        Instants between the first of all stretches and the begin of this one.
+    begins, ends
+        States of strides, shape (b, 3, n).
+    histories
+        Of the loads over every stride, shape (b, k, L + 1).
+    states
+        After every step, shape (3, m, n), of a stretch without strides.
+    """
+
+    row: int
+    begins: FloatArray
+    ends: FloatArray
+    histories: FloatArray
+    states: FloatArray | None = None
+
+
+class Course:
+    """Where the motions are, and how they go on.
+
+    A stretch begins at the last stride's begin, so that strides lie at the same steps however a run is divided.
+
+    Parameters
+    ----------
+    problem
+        `uncoupled`, without local forces, its damping diagonal.
+    scheme
+        Of the generalized-alpha family.
+    natural
+        The motions.
+    every
+        Steps after which they are taken anew from the unknowns, if they are spread exactly.
+
+    Attributes
+    ----------
+    at
+        Step of the state, -1 before the start.
+    state
+        Amounts, velocities times the step and accelerations times its square, which are of one size, shape (3, n).
+    """
+
+    def __init__(self, problem: Problem, scheme: Scheme, natural: Natural, every: int) -> None:
+        self._problem, self._natural = problem, natural
+        self._vectors = problem.system.load_vectors()
+        self._every = every if natural.exactly else _USUAL
+        self.at, self.state = -1, np.zeros((3, problem.system.size))
+        self.steps = Steps.of(scheme, Motions.of(problem))
+        self.stride = Stride.of(self.steps, stride_length(self._every))
+        self._pushes = self.steps.light * self._vectors
+        self._left = np.zeros((0, 0)) if self.stride is None else self._by_history(self.stride)
+        self.scale = problem.step ** np.arange(3.0)[:, None]
+
+    def _by_history(self, stride: Stride) -> FloatArray:
+        """Return states at the end of a stride per unit of every history at every instant, shape (k (L + 1), 3 n)."""
+        parts = np.einsum("kn,sjn->kjsn", self._pushes, stride.pushes)
+        return parts.reshape(parts.shape[0] * parts.shape[1], self.state.size)
+
+    def begin(self, first: Track) -> None:
+        """Begin at an instant."""
+        self.at, self.state = 0, np.array([first.d[0], first.v[0], first.a[0]]) * self.scale
+
+    def histories(self, last: int) -> FloatArray:
+        """Return those of the loads from the state up to a step, and zeros as far as a stride may lead beyond."""
+        times = self._problem.times(np.arange(self.at, last + 1))
+        known = self._problem.system.load_histories(self._problem.drive.at(times))
+        beyond = self.stride.length if self.stride else 0
+        return np.concatenate([known, np.zeros((beyond, known.shape[1]))])
+
+    def pushed(self, histories: FloatArray) -> FloatArray:
+        """Return what loads push in every step, shape (m, n), from their histories, shape (m + 1, k)."""
+        return self.steps.pushed(np.einsum("tk,kn->tn", histories, self._vectors))
+
+    def stretches(self, last: int, histories: FloatArray) -> Iterator[Stretch]:
+        """Yield stretches up to a step, the last stride beyond it where it does not end there; then go on there."""
+        first = at = self.at
+        while at < last:
+            rest = self._every - at % self._every
+            if self.stride and rest >= self.stride.length:
+                stretch, at = self._strides(at, last, histories, at - first)
+            else:
+                stretch, at = self._single(at, min(at + rest, last), histories, at - first)
+            yield stretch
+
+    def _strides(self, at: int, last: int, histories: FloatArray, row: int) -> tuple[Stretch, int]:
+        """Return strides as far as they follow on each other, and the step where they end."""
+        assert self.stride is not None
+        length, rest = self.stride.length, self._every - at % self._every
+        count = -(-(last - at) // length)
+        if self._every % length:
+            count = min(count, rest // length)
+        over = sliding_window_view(histories[row : row + count * length + 1], length + 1, axis=0)[::length]
+        rising = (over - over[:, :, :1]).reshape(count, 1, over[0].size)
+        left = (rising @ self._left).reshape(count, *self.state.shape)
+        push = np.einsum("bk,kn->bn", over[:, :, 0], self._pushes)
+        begins, ends = np.empty_like(left), np.empty_like(left)
+        state = self.state
+        for b in range(count):
+            begins[b] = begin = self._anew(at + b * length, state)
+            ends[b] = state = self.stride.landed(begin, push[b], left[b])
+        whole = at + count * length <= last
+        self.at, self.state = at + (count - (not whole)) * length, state if whole else self._before(ends)
+        return Stretch(row, begins, ends, over), at + count * length
+
+    def _before(self, ends: FloatArray) -> FloatArray:
+        """Return the state at the begin of the last stride, as it was before anything was taken anew."""
+        return ends[-2] if len(ends) > 1 else self.state
+
+    def _single(self, at: int, end: int, histories: FloatArray, row: int) -> tuple[Stretch, int]:
+        """Return steps one by one."""
+        pushed = self.pushed(histories[row : row + end - at + 1])
+        states = np.empty((3, *pushed.shape))
+        self.steps.walk(self._anew(at, self.state), pushed, states)
+        self.at, self.state = end, states[:, -1].copy()
+        nothing = np.zeros((0, *self.state.shape))
+        return Stretch(row, nothing, nothing, nothing, states), end
+
+    def _anew(self, at: int, state: FloatArray) -> FloatArray:
+        """Return a state as it follows from the unknowns that are saved; as it is where none are."""
+        if not (at and at % self._every == 0 and self._natural.exactly):
+            return state
+        return self._natural.taken_anew(state / self.scale) * self.scale
