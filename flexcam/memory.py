@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -31,16 +30,22 @@ class Memory:
     ----------
     outline
         Names of what will come.
+    instants, fields
+        How many are expected: room for them costs nothing until they come, and nothing is copied twice then.
     """
 
-    def __init__(self, outline: Outline) -> None:
+    def __init__(self, outline: Outline, instants: int = 0, fields: int = 0) -> None:
         self.outline = outline
-        self._blocks: deque[Block] = deque()
+        self._histories = [_Rows(instants) for _ in _histories(_empty(outline))]
+        self._fields = [_Rows(fields) for _ in _fields(_empty(outline))]
         self._end = (Status(), Stats())
 
     def write(self, block: Block) -> None:
         """Keep a block."""
-        self._blocks.append(block)
+        for rows, more in zip(self._histories, _histories(block), strict=True):
+            rows.add(more)
+        for rows, more in zip(self._fields, _fields(block), strict=True):
+            rows.add(more)
 
     def close(self, status: Status, stats: Stats) -> None:
         """Keep the end."""
@@ -48,20 +53,50 @@ class Memory:
 
     def response(self) -> Response:
         """Return everything that was kept; arrays of no instants if nothing came."""
-        blocks = self._blocks or [_empty(self.outline)]
-        channels = np.concatenate([b.channels for b in blocks])
-        return Response(
-            outline=self.outline,
-            time=np.concatenate([b.time for b in blocks]),
-            angle=np.concatenate([b.angle for b in blocks]),
-            probes=Series.joined([b.probes for b in blocks]),
-            channels={name: channels[:, i] for i, (name, _) in enumerate(self.outline.channels)},
-            field_time=np.concatenate([b.field_time for b in blocks]),
-            field_angle=np.concatenate([b.field_angle for b in blocks]),
-            fields=Series.joined([b.fields for b in blocks]),
-            status=self._end[0],
-            stats=self._end[1],
-        )
+        if not self._histories[0].count:
+            self.write(_empty(self.outline))
+        time, angle, channels, *probes = (rows.kept for rows in self._histories)
+        field_time, field_angle, *fields = (rows.kept for rows in self._fields)
+        probed, moved = Series(*probes), Series(*fields)
+        return _response(self.outline, Block(time, angle, probed, channels, field_time, field_angle, moved), self._end)
+
+
+class _Rows:
+    """Rows as they come, one after the other in one array."""
+
+    def __init__(self, expected: int) -> None:
+        self.count = 0
+        self._expected, self._all = expected, np.zeros((0, 0))
+
+    @property
+    def kept(self) -> FloatArray:
+        return self._all[: self.count]
+
+    def add(self, rows: FloatArray) -> None:
+        end = self.count + len(rows)
+        if end > len(self._all) or not self.count:
+            room = np.empty((max(self._expected, end, 2 * self.count), *rows.shape[1:]))
+            if self.count:
+                room[: self.count] = self.kept
+            self._all = room
+        self._all[self.count : end], self.count = rows, end
+
+
+def _histories(block: Block) -> tuple[FloatArray, ...]:
+    return block.time, block.angle, block.channels, *_arrays(block.probes)
+
+
+def _fields(block: Block) -> tuple[FloatArray, ...]:
+    return block.field_time, block.field_angle, *_arrays(block.fields)
+
+
+def _response(outline: Outline, whole: Block, end: tuple[Status, Stats]) -> Response:
+    """Return a response of one block that holds everything."""
+    return Response(
+        outline=outline, time=whole.time, angle=whole.angle, probes=whole.probes,
+        channels={name: whole.channels[:, i] for i, (name, _) in enumerate(outline.channels)},
+        field_time=whole.field_time, field_angle=whole.field_angle, fields=whole.fields, status=end[0], stats=end[1],
+    )  # fmt: skip
 
 
 class Recent(Memory):
@@ -77,6 +112,7 @@ class Recent(Memory):
 
     def __init__(self, outline: Outline, span: float) -> None:
         super().__init__(outline)
+        self._blocks: deque[Block] = deque()
         self._span = span
         self._without = _empty(outline)
         self._field = self._without
@@ -96,8 +132,9 @@ class Recent(Memory):
     def response(self) -> Response:
         """Return what was kept."""
         field = self._field
-        kept = super().response()
-        return replace(kept, field_time=field.field_time, field_angle=field.field_angle, fields=field.fields)
+        kept = Block.joined([*self._blocks] or [self._without])
+        whole = replace(kept, field_time=field.field_time, field_angle=field.field_angle, fields=field.fields)
+        return _response(self.outline, whole, self._end)
 
 
 class Extremes:
@@ -198,7 +235,7 @@ _SLACK = 1e-6
 """Part of a span by which it is kept longer: instants at its beginning are rounded."""
 
 
-def _arrays(series: Series) -> Sequence[FloatArray]:
+def _arrays(series: Series) -> tuple[FloatArray, FloatArray, FloatArray]:
     return series.displacement, series.velocity, series.acceleration
 
 

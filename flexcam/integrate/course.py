@@ -15,8 +15,11 @@ from flexcam.integrate.strides import Motions, Steps, Stride
 from flexcam.integrate.uncoupled import Natural
 from flexcam.linalg import FloatArray
 
-_FEWEST, _USUAL, _MOST = 16, 32, 128
-"""Steps of a stride: the longer, the less is done one after the other, and the more a stride costs to make."""
+_FEWEST, _USUAL, _MANY, _MOST = 16, 32, 64, 128
+"""Steps of a stride: the longer, the less is done one after the other, and the less side by side."""
+
+_GROUP = 16
+"""Strides whose loads are summed up together."""
 
 
 def stride_length(every: int) -> int:
@@ -35,12 +38,13 @@ def stride_length(every: int) -> int:
     Examples
     --------
     >>> [stride_length(every) for every in (10, 20, 37, 7200, 1009)]
-    [10, 20, 37, 32, 28]
+    [10, 20, 37, 60, 72]
     """
+    usual = _USUAL if every < _MANY * _GROUP else _MANY
     even = [length for length in range(_FEWEST, _MOST + 1) if every % length == 0]
     if even:
-        return min(even, key=lambda length: abs(length - _USUAL))
-    return every if every <= _MOST else min(range(_USUAL - 8, _USUAL + 8), key=lambda length: every % length)
+        return min(even, key=lambda length: abs(length - usual))
+    return every if every <= _MOST else min(range(usual - 8, usual + 8), key=lambda length: every % length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +57,10 @@ class Stretch:
         Instants between the first of all stretches and the begin of this one.
     begins, ends
         States of strides, shape (b, 3, n).
-    histories
-        Of the loads over every stride, shape (b, k, L + 1).
+    causes
+        What changes the states in a stride, shape (b, 3, n).
+    rising
+        Histories of the loads over every stride less those at its begin, shape (b, k (L + 1)).
     states
         After every step, shape (3, m, n), of a stretch without strides.
     """
@@ -62,7 +68,8 @@ class Stretch:
     row: int
     begins: FloatArray
     ends: FloatArray
-    histories: FloatArray
+    causes: FloatArray
+    rising: FloatArray
     states: FloatArray | None = None
 
 
@@ -86,6 +93,10 @@ class Course:
     ----------
     at
         Step of the state, -1 before the start.
+    pushes
+        Of unit histories of the loads, shape (k, n).
+    scale
+        Powers of the step that amounts and their rates are multiplied with, shape (3, 1).
     state
         Amounts, velocities times the step and accelerations times its square, which are of one size, shape (3, n).
     """
@@ -93,17 +104,25 @@ class Course:
     def __init__(self, problem: Problem, scheme: Scheme, natural: Natural, every: int) -> None:
         self._problem, self._natural = problem, natural
         self._vectors = problem.system.load_vectors()
-        self._every = every if natural.exactly else _USUAL
+        self._every = every if natural.exactly else _USUAL * _GROUP
         self.at, self.state = -1, np.zeros((3, problem.system.size))
         self.steps = Steps.of(scheme, Motions.of(problem))
         self.stride = Stride.of(self.steps, stride_length(self._every))
-        self._pushes = self.steps.light * self._vectors
+        strides, rest = divmod(self._every, stride_length(self._every))
+        self._group = 1 if rest else max(count for count in range(1, _GROUP + 1) if strides % count == 0)
+        self.pushes = self.steps.light * self._vectors
         self._left = np.zeros((0, 0)) if self.stride is None else self._by_history(self.stride)
         self.scale = problem.step ** np.arange(3.0)[:, None]
 
+    @property
+    def length(self) -> int:
+        """Steps of a stride; none where motions grow within one."""
+        return self.stride.length if self.stride else 0
+
     def _by_history(self, stride: Stride) -> FloatArray:
         """Return states at the end of a stride per unit of every history at every instant, shape (k (L + 1), 3 n)."""
-        parts = np.einsum("kn,sjn->kjsn", self._pushes, stride.pushes)
+        late = np.concatenate([np.zeros((3, 1, len(stride.stiff))), stride.answer[:, ::-1]], axis=1)
+        parts = np.einsum("kn,sjn->kjsn", self.pushes, late)
         return parts.reshape(parts.shape[0] * parts.shape[1], self.state.size)
 
     def begin(self, first: Track) -> None:
@@ -114,8 +133,7 @@ class Course:
         """Return those of the loads from the state up to a step, and zeros as far as a stride may lead beyond."""
         times = self._problem.times(np.arange(self.at, last + 1))
         known = self._problem.system.load_histories(self._problem.drive.at(times))
-        beyond = self.stride.length if self.stride else 0
-        return np.concatenate([known, np.zeros((beyond, known.shape[1]))])
+        return np.concatenate([known, np.zeros((self.length, known.shape[1]))])
 
     def pushed(self, histories: FloatArray) -> FloatArray:
         """Return what loads push in every step, shape (m, n), from their histories, shape (m + 1, k)."""
@@ -140,17 +158,30 @@ class Course:
         if self._every % length:
             count = min(count, rest // length)
         over = sliding_window_view(histories[row : row + count * length + 1], length + 1, axis=0)[::length]
-        rising = (over - over[:, :, :1]).reshape(count, 1, over[0].size)
-        left = (rising @ self._left).reshape(count, *self.state.shape)
-        push = np.einsum("bk,kn->bn", over[:, :, 0], self._pushes)
-        begins, ends = np.empty_like(left), np.empty_like(left)
-        state = self.state
-        for b in range(count):
-            begins[b] = begin = self._anew(at + b * length, state)
-            ends[b] = state = self.stride.landed(begin, push[b], left[b])
+        rising = (over - over[:, :, :1]).reshape(count, over[0].size)
+        ends = self._added(rising, at // length)
+        pushes = np.einsum("bk,kn->bn", over[:, :, 0], self.pushes)
+        begins, causes, state = np.empty_like(ends), np.empty_like(ends), self.state
+        for b, (begin, push, cause, end) in enumerate(zip(begins, pushes, causes, ends, strict=True)):
+            begin[:] = self._anew(at + b * length, state)
+            self.stride.land(begin, push, cause, end)
+            state = end
         whole = at + count * length <= last
         self.at, self.state = at + (count - (not whole)) * length, state if whole else self._before(ends)
-        return Stretch(row, begins, ends, over), at + count * length
+        return Stretch(row, begins, ends, causes, rising), at + count * length
+
+    def _added(self, rising: FloatArray, first: int) -> FloatArray:
+        """Return what loads add to the states in some strides, shape (b, 3, n).
+
+        Strides are taken in groups between steps that are the same in every run, as the bits of a product of matrices
+        depend on its size and on where in it a row stands.
+        """
+        count, ahead = len(rising), first % self._group
+        whole = -(-(ahead + count) // self._group)
+        padded = np.zeros((whole * self._group, rising.shape[1]))
+        padded[ahead : ahead + count] = rising
+        added = padded.reshape(whole, self._group, -1) @ self._left
+        return added.reshape(-1, *self.state.shape)[ahead : ahead + count]
 
     def _before(self, ends: FloatArray) -> FloatArray:
         """Return the state at the begin of the last stride, as it was before anything was taken anew."""
@@ -163,7 +194,7 @@ class Course:
         self.steps.walk(self._anew(at, self.state), pushed, states)
         self.at, self.state = end, states[:, -1].copy()
         nothing = np.zeros((0, *self.state.shape))
-        return Stretch(row, nothing, nothing, nothing, states), end
+        return Stretch(row, nothing, nothing, nothing, nothing[:, 0], states), end
 
     def _anew(self, at: int, state: FloatArray) -> FloatArray:
         """Return a state as it follows from the unknowns that are saved; as it is where none are."""

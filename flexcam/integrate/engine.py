@@ -72,7 +72,7 @@ def in_range(track: Track, before: FloatArray | None, system: System, angle: Flo
     tuple
         The steps in range, and the status.
     """
-    if all(_within(one) for one in (track.d, track.v, track.a, track.local)):
+    if all(all_within(one) for one in (track.d, track.v, track.a, track.local)):
         return track, Status()
     every = everything(track)
     good = (np.abs(every[track.ends]) < LARGEST).all(axis=1)  # False for NaN as well
@@ -91,9 +91,20 @@ def in_range(track: Track, before: FloatArray | None, system: System, angle: Flo
     return track.until(count), Status(Cause.NOT_FINITE, text, "take a smaller step, more damping or a lower speed")
 
 
-def _within(values: FloatArray) -> bool:
-    """Tell whether all values are in range for certain; what is not a number is not."""
-    flat = values.ravel()
+def all_within(values: FloatArray) -> bool:
+    """Tell whether all values are in range for certain; what is not a number is not.
+
+    Parameters
+    ----------
+    values
+        Of any shape.
+
+    Returns
+    -------
+    bool
+        False also where values are large together.
+    """
+    flat = values.ravel(order="K")
     return float(flat @ flat) < LARGEST**2
 
 

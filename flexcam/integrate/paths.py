@@ -12,11 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from flexcam.checks import refuse
-from flexcam.integrate.compiled.glancing import Glancing
 from flexcam.integrate.compiled.gliding import Gliding
 from flexcam.integrate.compiled.machine import available
 from flexcam.integrate.compiled.marching import Marching
 from flexcam.integrate.engine import Engine
+from flexcam.integrate.glancing import Glancing, watched_rows
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import Method
 from flexcam.integrate.problem import Path, Problem
@@ -39,6 +39,9 @@ _WORTH_COMPILING, _WORTH_COMPILING_LINEAR = 5_000, 100_000
 
 _SPARSE = 10
 """Steps between saved fields from which every one of them can be gone on from bit by bit."""
+
+_FEW = 24
+"""Scalars of probes up to which they are found without the motions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,11 +189,8 @@ def engine_of(
     """
     if way.natural is not None and isinstance(method, Scheme):
         if way.path == "modal":
-            return Superposed(way.problem, method, save, stop, way.natural)
-        probes = way.problem.system.probes
-        if forces.count:
-            return Marching(way.problem, method, forces, stop)
-        if not save.channels and save.field_every >= _SPARSE and any(len(p.rows) for p in probes):
-            return Glancing(way.problem, method, forces, save, stop)
-        return Gliding(way.problem, method, forces, stop)
+            seldom = not save.channels and save.field_every >= _SPARSE
+            few = seldom and 0 < len(watched_rows(way.problem)) <= _FEW
+            return (Glancing if few else Superposed)(way.problem, method, save, stop, way.natural)
+        return (Marching if forces.count else Gliding)(way.problem, method, forces, stop)
     return Stepwise(way.problem, method, forces, save, stop, pilot)

@@ -11,10 +11,10 @@ import numpy as np
 
 from flexcam.checkpoint import Arrays, Checkpoint, CheckpointSink, Earlier
 from flexcam.checks import refuse
-from flexcam.integrate.compiled.glancing import Glancing
 from flexcam.integrate.energy import PARTS, EnergyAccount
 from flexcam.integrate.engine import STOPPED, Engine
 from flexcam.integrate.fingerprint import fingerprint
+from flexcam.integrate.glancing import Glancing
 from flexcam.integrate.imbalance import Imbalance
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import Method
@@ -126,7 +126,7 @@ def solve(
     """
     keep = save or SaveAt()
     names = outline(problem.system, channels=keep.channels)
-    memory = memory or Memory(names)
+    memory = memory or Memory(names, problem.steps + 1, problem.steps // keep.field_every + 2)
     takers = (memory, *sinks)
     clock = _Clock(stop or _never, until)
     keepers = [sink for sink in sinks if isinstance(sink, CheckpointSink)]
@@ -212,6 +212,7 @@ class _Run:
     def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt) -> None:
         self._problem, self._engine, self._system, self._save = problem, engine, problem.system, save
         self._forces = forces
+        self._width = 0 if isinstance(engine, Glancing) else problem.system.size
         self._account = EnergyAccount(problem.system, forces)
         self._imbalance = Imbalance(problem.system, forces, problem.step)
         self.status = Status()
@@ -242,7 +243,7 @@ class _Run:
 
     def _parts(self, first: int, end: int) -> Iterator[Block]:
         """Yield the parts of a block, of which only what is saved stays: a large system has few steps in memory."""
-        size = max(AT_ONCE // max(self._system.size, 1), LEAST_AT_ONCE)
+        size = max(AT_ONCE // max(self._width, 1), LEAST_AT_ONCE)
         for begin in range(first, end, size):
             steps = np.arange(begin, min(begin + size, end))
             with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
@@ -277,7 +278,8 @@ class _Run:
         return Block(
             time=time[ends], angle=motion.angle[ends], probes=probes.at(ends),
             channels=self._channels(steps, track, motion) if self._save.channels else np.zeros((len(steps), 0)),
-            field_time=time[fields], field_angle=motion.angle[fields], fields=shown.at(fields),
+            field_time=time[fields], field_angle=motion.angle[fields],
+            fields=shown if len(fields) == len(time) else shown.at(fields),
         )  # fmt: skip
 
     def counted(self, stats: Stats) -> Stats:

@@ -17,8 +17,11 @@ from flexcam.linalg import FloatArray
 _GROWN = 1e6
 """Growth over a stride beyond which a motion is walked step by step, to see where it leaves the range of numbers."""
 
-_GONE = 1e-150
-"""Motion that is none any more: what dies out further would end in numbers that processors handle very slowly."""
+_GONE = 1e-130
+"""Added and taken away, it leaves nothing of a motion that is none any more, and everything of any other.
+
+What dies out further would end in numbers that processors handle very slowly.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +76,14 @@ class Steps:
         whole = (1.0 - scheme.alpha_m) * motions.mass + new * (scheme.gamma * slow + scheme.beta * stiff)
         return cls(scheme, slow / whole, stiff / whole, scheme.alpha_m * motions.mass / whole, h**2 / whole)
 
+    @property
+    def old(self) -> float:
+        """Weight of what acts at the begin of a step."""
+        return self.scheme.alpha_f
+
     def pushed(self, loads: FloatArray) -> FloatArray:
         """Return what loads push in every step, shape (m, n), from those at both ends of it, shape (m + 1, n)."""
-        old = self.scheme.alpha_f
-        push = self.light * loads
+        old, push = self.old, self.light * loads
         return (1.0 - old) * push[1:] + old * push[:-1] if old else push[1:]
 
     def walk(self, begin: FloatArray, pushed: FloatArray, found: FloatArray) -> None:
@@ -93,7 +100,7 @@ class Steps:
         found
             Shape (3, m, ..., n).
         """
-        scheme, old = self.scheme, self.scheme.alpha_f
+        scheme, old = self.scheme, self.old
         slow, stiff, heavy, new = self.slow, self.stiff, self.heavy, 1.0 - old
         damped, looks_back = bool(np.any(slow)), bool(scheme.alpha_m or old)
         q, v, a = begin
@@ -111,7 +118,7 @@ class Steps:
 
         The difference keeps the digits that tell of a slow motion: those of A end where its frequency begins.
         """
-        scheme, new = self.scheme, 1.0 - self.scheme.alpha_f
+        scheme, new = self.scheme, 1.0 - self.old
         by_v = new * self.stiff + self.slow
         by_a = self.heavy + new * ((0.5 - scheme.beta) * self.stiff + (1.0 - scheme.gamma) * self.slow)
         a = -np.array([self.stiff, by_v, by_a])
@@ -135,17 +142,17 @@ class Stride:
         What a displacement takes from the push, shape (n,).
     change
         Of states, by what pushes at the begin less what the displacement takes, by h v and by h^2 a, shape (3, 3, n).
-    states
-        After every step, per unit of every state at the begin, shape (3, L, 3, n).
-    pushes
-        State at the end, per unit of the push at every instant, shape (3, L + 1, n).
+    within
+        States after every step by the same three, shape (3, L, 3, n); a displacement at the begin is to be added.
+    answer
+        States after every step, per unit of the push at the end of the first one, shape (3, L, n).
     """
 
     length: int
     stiff: FloatArray
     change: FloatArray
-    states: FloatArray
-    pushes: FloatArray
+    within: FloatArray
+    answer: FloatArray
 
     @classmethod
     def of(cls, steps: Steps, length: int) -> Stride | None:
@@ -156,27 +163,21 @@ class Stride:
         steps.walk(begin, pushed, found)
         if not np.abs(found[:, :, :3]).max(initial=0.0) < _GROWN:
             return None
-        pushes = _by_instant(found[:, :, 3], steps.scheme.alpha_f)
-        change = _repeated(steps.change(), length)
-        change[:, 0] = pushes.sum(axis=1)  # of a steady push; the displacement it balances would change by as much less
-        return cls(length, steps.stiff, change, found[:, :, :3], pushes)
+        within, pulse, change, old = found[:, :, :3], found[:, :, 3], _repeated(steps.change(), length), steps.old
+        # Of a steady push; the displacement that it balances would change by as much less.
+        within[:, :, 0], change[:, 0] = np.cumsum(pulse, axis=1), pulse.sum(axis=1)
+        answer = (1.0 - old) * pulse
+        answer[:, 1:] += old * pulse[:, :-1]  # a step is pushed by what acts at its begin too
+        return cls(length, steps.stiff, change, within, answer)
 
-    def landed(self, begin: FloatArray, push: FloatArray, left: FloatArray) -> FloatArray:
-        """Return the state a stride later, from the push at its begin and what changes of it left, shape (3, n)."""
-        causes = begin.copy()
+    def land(self, begin: FloatArray, push: FloatArray, causes: FloatArray, end: FloatArray) -> None:
+        """Put what changes a state under a push, and the state a stride later, where what loads add stands, (3, n)."""
+        causes[:] = begin
         causes[0] = push - self.stiff * begin[0]
-        end = begin + np.einsum("oin,in->on", self.change, causes) + left
-        end[np.abs(end) < _GONE] = 0.0
-        return end
-
-
-def _by_instant(pulse: FloatArray, old: float) -> FloatArray:
-    """Return states at the end by the push at every instant, from those after every step by that of the first step.
-
-    A step is pushed at its begin with the weight `old`, and with the rest at its end.
-    """
-    late = np.concatenate([np.zeros_like(pulse[:, :1]), pulse[:, ::-1]], axis=1)
-    return (1.0 - old) * late + old * np.roll(late, -1, axis=1)
+        end += np.einsum("oin,in->on", self.change, causes)
+        end += begin
+        end += _GONE
+        end -= _GONE
 
 
 def _repeated(change: FloatArray, times: int) -> FloatArray:

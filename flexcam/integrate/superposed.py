@@ -52,7 +52,8 @@ class Superposed:
             return Track.none(self._system.size, self._forces), STOPPED
         first, at = self._begun(), self._problem.times(steps)
         row = int(steps[0]) - self._course.at
-        walked = self._walked(int(steps[-1])) / self._course.scale[:, None]
+        walked = self._walked(int(steps[-1]))
+        walked[1:] /= self._course.scale[1:, None]
         track = self._track(at, walked[:, row:]) if first is None else self._led(first, at, walked)
         before = None if first is not None else everything(self._track(at[:1], walked[:, row - 1 : row]))[0]
         return in_range(track, before, self._system, self._problem.drive.at(at).angle)
@@ -81,7 +82,7 @@ class Superposed:
         if stretch.states is not None:
             found[:, first + 1 : first + 1 + stretch.states.shape[1]] = stretch.states
             return
-        count, length = len(stretch.begins), stretch.histories.shape[2] - 1
+        count, length = len(stretch.begins), self._course.length
         end = first + count * length
         within = found[:, first + 1 : end + 1].reshape(3, count, length, n).swapaxes(1, 2)
         pushes = pushed[first:end].reshape(count, length, n).swapaxes(0, 1)

@@ -134,6 +134,8 @@ def shown(block: Block, basis: Basis) -> Block:
         Fields of shape (f, n).
     """
     fields = block.fields
-    moved = basis.saved(fields.displacement) + basis.held
+    moved = basis.saved(fields.displacement)
+    if basis.held.any():
+        moved = moved + basis.held
     spread: list[FloatArray] = [basis.saved(one) for one in (fields.velocity, fields.acceleration)]
     return replace(block, fields=Series(moved, *spread))
