@@ -36,15 +36,12 @@ class Memory:
 
     def __init__(self, outline: Outline, instants: int = 0, fields: int = 0) -> None:
         self.outline = outline
-        self._histories = [_Rows(instants) for _ in _histories(_empty(outline))]
-        self._fields = [_Rows(fields) for _ in _fields(_empty(outline))]
+        self._kept = [_Rows(room) for room in (instants, instants, instants, fields, fields)]
         self._end = (Status(), Stats())
 
     def write(self, block: Block) -> None:
         """Keep a block."""
-        for rows, more in zip(self._histories, _histories(block), strict=True):
-            rows.add(more)
-        for rows, more in zip(self._fields, _fields(block), strict=True):
+        for rows, more in zip(self._kept, _parts(block), strict=True):
             rows.add(more)
 
     def close(self, status: Status, stats: Stats) -> None:
@@ -53,16 +50,16 @@ class Memory:
 
     def response(self) -> Response:
         """Return everything that was kept; arrays of no instants if nothing came."""
-        if not self._histories[0].count:
+        if not self._kept[0].count:
             self.write(_empty(self.outline))
-        time, angle, channels, *probes = (rows.kept for rows in self._histories)
-        field_time, field_angle, *fields = (rows.kept for rows in self._fields)
-        probed, moved = Series(*probes), Series(*fields)
-        return _response(self.outline, Block(time, angle, probed, channels, field_time, field_angle, moved), self._end)
+        (time, angle), (channels,), probes, (field_time, field_angle), fields = (rows.kept for rows in self._kept)
+        moved = Series(*probes), Series(*fields)
+        whole = Block(time, angle, moved[0], channels, field_time, field_angle, moved[1])
+        return _response(self.outline, whole, self._end)
 
 
 class _Rows:
-    """Rows as they come, one after the other in one array."""
+    """Arrays of as many rows each, as they come, in one piece of memory: a large one costs less than several."""
 
     def __init__(self, expected: int) -> None:
         self.count = 0
@@ -70,24 +67,24 @@ class _Rows:
 
     @property
     def kept(self) -> FloatArray:
-        return self._all[: self.count]
+        return self._all[:, : self.count]
 
-    def add(self, rows: FloatArray) -> None:
-        end = self.count + len(rows)
-        if end > len(self._all) or not self.count:
-            room = np.empty((max(self._expected, end, 2 * self.count), *rows.shape[1:]))
+    def add(self, arrays: tuple[FloatArray, ...]) -> None:
+        end = self.count + len(arrays[0])
+        if not self.count or end > self._all.shape[1]:
+            room = np.empty((len(arrays), max(self._expected, end, 2 * self.count), *arrays[0].shape[1:]))
             if self.count:
-                room[: self.count] = self.kept
+                room[:, : self.count] = self.kept
             self._all = room
-        self._all[self.count : end], self.count = rows, end
+        for kept, array in zip(self._all, arrays, strict=True):
+            kept[self.count : end] = array
+        self.count = end
 
 
-def _histories(block: Block) -> tuple[FloatArray, ...]:
-    return block.time, block.angle, block.channels, *_arrays(block.probes)
-
-
-def _fields(block: Block) -> tuple[FloatArray, ...]:
-    return block.field_time, block.field_angle, *_arrays(block.fields)
+def _parts(block: Block) -> tuple[tuple[FloatArray, ...], ...]:
+    """Return the arrays of a block, those together that have as many rows and columns."""
+    probes, fields = _arrays(block.probes), _arrays(block.fields)
+    return (block.time, block.angle), (block.channels,), probes, (block.field_time, block.field_angle), fields
 
 
 def _response(outline: Outline, whole: Block, end: tuple[Status, Stats]) -> Response:

@@ -101,17 +101,26 @@ class Steps:
             Shape (3, m, ..., n).
         """
         scheme, old = self.scheme, self.old
-        slow, stiff, heavy, new = self.slow, self.stiff, self.heavy, 1.0 - old
+        state = np.array(begin, order="C")
+        q, v, a = state
+        slow, stiff = (np.broadcast_to(one, q.shape).copy() for one in (self.slow, self.stiff))
+        moved, moving, pull = (np.empty_like(q) for _ in range(3))
         damped, looks_back = bool(np.any(slow)), bool(scheme.alpha_m or old)
-        q, v, a = begin
         for k, push in enumerate(pushed):
-            right = push - old * (stiff * q + slow * v) - heavy * a if looks_back else push
-            moving = v + (1.0 - scheme.gamma) * a
-            moved = q + v + (0.5 - scheme.beta) * a
-            pull = stiff * moved + slow * moving if damped else stiff * moved
-            a = np.subtract(right, new * pull if old else pull, out=found[2, k])
-            q = np.add(moved, scheme.beta * a, out=found[0, k])
-            v = np.add(moving, scheme.gamma * a, out=found[1, k])
+            right = push - old * (stiff * q + slow * v) - self.heavy * a if looks_back else push
+            np.add(q, v, out=moved)
+            moved += np.multiply(0.5 - scheme.beta, a, out=pull)
+            np.multiply(1.0 - scheme.gamma, a, out=moving)
+            moving += v
+            np.multiply(stiff, moved, out=pull)
+            if damped:
+                pull += slow * moving
+            np.subtract(right, (1.0 - old) * pull if old else pull, out=a)
+            np.multiply(scheme.beta, a, out=q)
+            q += moved
+            np.multiply(scheme.gamma, a, out=v)
+            v += moving
+            found[:, k] = state
 
     def change(self) -> FloatArray:
         """Return by how much a step changes states, ``A - 1``, shape (3, 3, n).
