@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from flexcam.fem import Mesh
 from flexcam.integrate import Problem, integrated, outline
-from flexcam.integrate.paths import wanted_path
+from flexcam.integrate.paths import wanted_paths
 from flexcam.integrate.solve import AT_ONCE, LEAST_AT_ONCE
 from flexcam.io import RECOVERED, VECTORS, points_drawn, result_bytes
 from flexcam.linalg import DENSE_LIMIT
@@ -105,7 +105,7 @@ def budget(problem: Problem, mesh: Mesh, save: SaveAt, *, kept: int | None = Non
     )
     inside = integrated(problem)
     return Budget(
-        machine=_ANY + (_COMPILER if wanted_path(problem) == "compiled" else 0),
+        machine=_ANY + (_COMPILER if "compiled" in wanted_paths(problem) else 0),
         equations=_equations(problem, inside),
         blocks=_blocks(inside, mesh, save, min(save.block, rows), row, unknowns),
         histories=_COPIES * _NUMBER * histories,

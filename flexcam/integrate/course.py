@@ -102,9 +102,9 @@ class Course:
     """
 
     def __init__(self, problem: Problem, scheme: Scheme, natural: Natural, every: int) -> None:
-        self._problem, self._natural = problem, natural
+        self._problem, self._natural, self._exactly = problem, natural, natural.exactly
         self._vectors = problem.system.load_vectors()
-        self._every = every if natural.exactly else _USUAL * _GROUP
+        self._every = every if self._exactly else _USUAL * _GROUP
         self.at, self.state = -1, np.zeros((3, problem.system.size))
         self.steps = Steps.of(scheme, Motions.of(problem))
         self.stride = Stride.of(self.steps, stride_length(self._every))
@@ -144,31 +144,30 @@ class Course:
         first = at = self.at
         while at < last:
             rest = self._every - at % self._every
-            if self.stride and rest >= self.stride.length:
-                stretch, at = self._strides(at, last, histories, at - first)
+            if self.stride and rest >= self.length:
+                count = -(-(last - at) // self.length)
+                count = min(count, rest // self.length) if self._every % self.length else count
+                stretch = self._strides(self.stride, count, last, histories[at - first :], at - first)
+                at += count * self.length
             else:
-                stretch, at = self._single(at, min(at + rest, last), histories, at - first)
+                at = min(at + rest, last)
+                stretch = self._single(at, histories[self.at - first :], self.at - first)
             yield stretch
 
-    def _strides(self, at: int, last: int, histories: FloatArray, row: int) -> tuple[Stretch, int]:
-        """Return strides as far as they follow on each other, and the step where they end."""
-        assert self.stride is not None
-        length, rest = self.stride.length, self._every - at % self._every
-        count = -(-(last - at) // length)
-        if self._every % length:
-            count = min(count, rest // length)
-        over = sliding_window_view(histories[row : row + count * length + 1], length + 1, axis=0)[::length]
+    def _strides(self, stride: Stride, count: int, last: int, histories: FloatArray, row: int) -> Stretch:
+        """Return some strides, and go on behind the last one, or at its begin where its end is behind the last step."""
+        length = stride.length
+        over = sliding_window_view(histories[: count * length + 1], length + 1, axis=0)[::length]
         rising = (over - over[:, :, :1]).reshape(count, over[0].size)
-        ends = self._added(rising, at // length)
         pushes = np.einsum("bk,kn->bn", over[:, :, 0], self.pushes)
-        begins, causes, state = np.empty_like(ends), np.empty_like(ends), self.state
-        for b, (begin, push, cause, end) in enumerate(zip(begins, pushes, causes, ends, strict=True)):
-            begin[:] = self._anew(at + b * length, state)
-            self.stride.land(begin, push, cause, end)
-            state = end
-        whole = at + count * length <= last
-        self.at, self.state = at + (count - (not whole)) * length, state if whole else self._before(ends)
-        return Stretch(row, begins, ends, causes, rising), at + count * length
+        ends = self._added(rising, self.at // length)
+        begins, causes = np.empty_like(ends), np.empty_like(ends)
+        for begin, push, cause, end in zip(begins, pushes, causes, ends, strict=True):
+            begin[:] = self._anew()
+            stride.land(begin, push, cause, end)
+            if self.at + length <= last:
+                self.at, self.state = self.at + length, end
+        return Stretch(row, begins, ends, causes, rising)
 
     def _added(self, rising: FloatArray, first: int) -> FloatArray:
         """Return what loads add to the states in some strides, shape (b, 3, n).
@@ -180,24 +179,20 @@ class Course:
         whole = -(-(ahead + count) // self._group)
         padded = np.zeros((whole * self._group, rising.shape[1]))
         padded[ahead : ahead + count] = rising
-        added = padded.reshape(whole, self._group, -1) @ self._left
+        added = padded.reshape(whole, self._group, rising.shape[1]) @ self._left
         return added.reshape(-1, *self.state.shape)[ahead : ahead + count]
 
-    def _before(self, ends: FloatArray) -> FloatArray:
-        """Return the state at the begin of the last stride, as it was before anything was taken anew."""
-        return ends[-2] if len(ends) > 1 else self.state
-
-    def _single(self, at: int, end: int, histories: FloatArray, row: int) -> tuple[Stretch, int]:
-        """Return steps one by one."""
-        pushed = self.pushed(histories[row : row + end - at + 1])
+    def _single(self, end: int, histories: FloatArray, row: int) -> Stretch:
+        """Return steps one by one, and go on behind them."""
+        pushed = self.pushed(histories[: end - self.at + 1])
         states = np.empty((3, *pushed.shape))
-        self.steps.walk(self._anew(at, self.state), pushed, states)
+        self.steps.walk(self._anew(), pushed, states)
         self.at, self.state = end, states[:, -1].copy()
         nothing = np.zeros((0, *self.state.shape))
-        return Stretch(row, nothing, nothing, nothing, nothing[:, 0], states), end
+        return Stretch(row, nothing, nothing, nothing, nothing[:, 0], states)
 
-    def _anew(self, at: int, state: FloatArray) -> FloatArray:
-        """Return a state as it follows from the unknowns that are saved; as it is where none are."""
-        if not (at and at % self._every == 0 and self._natural.exactly):
-            return state
-        return self._natural.taken_anew(state / self.scale) * self.scale
+    def _anew(self) -> FloatArray:
+        """Return the state as it follows from the unknowns that are saved; as it is where none are."""
+        if not (self._exactly and self.at and self.at % self._every == 0):
+            return self.state
+        return self._natural.taken_anew(self.state / self.scale) * self.scale

@@ -98,7 +98,8 @@ class Glancing(Superposed):
         found = np.empty((len(histories), 3, len(self._view.rows)))
         fields = np.empty((3, len(rows), self._system.size))
         if first is not None:
-            found[0], fields[:, 0] = [self._view.rows @ one[0] for one in (first.d, first.v, first.a)], [first.d[0], first.v[0], first.a[0]]
+            fields[:, 0] = first.d[0], first.v[0], first.a[0]
+            found[0] = fields[:, 0] @ self._view.rows.T
         for stretch in course.stretches(int(steps[-1]), histories):
             seen = self._view.of_stretch(stretch, course)
             found[stretch.row + 1 : stretch.row + 1 + len(seen)] = seen

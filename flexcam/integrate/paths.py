@@ -1,9 +1,9 @@
 """Which way through time a problem takes: the general one, or a faster one with the same result.
 
 ``general``: every system and method, one step after the other. ``modal``: a linear system in its natural motions, all
-side by side. ``compiled``: the same and local forces in machine code. The choice is automatic and depends on the
-problem alone where numba is installed, not on whether its code is kept already; it is told by the statistics of a run
-and can be forced by `Problem.path`.
+side by side and many steps at once. ``compiled``: natural motions, and what acts between them, in machine code: local
+forces, damping that couples. The choice is automatic and depends on the problem alone where numba is installed, not on
+whether its code is kept already; it is told by the statistics of a run and can be forced by `Problem.path`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _WORTH = 1000
 """Steps from which the natural motions are worth finding."""
 
 _WORTH_COMPILING, _WORTH_COMPILING_LINEAR = 5_000, 100_000
-"""Steps of all runs that cost more elsewhere than the compiler at its first use, with local forces and without."""
+"""Steps of all runs that cost more elsewhere than the compiler at its first use, with local forces and with damping."""
 
 _SPARSE = 10
 """Steps between saved fields from which every one of them can be gone on from bit by bit."""
@@ -93,22 +93,22 @@ def way_of(problem: Problem, method: Method, save: SaveAt) -> Way:
     if refusal := method.refusal(plain.system, plain.step):
         raise refusal
     outer = () if basis is None else (basis,)
-    path = wanted_path(plain)
-    if path == "general":
-        return Way("general", plain, outer)
-    try:
-        natural = _natural(plain, method, path)
-    except _UnfitError as unfit:
-        if problem.path == "auto":
+    refusals: list[str] = []
+    for path in wanted_paths(plain):
+        if path == "general":
             return Way("general", plain, outer)
-        remedy = "leave run.path out, and the fastest way that fits is taken"
-        raise refuse("run.path", problem.path, "another path", str(unfit), remedy) from None
-    natural = replace(natural, exactly=save.field_every >= _SPARSE)
-    return Way(path, uncoupled(plain, natural), (natural, *outer), natural)
+        try:
+            natural = replace(_natural(plain, method, path), exactly=save.field_every >= _SPARSE)
+        except _UnfitError as unfit:
+            refusals.append(str(unfit))
+        else:
+            return Way(path, uncoupled(plain, natural), (natural, *outer), natural)
+    remedy = "leave run.path out, and the fastest way that fits is taken"
+    raise refuse("run.path", problem.path, "another path", refusals[-1], remedy)
 
 
-def wanted_path(problem: Problem) -> Path:
-    """Return the way that is asked for, or the one that its length makes worthwhile.
+def wanted_paths(problem: Problem) -> tuple[Path, ...]:
+    """Return the way that is asked for, or those that its length makes worthwhile, the best one first.
 
     Parameters
     ----------
@@ -117,15 +117,18 @@ def wanted_path(problem: Problem) -> Path:
 
     Returns
     -------
-    Path
-        It may turn out not to fit.
+    tuple
+        They may turn out not to fit, but for the general one.
     """
     if problem.path != "auto":
-        return problem.path
-    local = bool(problem.system.local_forces)
-    if available() and problem.runs * problem.steps >= (_WORTH_COMPILING if local else _WORTH_COMPILING_LINEAR):
-        return "compiled"
-    return "general" if local or problem.steps < _WORTH else "modal"
+        return (problem.path,)
+    steps = problem.runs * problem.steps if available() else 0
+    if problem.system.local_forces:
+        return ("compiled", "general") if steps >= _WORTH_COMPILING else ("general",)
+    if problem.steps < _WORTH:
+        return ("general",)
+    damped = bool(problem.system.damping.values.any())
+    return ("modal", "compiled", "general") if damped and steps >= _WORTH_COMPILING_LINEAR else ("modal", "general")
 
 
 class _UnfitError(ValueError):

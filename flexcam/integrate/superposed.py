@@ -90,8 +90,8 @@ class Superposed:
         found[:, first + length : end + 1 : length] = stretch.ends.swapaxes(0, 1)
 
     def _track(self, at: FloatArray, walked: FloatArray) -> Track:
-        nothing = np.zeros((len(at), 0))
-        return Track(at, *walked, nothing, nothing, nothing, np.arange(len(at)))
+        (d, v, a), nothing = walked, np.zeros((len(at), 0))
+        return Track(at, d, v, a, nothing, nothing, nothing, np.arange(len(at)))
 
     def _led(self, first: Track, at: FloatArray, walked: FloatArray) -> Track:
         """Return the first instant, with every bit that it begins with, and those behind it."""

@@ -26,8 +26,11 @@ def published():
 @pytest.mark.parametrize("every", [10, 37, 5000])
 @pytest.mark.parametrize("scheme", [newmark(), hht(alpha=-0.1)], ids=["newmark", "hht"])
 def test_probes_and_saved_fields_are_those_of_the_whole_run(published, every, scheme):
-    """Both march alike; sums of a dozen products are taken in another order."""
-    problem = replace(published.problem, path="compiled", steps=1500)
+    """Both go by the same strides; within them the motions are walked, or the probes see them in a product of matrices.
+
+    An acceleration has the rounding of a displacement by the step's square: that of both is some 1e-13 of it here.
+    """
+    problem = replace(published.problem, path="modal", steps=1500)
     whole, few = (solve(problem, scheme, save=SaveAt(every, channels=kept)) for kept in (True, False))
     assert few.status.ok
     assert few.channels == {}
@@ -36,7 +39,8 @@ def test_probes_and_saved_fields_are_those_of_the_whole_run(published, every, sc
     assert np.array_equal(whole.field_time, few.field_time)
     for name in SERIES:
         one, other = getattr(whole.probes, name), getattr(few.probes, name)
-        np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-13 * np.abs(one).max())
+        most = 1e-12 if name == "acceleration" else 1e-14
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=most * np.abs(one).max())
         np.testing.assert_array_equal(getattr(few.fields, name), getattr(whole.fields, name))
 
 
@@ -56,7 +60,7 @@ def test_what_leaves_the_range_is_cut_at_the_same_step():
     push = Load("push", np.ones(1), lambda motion: np.ones_like(motion.angle))
     watch = Probe("x", ("x",), np.eye(1), (None,))
     system = System(one, Triplets.zeros(1), one.scaled(1e4), ("x",), (push,), probes=(watch,))
-    problem = Problem(system, ConstantSpeed(1.0), step=0.03, steps=4000, path="compiled")
+    problem = Problem(system, ConstantSpeed(1.0), step=0.03, steps=4000, path="modal")
     scheme = newmark(beta=1.0 / 12.0)
     whole, few = (solve(problem, scheme, save=SaveAt(50, channels=kept)) for kept in (True, False))
     assert few.status == whole.status

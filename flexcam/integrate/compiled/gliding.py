@@ -1,4 +1,4 @@
-"""The engine of the compiled way where no local forces act."""
+"""The engine of the compiled way where no local forces act: damping may couple all motions."""
 
 from __future__ import annotations
 
@@ -44,7 +44,6 @@ class Gliding:
         self._operator = self._packed.operator(scheme, problem.step)
         self._vectors = problem.system.load_vectors()
         self._run, self._starter = gliding_code(), Starter(problem.system, forces)
-        self._all = np.zeros((0, problem.system.size))
         self._last: Moment | None = None
 
     def advance(self, steps: IntArray) -> tuple[Track, Status]:
@@ -55,27 +54,24 @@ class Gliding:
         at = self._problem.times(steps)
         motion, found = self._problem.drive.at(at), np.empty((len(at), 3 * n))
         before = None if self._last is None else everything(Track.of([[self._last]]))[0]
-        row, histories = self._begun(at, motion, found, self._all), self._system.load_histories(motion)
-        self._glided(float(at[-1]), (row, len(at)), histories, self._all, found)
+        row, histories = self._begun(at, motion, found), self._system.load_histories(motion)
+        self._glided(float(at[-1]), (row, len(at)), histories, found)
         d, v, a = np.split(found, 3, axis=1)
         nothing = np.zeros((len(at), 0))
         track = Track(at, d, v, a, nothing, nothing, nothing, np.arange(len(at)))
         return in_range(track, before, self._system, motion.angle)
 
-    def _begun(self, at: FloatArray, motion: CamMotion, found: FloatArray, watched: FloatArray) -> int:
+    def _begun(self, at: FloatArray, motion: CamMotion, found: FloatArray) -> int:
         """Return the first row to be walked; behind the first instant, which is put, at the start."""
         if self._last is not None:
             return 0
         first = CamMotion(motion.angle[:1], motion.speed[:1], motion.rate[:1])
         to = Instant(float(at[0]), self._system.applied(first)[0], self._forces.schedule(first))
         self._last = self._starter.first(self._problem.start or State.rest(self._system.size), to)
-        moved = np.array([self._last.d, self._last.v, self._last.a])
-        found[0] = (moved @ watched.T if len(watched) else moved).ravel()
+        found[0] = np.concatenate([self._last.d, self._last.v, self._last.a])
         return 1
 
-    def _glided(
-        self, time: float, rows: tuple[int, int], histories: FloatArray, watched: FloatArray, found: FloatArray
-    ) -> None:
+    def _glided(self, time: float, rows: tuple[int, int], histories: FloatArray, found: FloatArray) -> None:
         """Walk over some rows, up to a time."""
         if self._last is None:
             return
@@ -84,7 +80,7 @@ class Gliding:
         state[:4] = last.d, last.v, last.a, last.applied
         self._run(
             *rows, operator.scheme[0], operator.motions[0], operator.inverse, self._packed.coupled, histories,
-            self._vectors, loads, state, watched, found,
+            self._vectors, loads, state, found,
         )  # fmt: skip
         d, v, a, applied = state[:4].copy()
         inner = Inner(_NOTHING, _NOTHING)
