@@ -8,43 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from flexcam.integrate.family import Motions, Steps
 from flexcam.integrate.moment import Track
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.scheme import Scheme
-from flexcam.integrate.strides import Motions, Steps, Stride
+from flexcam.integrate.strides import USUAL, Stride, stride_length
 from flexcam.integrate.uncoupled import Natural
 from flexcam.linalg import FloatArray
 
-_FEWEST, _USUAL, _MANY, _MOST = 16, 32, 64, 128
-"""Steps of a stride: the longer, the less is done one after the other, and the less side by side."""
-
 _GROUP = 16
 """Strides whose loads are summed up together."""
-
-
-def stride_length(every: int) -> int:
-    """Return the steps of a stride where motions are taken anew after every so many steps.
-
-    Parameters
-    ----------
-    every
-        Steps.
-
-    Returns
-    -------
-    int
-        A part of them without a rest, where that is neither very short nor very long.
-
-    Examples
-    --------
-    >>> [stride_length(every) for every in (10, 20, 37, 7200, 1009)]
-    [10, 20, 37, 60, 72]
-    """
-    usual = _USUAL if every < _MANY * _GROUP else _MANY
-    even = [length for length in range(_FEWEST, _MOST + 1) if every % length == 0]
-    if even:
-        return min(even, key=lambda length: abs(length - usual))
-    return every if every <= _MOST else min(range(usual - 8, usual + 8), key=lambda length: every % length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +77,7 @@ class Course:
     def __init__(self, problem: Problem, scheme: Scheme, natural: Natural, every: int) -> None:
         self._problem, self._natural, self._exactly = problem, natural, natural.exactly
         self._vectors = problem.system.load_vectors()
-        self._every = every if self._exactly else _USUAL * _GROUP
+        self._every = every if self._exactly else USUAL * _GROUP
         self.at, self.state = -1, np.zeros((3, problem.system.size))
         self.steps = Steps.of(scheme, Motions.of(problem))
         self.stride = Stride.of(self.steps, stride_length(self._every))

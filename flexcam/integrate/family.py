@@ -1,0 +1,123 @@
+"""A step of the generalized-alpha family for natural motions, which nothing couples: a dozen operations on arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.integrate.problem import Problem
+from flexcam.integrate.scheme import Scheme
+from flexcam.linalg import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """Natural motions, and the length of a step.
+
+    Parameters
+    ----------
+    mass, damping, stiffness
+        Shape (n,).
+    step
+        s.
+    """
+
+    mass: FloatArray
+    damping: FloatArray
+    stiffness: FloatArray
+    step: float
+
+    @classmethod
+    def of(cls, problem: Problem) -> Motions:
+        """Return those of an uncoupled problem."""
+        system = problem.system
+        return cls(system.mass.diagonal(), system.damping.diagonal(), system.stiffness.diagonal(), problem.step)
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """A step of the generalized-alpha family, for every motion.
+
+    Parameters
+    ----------
+    scheme
+        The scheme.
+    slow, stiff, heavy
+        Damping, stiffness and inertia of the old instant, by what resists an acceleration, shape (n,).
+    light
+        What a load pushes, shape (n,).
+    """
+
+    scheme: Scheme
+    slow: FloatArray
+    stiff: FloatArray
+    heavy: FloatArray
+    light: FloatArray
+
+    @classmethod
+    def of(cls, scheme: Scheme, motions: Motions) -> Steps:
+        """Return the step of some motions."""
+        h, new = motions.step, 1.0 - scheme.alpha_f
+        slow, stiff = h * motions.damping, h**2 * motions.stiffness
+        whole = (1.0 - scheme.alpha_m) * motions.mass + new * (scheme.gamma * slow + scheme.beta * stiff)
+        return cls(scheme, slow / whole, stiff / whole, scheme.alpha_m * motions.mass / whole, h**2 / whole)
+
+    @property
+    def old(self) -> float:
+        """Weight of what acts at the begin of a step."""
+        return self.scheme.alpha_f
+
+    def pushed(self, loads: FloatArray) -> FloatArray:
+        """Return what loads push in every step, shape (m, n), from those at both ends of it, shape (m + 1, n)."""
+        old, push = self.old, self.light * loads
+        return (1.0 - old) * push[1:] + old * push[:-1] if old else push[1:]
+
+    def walk(self, begin: FloatArray, pushed: FloatArray, found: FloatArray) -> None:
+        """Put the states after every step.
+
+        Every motion has the same bits as if it were alone.
+
+        Parameters
+        ----------
+        begin
+            States, shape (3, ..., n).
+        pushed
+            Shape (m, ..., n).
+        found
+            Shape (3, m, ..., n).
+        """
+        scheme, old = self.scheme, self.old
+        state = np.array(begin, order="C")
+        q, v, a = state
+        slow, stiff = (np.broadcast_to(one, q.shape).copy() for one in (self.slow, self.stiff))
+        moved, moving, pull = (np.empty_like(q) for _ in range(3))
+        damped, looks_back = bool(np.any(slow)), bool(scheme.alpha_m or old)
+        for k, push in enumerate(pushed):
+            right = push - old * (stiff * q + slow * v) - self.heavy * a if looks_back else push
+            np.add(q, v, out=moved)
+            moved += np.multiply(0.5 - scheme.beta, a, out=pull)
+            np.multiply(1.0 - scheme.gamma, a, out=moving)
+            moving += v
+            np.multiply(stiff, moved, out=pull)
+            if damped:
+                pull += slow * moving
+            np.subtract(right, (1.0 - old) * pull if old else pull, out=a)
+            np.multiply(scheme.beta, a, out=q)
+            q += moved
+            np.multiply(scheme.gamma, a, out=v)
+            v += moving
+            found[:, k] = state
+
+    def change(self) -> FloatArray:
+        """Return by how much a step changes states, ``A - 1``, shape (3, 3, n).
+
+        The difference keeps the digits that tell of a slow motion: those of A end where its frequency begins.
+        """
+        scheme, new = self.scheme, 1.0 - self.old
+        by_v = new * self.stiff + self.slow
+        by_a = self.heavy + new * ((0.5 - scheme.beta) * self.stiff + (1.0 - scheme.gamma) * self.slow)
+        a = -np.array([self.stiff, by_v, by_a])
+        one, no = np.ones_like(self.stiff), np.zeros_like(self.stiff)
+        drift = [no, one, (0.5 - scheme.beta) * one], [no, no, (1.0 - scheme.gamma) * one], [no, no, -one]
+        return np.array([scheme.beta * a, scheme.gamma * a, a]) + np.array(drift)

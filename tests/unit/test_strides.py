@@ -1,0 +1,101 @@
+"""Many steps at once: a stride is so many steps, for slow and stiff motions, under every scheme."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+
+from flexcam.integrate import generalized_alpha, hht, newmark
+from flexcam.integrate.family import Motions, Steps
+from flexcam.integrate.strides import Stride, stride_length
+
+SCHEMES = {
+    "newmark": newmark(), "newmark damped": newmark(beta=0.3025, gamma=0.6), "hht": hht(),
+    "generalized-alpha 0.9": generalized_alpha(), "generalized-alpha 0": generalized_alpha(rho_inf=0.0),
+}  # fmt: skip
+OMEGA = np.array([0.0, 1e-5, 1e-3, 0.1, 1.0, 10.0, 1e3, 1e6])
+"""Angular frequencies times a step of 1 s: from a free motion to one that only follows its spring."""
+
+
+def steps_of(scheme, ratio=0.0, omega=OMEGA):
+    return Steps.of(scheme, Motions(np.ones_like(omega), 2.0 * ratio * omega, omega**2, 1.0))
+
+
+def walked(steps, begin, loads):
+    pushed = steps.pushed(loads)
+    found = np.empty((3, *pushed.shape))
+    steps.walk(begin, pushed, found)
+    return found
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.05])
+@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("length", [1, 20, 33])
+def test_a_stride_is_so_many_steps(name, ratio, length):
+    """What pushes, what moves and what both leave within the stride and behind it; to some roundings per step."""
+    steps, rng = steps_of(SCHEMES[name], ratio), np.random.default_rng(1)
+    stride = Stride.of(steps, length)
+    begin, loads = rng.normal(size=(3, len(OMEGA))), rng.normal(size=(length + 1, len(OMEGA)))
+    push = steps.light * loads
+    end = np.einsum("mn,smn->sn", push[:0:-1] - push[0], stride.answer)
+    stride.land(begin, push[0], causes := np.empty_like(end), end)
+    within = np.einsum("sjcn,cn->sjn", stride.within, causes)
+    for step in range(length):  # what changes of the loads is answered from then on
+        within[:, step:] += (push[step + 1] - push[0]) * stride.answer[:, : length - step]
+    within[0] += begin[0]
+    expected = walked(steps, begin, loads)
+    size = np.abs(expected).max(axis=1)
+    assert (np.abs(within - expected).max(axis=1) <= 1e-13 * length * size + 1e-13 * np.abs(begin)).all()
+    assert (np.abs(end - expected[:, -1]) <= 1e-13 * length * size + 1e-13 * np.abs(begin)).all()
+
+
+def changed(scheme, omega, length):
+    """Return ``A^L - 1`` of an undamped motion, from fifty digits."""
+    with mpmath.workdps(50):
+        w, one = mpmath.mpf(omega) ** 2, mpmath.mpf(1)
+        beta, gamma, alpha_m, alpha_f = (mpmath.mpf(getattr(scheme, name)) for name in FAMILY)
+        drift, speed = mpmath.matrix([[1, 1, one / 2 - beta]]), mpmath.matrix([[0, 1, 1 - gamma]])
+        pull = 1 - alpha_m + (1 - alpha_f) * beta * w
+        accel = -(mpmath.matrix([[alpha_f * w, 0, alpha_m]]) + (1 - alpha_f) * w * drift) / pull
+        A = mpmath.matrix([list(drift + beta * accel), list(speed + gamma * accel), list(accel)])
+        return np.array((A**length - mpmath.eye(3)).tolist(), dtype=float)
+
+
+FAMILY = ("beta", "gamma", "alpha_m", "alpha_f")
+
+
+@pytest.mark.parametrize("omega", [1e-6, 1e-3, 0.1])
+@pytest.mark.parametrize("name", SCHEMES)
+def test_slow_motions_keep_their_frequency(name, omega):
+    """What changes them in a stride is a small part of them: it has all digits, which a state behind it has not."""
+    steps = steps_of(SCHEMES[name], omega=np.array([omega]))
+    stride = Stride.of(steps, 32)
+    found = stride.change[:, :, 0] * [-steps.stiff[0], 1.0, 1.0]  # a displacement pulls as a push would push
+    np.testing.assert_allclose(found, changed(SCHEMES[name], omega, 32), rtol=1e-12, atol=1e-300)
+
+
+def test_motions_that_grow_have_no_stride():
+    """Newmark with beta 1/12 beyond its limit of stability, sqrt(6)."""
+    assert Stride.of(steps_of(newmark(beta=1.0 / 12.0), omega=np.array([2.4])), 32) is not None
+    assert Stride.of(steps_of(newmark(beta=1.0 / 12.0), omega=np.array([3.0])), 32) is None
+
+
+def test_what_dies_out_ends_at_zero():
+    """Not in the smallest numbers, which processors handle a hundred times slower."""
+    steps = steps_of(newmark(), 0.9, np.array([1.0]))
+    stride, state = Stride.of(steps, 32), np.ones((3, 1))
+    for _ in range(100):
+        stride.land(state, np.zeros(1), np.empty((3, 1)), end := np.zeros((3, 1)))
+        assert (end == 0.0).all() or np.abs(end).max() > 1e-140
+        state = end
+    assert (state == 0.0).all()
+
+
+def test_strides_end_where_fields_are_saved():
+    """Without a rest wherever there is such a length; else as little as possible is left to single steps."""
+    for every in range(10, 5000):
+        length = stride_length(every)
+        assert 10 <= length <= 128
+        assert length <= every
+        assert every % length == 0 or every > 128
