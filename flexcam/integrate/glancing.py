@@ -38,15 +38,18 @@ class View:
     @classmethod
     def of(cls, rows: FloatArray, course: Course) -> View:
         """Return what rows see of a course that has strides."""
-        stride, width = course.stride, course.length * 3 * len(rows)
+        stride, length, count = course.stride, course.length, 3 * len(rows)
         if stride is None:
             return cls(rows, np.zeros((0, 0)))
-        causes = np.einsum("sjcn,pn->cnjsp", stride.within / course.scale[:, None, None], rows)
+        causes, histories = 3 * rows.shape[1], len(course.pushes)
+        seen = np.zeros((causes + histories * (length + 1), length, count))
+        by_cause = np.einsum("sjcn,pn->cnjsp", stride.within / course.scale[:, None, None], rows)
+        seen[:causes] = by_cause.reshape(causes, length, count)
         answers = np.einsum("sjn,knp->kjsp", stride.answer / course.scale[:, None], course.pushes[:, :, None] * rows.T)
-        later = np.zeros((len(answers), course.length + 1, *answers.shape[1:]))
-        for instant in range(1, course.length + 1):  # what is pushed then is answered from then on
-            later[:, instant, instant - 1 :] = answers[:, : course.length + 1 - instant]
-        return cls(rows, np.concatenate([causes.reshape(-1, width), later.reshape(-1, width)]))
+        answers, later = answers.reshape(histories, length, count), seen[causes:].reshape(histories, -1, length, count)
+        for instant in range(1, length + 1):  # what is pushed then is answered from then on
+            later[:, instant, instant - 1 :] = answers[:, : length + 1 - instant]
+        return cls(rows, seen.reshape(len(seen), length * count))
 
     def of_stretch(self, stretch: Stretch, course: Course) -> FloatArray:
         """Return displacements, velocities and accelerations after every step of a stretch, shape (m, 3, p)."""
