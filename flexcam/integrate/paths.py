@@ -98,7 +98,8 @@ def way_of(problem: Problem, method: Method, save: SaveAt) -> Way:
         if path == "general":
             return Way("general", plain, outer)
         try:
-            natural = replace(_natural(plain, method, path), exactly=save.field_every >= _SPARSE)
+            exactly = save.field_every >= _SPARSE and problem.runs == 1  # nobody goes on from one of many runs
+            natural = replace(_natural(plain, method, path), exactly=exactly)
         except _UnfitError as unfit:
             refusals.append(str(unfit))
         else:

@@ -12,7 +12,7 @@ from flexcam.case import Case
 from flexcam.checks import InputError
 from flexcam.fidelity import chosen
 from flexcam.integrate import solve
-from flexcam.response import Cause, Response, RunFailedError, Status
+from flexcam.response import Cause, Response, RunFailedError, SaveAt, Status
 from flexcam.runner import Prepared, prepare, result_file
 from flexcam.sweep.scalars import scalars_of
 from flexcam.train import Model
@@ -73,12 +73,17 @@ def evaluate(case: Case, *, folder: Path | None = None, model: Model | None = No
     return Row(row.status, row.scalars, row.units, time.perf_counter() - begun)
 
 
+_SELDOM = SaveAt(field_every=4096)
+"""Fields of a run that nobody keeps: a row needs none, and blocks may be long."""
+
+
 def _row(case: Case, folder: Path | None, model: Model | None, runs: int) -> Row:
     try:
         read, choice = chosen(case)
         ready = prepare(read, model=model)
         sinks = [] if folder is None else [result_file(ready, folder)]
-        response = solve(replace(ready.problem, runs=runs), ready.scheme, save=ready.save, sinks=sinks)
+        save = ready.save if sinks or ready.problem.system.local_forces else _SELDOM
+        response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks)
         row = row_of(ready, response)
     except InputError as refusal:
         return refused(refusal)
