@@ -74,7 +74,7 @@ def evaluate(case: Case, *, folder: Path | None = None, model: Model | None = No
 
 
 _SELDOM = SaveAt(field_every=4096)
-"""Fields of a run that nobody keeps: a row needs none, and blocks may be long."""
+"""Fields of one of many linear runs, which nobody keeps: blocks are long, and rows those of a single run to rounding."""
 
 
 def _row(case: Case, folder: Path | None, model: Model | None, runs: int) -> Row:
@@ -82,7 +82,8 @@ def _row(case: Case, folder: Path | None, model: Model | None, runs: int) -> Row
         read, choice = chosen(case)
         ready = prepare(read, model=model)
         sinks = [] if folder is None else [result_file(ready, folder)]
-        save = ready.save if sinks or ready.problem.system.local_forces else _SELDOM
+        alone = sinks or runs == 1 or ready.problem.system.local_forces
+        save = ready.save if alone else _SELDOM
         response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks)
         row = row_of(ready, response)
     except InputError as refusal:
