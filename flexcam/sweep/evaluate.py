@@ -74,7 +74,7 @@ def evaluate(case: Case, *, folder: Path | None = None, model: Model | None = No
 
 
 _SELDOM = SaveAt(field_every=4096)
-"""Fields of one of many linear runs, which nobody keeps: blocks are long, and rows those of a single run to rounding."""
+"""Fields of one of many linear runs, which nobody keeps: blocks are long, and rows are those of one run to rounding."""
 
 
 def _row(case: Case, folder: Path | None, model: Model | None, runs: int) -> Row:
