@@ -99,11 +99,11 @@ def way_of(problem: Problem, method: Method, save: SaveAt) -> Way:
             return Way("general", plain, outer)
         try:
             exactly = save.field_every >= _SPARSE and problem.runs == 1  # nobody goes on from one of many runs
-            natural = replace(_natural(plain, method, path), exactly=exactly)
+            natural, inside = _natural(plain, method, path, exactly=exactly)
         except _UnfitError as unfit:
             refusals.append(str(unfit))
         else:
-            return Way(path, uncoupled(plain, natural), (natural, *outer), natural)
+            return Way(path, inside, (natural, *outer), natural)
     remedy = "leave run.path out, and the fastest way that fits is taken"
     raise refuse("run.path", problem.path, "another path", refusals[-1], remedy)
 
@@ -136,8 +136,8 @@ class _UnfitError(ValueError):
     """Why a problem cannot go a way."""
 
 
-def _natural(problem: Problem, method: Method, path: Path) -> Natural:
-    """Return the natural motions of a problem that can be taken in them."""
+def _natural(problem: Problem, method: Method, path: Path, *, exactly: bool) -> tuple[Natural, Problem]:
+    """Return the natural motions of a problem that can be taken in them, and the problem in these."""
     system = problem.system
     if not isinstance(method, Scheme):
         raise _UnfitError("only newmark, hht and generalized-alpha go that way")
@@ -152,9 +152,10 @@ def _natural(problem: Problem, method: Method, path: Path) -> Natural:
     found = natural_motions(system)
     if found is None:
         raise _UnfitError("mass or stiffness are not symmetric and positive, or natural motions not to be told apart")
-    if path == "modal" and diagonal(uncoupled(problem, found).system.damping) is None:
+    inside = uncoupled(problem, found)
+    if path == "modal" and diagonal(inside.system.damping) is None:
         raise _UnfitError("its damping couples the natural motions")
-    return found
+    return replace(found, exactly=exactly), inside
 
 
 def _refuse_uncompiled(system: System) -> None:

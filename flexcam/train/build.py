@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -53,19 +54,28 @@ def build_system(model: Model, speed: float) -> System:
         If a part is attached to something that does not exist, or nothing resists the lift.
     """
     structure = build_structure(model)
-    couplings = [_coupled(structure, name, contact, speed) for name, contact in model.contacts.items()]
-    couplings += [lever_joints(structure), coils(structure), bowings(structure), shafts(structure)]
+    contacts = [_coupled(structure, name, contact, speed) for name, contact in model.contacts.items()]
+    damping, joined, probes = _at_any_speed(structure)
+    couplings = [*contacts, *joined]
     return System(
         mass=structure.mass,
-        damping=structure.dampers + _damping(structure),
+        damping=damping,
         stiffness=structure.stiffness,
         names=structure.dofs.names,
         loads=(*(load for c in couplings for load in c.loads), *constant_loads(structure)),
         local_forces=tuple(force for c in couplings for force in c.forces),
-        probes=(*(probe_of(structure, point) for point in model.probes), *_inner_probes(structure)),
+        probes=probes,
         channels=tuple(_numbered(couplings)),
         free=structure.free,
     )
+
+
+@lru_cache(maxsize=4)
+def _at_any_speed(structure: Structure) -> tuple[Triplets, tuple[Coupling, ...], tuple[Probe, ...]]:
+    """Return what is the same at any speed: damping, couplings other than contacts, and probes."""
+    couplings = lever_joints(structure), coils(structure), bowings(structure), shafts(structure)
+    probes = (probe_of(structure, point) for point in structure.model.probes)
+    return structure.dampers + _damping(structure), couplings, (*probes, *_inner_probes(structure))
 
 
 def _coupled(structure: Structure, name: str, contact: Contact, speed: float) -> Coupling:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -213,6 +214,13 @@ def steady(value: float) -> Callable[[CamMotion], FloatArray]:
     return lambda motion: np.full_like(motion.angle, value)
 
 
+@lru_cache(maxsize=16)
+def _at_any_speed(structure: Structure, name: str, contact: PublishedLoad) -> tuple[FollowerTrain, float]:
+    """Return what is the same at any speed: the follower's train and the stiffness K_KE."""
+    where = f"contacts.{name}.follower"
+    return follower_train(structure, contact, where), series_stiffness(structure, contact, where)
+
+
 def couple(structure: Structure, name: str, contact: PublishedLoad, speed: float) -> Coupling:
     """Return the published coupling of one cam and its follower.
 
@@ -232,9 +240,8 @@ def couple(structure: Structure, name: str, contact: PublishedLoad, speed: float
     Coupling
         Its loads, local force and channels.
     """
-    where = f"contacts.{name}.follower"
     cam = structure.model.cams[contact.cam]
-    train, K = follower_train(structure, contact, where), series_stiffness(structure, contact, where)
+    train, K = _at_any_speed(structure, name, contact)
     force = preload(structure, contact, train, cam, speed)
     lift, axis = contact.direction, np.concatenate([np.zeros(3), contact.shaft_axis])
     push = structure.row(contact.follower, lift) - structure.row(cam.at, lift)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -187,6 +188,7 @@ def _turned(lever: Lever, end: int, driven: float) -> Coordinate:
     return moved
 
 
+@lru_cache(maxsize=2)
 def build_rigid(model: Model, speed: float) -> System:
     """Return the same mechanism with rigid members: no unknowns, the follower's train follows the lift.
 
