@@ -145,7 +145,7 @@ def solve(
     try:
         forces = LocalForces(inside.system)
         engine = engine_of(way, scheme, forces, keep, clock.stopped, _pilot)
-        run = _Run(inside, engine, forces, keep)
+        run = _Run(inside, engine, forces, keep, handed_on=bool(sinks))
         if resume is not None:
             for block in resume.blocks():
                 _hand_out(block, takers)
@@ -209,10 +209,14 @@ def _singular(fault: SingularMatrixError, system: System) -> Status:
 class _Run:
     """One run: the blocks of an engine, with everything that is observed."""
 
-    def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt) -> None:
+    def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt, *, handed_on: bool) -> None:
         self._problem, self._engine, self._system, self._save = problem, engine, problem.system, save
         self._forces = forces
-        self._width = 0 if isinstance(engine, Glancing) else problem.system.size
+        width = 1 if isinstance(engine, Glancing) else max(problem.system.size, 1)
+        self._at_once = max(AT_ONCE // width, LEAST_AT_ONCE)
+        # Nobody waits for a block that stays in memory: where the system is small, several are made at once.
+        alone = not handed_on and save.fields_per_block is None
+        self._block_size = save.block * max(self._at_once // save.block, 1) if alone else save.block
         self._account = EnergyAccount(problem.system, forces)
         self._imbalance = Imbalance(problem.system, forces, problem.step)
         self.status = Status()
@@ -233,7 +237,7 @@ class _Run:
         A block is cut before the first instant that is not finite or did not settle, and is then the last one;
         `status` says why.
         """
-        size, end = self._save.block, self._problem.steps + 1
+        size, end = self._block_size, self._problem.steps + 1
         for first in range(done, end, size):
             parts = list(self._parts(first, min(first + size, end)))
             if parts:
@@ -243,9 +247,8 @@ class _Run:
 
     def _parts(self, first: int, end: int) -> Iterator[Block]:
         """Yield the parts of a block, of which only what is saved stays: a large system has few steps in memory."""
-        size = max(AT_ONCE // max(self._width, 1), LEAST_AT_ONCE)
-        for begin in range(first, end, size):
-            steps = np.arange(begin, min(begin + size, end))
+        for begin in range(first, end, self._at_once):
+            steps = np.arange(begin, min(begin + self._at_once, end))
             with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
                 block = self._part(steps)
             if block is not None:

@@ -13,8 +13,11 @@ import numpy as np
 from flexcam.integrate.family import Steps
 from flexcam.linalg import FloatArray
 
-_FEWEST, USUAL, _MOST = 16, 40, 128
+_FEWEST, USUAL, _LONG, _MOST = 16, 40, 64, 128
 """Steps of a stride: the longer, the less is done one after the other, and the less side by side."""
+
+_SELDOM = 1024
+"""Steps between saved fields from which strides are long."""
 
 _GROWN = 1e6
 """Growth over a stride beyond which a motion is walked step by step, to see where it leaves the range of numbers."""
@@ -42,12 +45,13 @@ def stride_length(every: int) -> int:
     Examples
     --------
     >>> [stride_length(every) for every in (10, 20, 37, 7200, 1009)]
-    [10, 20, 37, 40, 36]
+    [10, 20, 37, 60, 36]
     """
+    usual = USUAL if every < _SELDOM else _LONG
     even = [length for length in range(_FEWEST, _MOST + 1) if every % length == 0]
     if even:
-        return min(even, key=lambda length: abs(length - USUAL))
-    return every if every <= _MOST else min(range(USUAL - 8, USUAL + 8), key=lambda length: every % length)
+        return min(even, key=lambda length: abs(length - usual))
+    return every if every <= _MOST else min(range(usual - 8, usual + 8), key=lambda length: every % length)
 
 
 @dataclass(frozen=True, eq=False)
