@@ -19,6 +19,9 @@ MOST_EVENTS = 40
 
 CORRECTIONS = 60
 
+LEAST = 0.01
+"""Part of a bracket by which a straight line between its ends narrows it at least."""
+
 
 def crossing(pressed: bool, gap: float, new_gap: float, rate: float, new_rate: float, length: float) -> float:
     """Return the time in (0, length) at which the cubic through both ends changes sides, by bisection.
@@ -98,7 +101,8 @@ def narrowed(
         low, near = after, gap
     newton = after - gap / rate if rate != 0.0 else high
     if beyond and was_beyond:
-        newton = low - near * (high - low) / (far - near)
+        # Behind an event the scalar begins at zero but for rounding, which must not pass for the zero that is looked for.
+        newton = max(low - near * (high - low) / (far - near), low + LEAST * (high - low))
     if not low < newton < high:
         newton = 0.5 * (low + high)
     return newton, low, high, near, far, beyond

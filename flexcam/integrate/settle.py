@@ -17,7 +17,11 @@ _ROUNDING = 16.0 * np.finfo(float).eps
 """Of the terms a stiff law multiplies: the sensed scalars themselves carry a few eps."""
 
 _MOST_ITERATIONS = 60
-_WHOLE_STEPS = 20
+_WHOLE_STEPS = 8
+"""Iterations after which a step of Newton's must lessen what is missing, or is halved: contacts that open and close in
+turn would be gone back and forth between for ever."""
+
+_LEAST_PART = 1.0 / 64.0
 
 
 class NoConvergenceError(ArithmeticError):
@@ -117,24 +121,30 @@ def settle(
     NoConvergenceError
         If the forces do not settle.
     """
-    f, z = guess, inner.state
-    missing = np.zeros(len(f) + len(z))
+    c, part, last = len(guess), 1.0, np.inf
+    x = base = np.concatenate([guess, inner.state])
+    change = missing = np.zeros(len(x))
     for iteration in range(1, _MOST_ITERATIONS + 1):
+        f, z = x[:c], x[c:]
         gap, rate = within.at(f)
         answer = forces.respond(gap, rate, z, angle)
         travel = 0.5 * step * (inner.rate + answer.state_rate)
         missing = np.concatenate([f - answer.force, z - inner.state - travel])
-        moved = float((np.abs(inner.state) + np.abs(travel)).max(initial=0.0))
-        if not np.isfinite(missing).all() or _settled(missing, within, answer, f, moved):
+        moved = _largest(np.abs(inner.state) + np.abs(travel))
+        if not np.isfinite(missing).all() or _settled(missing, within, answer, f, step, moved):
             # a force that is not finite is reported by `solve`
             return Settled(answer.force, gap, rate, Inner(z, answer.state_rate), iteration)
-        try:
-            change = np.linalg.solve(_tangent(within, answer, step), missing)
-        except np.linalg.LinAlgError:
-            break
-        part = _shortened(iteration)
-        f, z = f - part * change[: len(f)], z - part * change[len(f) :]
-    scale = np.abs(missing[: len(f)])
+        off = _largest(missing[:c] - answer.by_state @ missing[c:] if len(z) else missing)
+        if iteration > _WHOLE_STEPS and off > last and part > _LEAST_PART:
+            part *= 0.5
+        else:
+            try:
+                change = np.linalg.solve(_tangent(within, answer, step), missing)
+            except np.linalg.LinAlgError:
+                break
+            base, last, part = x, off, 1.0
+        x = base - part * change
+    scale = np.abs(missing[:c])
     raise NoConvergenceError([name for name, one in zip(forces.names, scale, strict=True) if one > 0.1 * scale.max()])
 
 
@@ -149,19 +159,23 @@ def _tangent(within: Compliance, answer: Reaction, step: float) -> FloatArray:
     return np.block([[tangent, -answer.by_state], [-half * by_force, own]])
 
 
-def _settled(missing: FloatArray, within: Compliance, answer: Reaction, f: FloatArray, moved: float) -> bool:
-    size = _TOLERANCE * np.abs(answer.force).max(initial=0.0) + _ROUNDING * _sensed_size(within, answer, f)
-    forces, states = np.abs(missing[: len(f)]), np.abs(missing[len(f) :])
-    return bool(forces.max(initial=0.0) <= size and states.max(initial=0.0) <= _TOLERANCE * moved)
+def _settled(
+    missing: FloatArray, within: Compliance, answer: Reaction, f: FloatArray, step: float, moved: float
+) -> bool:
+    """Tell whether forces and states miss no more than their tolerance, or than moves nothing but by rounding."""
+    c = len(f)
+    forces, on_gap, on_rate = np.abs(missing[:c]), np.abs(within.gap_by_force), np.abs(within.rate_by_force)
+    gap, rate = np.abs(within.gap) + on_gap @ np.abs(f), np.abs(within.rate) + on_rate @ np.abs(f)
+    rounding = _largest(np.abs(answer.by_gap) @ gap + np.abs(answer.by_rate) @ rate)
+    if _largest(forces) > _TOLERANCE * _largest(answer.force) + _ROUNDING * rounding and not (
+        (on_gap @ forces <= _ROUNDING * gap).all() and (on_rate @ forces <= _ROUNDING * rate).all()
+    ):
+        return False
+    if len(missing) == c:
+        return True
+    flow = np.abs(answer.state_rate_by_gap) @ gap + np.abs(answer.state_rate_by_rate) @ rate
+    return _largest(missing[c:]) <= _TOLERANCE * moved + _ROUNDING * 0.5 * step * _largest(flow)
 
 
-def _shortened(iteration: int) -> float:
-    """Return the part of Newton's step that is taken: the whole, until contacts that open and close do not settle."""
-    return 1.0 if iteration <= _WHOLE_STEPS else 0.5
-
-
-def _sensed_size(within: Compliance, reaction: Reaction, f: FloatArray) -> float:
-    """Return the size of the terms that the laws' stiffnesses multiply, as forces."""
-    gap = np.abs(reaction.by_gap) @ (np.abs(within.gap) + np.abs(within.gap_by_force) @ np.abs(f))
-    rate = np.abs(reaction.by_rate) @ (np.abs(within.rate) + np.abs(within.rate_by_force) @ np.abs(f))
-    return float((gap + rate).max(initial=0.0))
+def _largest(values: FloatArray) -> float:
+    return float(np.abs(values).max(initial=0.0))

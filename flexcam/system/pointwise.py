@@ -185,6 +185,43 @@ def oil(
     return pressed, gap - pressed, share
 
 
+def turning(path: float, arm: float, driven: float, start: float) -> tuple[float, float, float, float]:
+    """Return what the end of a turning arm does beyond its linear motion, and how its motion follows the path.
+
+    The motion is ``arm (sin(start + path/driven) - sin(start))``; what is beyond its tangent is not found by a
+    difference, which would leave the rounding of the motion times a stiff joint.
+
+    Parameters
+    ----------
+    path
+        Of the driven end, m.
+    arm, driven
+        Lengths of the arm and of the driven one, m.
+    start
+        Angle of the arm at no path, rad.
+
+    Returns
+    -------
+    tuple
+        Motion beyond the linear one, m; change of its derivative since the start, that derivative, 1; and the second
+        one, 1/m.
+
+    Examples
+    --------
+    >>> turning(0.0, 1.0, 1.0, 0.0)
+    (0.0, -0.0, 1.0, -0.0)
+    """
+    turn, share = path / driven, arm / driven
+    square, half = turn * turn, math.sin(0.5 * turn)
+    lag = math.sin(turn) - turn
+    if square < 0.25:  # the series of the sine, to rounding
+        series = 1.0 - square / 110.0 * (1.0 - square / 156.0)
+        lag = -turn * square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0 * series)))
+    beyond = arm * (math.cos(start) * lag - 2.0 * math.sin(start) * half * half)
+    more = -2.0 * share * math.sin(start + 0.5 * turn) * half
+    return beyond, more, share * math.cos(start + turn), -share / driven * math.sin(start + turn)
+
+
 def sliding(rate: float, speed: float) -> tuple[float, float]:
     """Return how far Coulomb's friction has turned over, tanh(v/v0), and its derivative.
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from flexcam.linalg import FloatArray
 from flexcam.system import Formula, Kind, LocalForce, Reaction, Stored
+from flexcam.system.pointwise import turning
 from flexcam.train.coupling import Coupling, opposed
 from flexcam.train.model import Lever
 from flexcam.train.penalty import Stateless
@@ -40,15 +41,16 @@ class LeverEnd(Stateless):
 
     def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
         """Return force and tangent."""
-        k, c = self.lever.stiffness[self.end], self.lever.damping[self.end]
-        y, slope, bend = (float(one[0]) for one in self.lever.reach(gap[:1], self.end))
-        arm, at_rest = np.array([slope, -1.0]), self._at_rest()
-        N = k * (y - float(gap[1])) + c * float(arm @ rate)
-        linear = at_rest * (k * float(at_rest @ gap) + c * float(at_rest @ rate))
+        lever, end = self.lever, self.end
+        k, c = lever.stiffness[end], lever.damping[end]
+        beyond, more, slope, bend = turning(float(gap[0]), lever.arms[end], lever.arms[0], lever.angles[end])
+        arm, at_rest = np.array([slope, -1.0]), np.array([slope - more, -1.0])
+        linear = k * float(at_rest @ gap) + c * float(at_rest @ rate)
+        N = k * beyond + c * more * float(rate[0])  # beyond the linear one
         by_gap = np.outer(arm, np.array([k * slope + c * bend * float(rate[0]), -k])) - k * np.outer(at_rest, at_rest)
-        by_gap[0, 0] += N * bend
+        by_gap[0, 0] += (linear + N) * bend
         by_rate = c * (np.outer(arm, arm) - np.outer(at_rest, at_rest))
-        return Reaction(N * arm - linear, by_gap, by_rate)
+        return Reaction(np.array([N * slope + linear * more, -N]), by_gap, by_rate)
 
     def formulas(self, count: int) -> tuple[Formula, ...]:
         """Return the law as data."""
@@ -62,7 +64,8 @@ class LeverEnd(Stateless):
         y, slope, _ = self.lever.reach(gap[..., 0], self.end)
         depth, linear = y - gap[..., 1], gap @ at_rest
         force = np.stack([depth * slope, -depth], axis=-1) - linear[..., None] * at_rest
-        return Stored(0.5 * k * (depth**2 - linear**2), k * force, np.zeros_like(state))
+        energy = 0.5 * k * (y - at_rest[0] * gap[..., 0]) * (depth + linear)
+        return Stored(energy, k * force, np.zeros_like(state))
 
 
 def lever_joints(structure: Structure) -> Coupling:

@@ -102,7 +102,7 @@ class March:
         self.packed = PackedForces.of(forces)
         c, width = forces.count, int(self.packed.laws[:, 2].max(initial=1))
         self._room = (
-            np.zeros((8, c)), np.zeros((2, c, width)), np.zeros(len(forces.sense.vectors)),
+            np.zeros((10, c)), np.zeros((2, c, width)), np.zeros(len(forces.sense.vectors)),
             np.zeros((2, c), dtype=np.intp), np.zeros((3, c, c + 1)),
         )  # fmt: skip
         n, s = problem.system.size, len(forces.start_state)

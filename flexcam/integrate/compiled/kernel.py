@@ -71,22 +71,20 @@ def inner(function: F) -> F:
 
 stop, hunt_crossley, oil = inner(pointwise.stop), inner(pointwise.hunt_crossley), inner(pointwise.oil)
 line_load, dissipating, sliding = inner(pointwise.line_load), inner(pointwise.dissipating), inner(pointwise.sliding)
+turning = inner(pointwise.turning)
 
 
 @inner
 def lever(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: FloatArray) -> None:
     """Put the answer of a lever's end: the true depth's force less that of its linear spring."""
-    k, c, arm, driven, start = constants[b], constants[b + 1], constants[b + 2], constants[b + 3], constants[b + 4]
-    path, there = local[1, i], start + local[1, i] / driven
-    share = arm / driven
-    y = arm * (math.sin(there) - math.sin(start))
-    slope, bend, rest = share * math.cos(there), -share / driven * math.sin(there), share * math.cos(start)
-    moved, path_rate, moved_rate = local[1, i + 1], local[2, i], local[2, i + 1]
-    N = k * (y - moved) + c * (slope * path_rate - moved_rate)
-    linear = k * (rest * path - moved) + c * (rest * path_rate - moved_rate)
-    local[3, i], local[3, i + 1] = N * slope - linear * rest, -N + linear
+    k, c, path, path_rate = constants[b], constants[b + 1], local[1, i], local[2, i]
+    beyond, more, slope, bend = turning(path, constants[b + 2], constants[b + 3], constants[b + 4])
+    rest = slope - more
+    linear = k * (rest * path - local[1, i + 1]) + c * (rest * path_rate - local[2, i + 1])
+    N = k * beyond + c * more * path_rate
+    local[3, i], local[3, i + 1] = N * slope + linear * more, -N
     along = k * slope + c * bend * path_rate
-    tangent[0, i, 0], tangent[0, i, 1] = slope * along - k * rest * rest + N * bend, k * (rest - slope)
+    tangent[0, i, 0], tangent[0, i, 1] = slope * along - k * rest * rest + (linear + N) * bend, -k * more
     tangent[0, i + 1, 0], tangent[0, i + 1, 1] = -along + k * rest, 0.0
     tangent[1, i, 0], tangent[1, i, 1] = c * (slope * slope - rest * rest), c * (rest - slope)
     tangent[1, i + 1, 0], tangent[1, i + 1, 1] = c * (rest - slope), 0.0

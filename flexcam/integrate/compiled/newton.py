@@ -12,13 +12,18 @@ from flexcam.linalg import FloatArray, IntArray
 
 _TOLERANCE = 1e-12
 _ROUNDING = 16.0 * 2.220446049250313e-16
-_MOST_ITERATIONS = 60
-_WHOLE_STEPS = 20
+_MOST_ITERATIONS, _WHOLE_STEPS, _LEAST_PART = 60, 8, 1.0 / 64.0
+"""As `flexcam.integrate.settle` has them."""
+
 _WEAK = 0.02
 """Change of a force by its own effect within a step, as a part of it, below which it is weak."""
 
-_PATIENT = 12
-"""Iterations after which no force is taken for weak any more."""
+_SHORT = 12
+"""Iterations that may be short ones, from a guess, with weak forces taken as they come. Behind them all begins anew as
+in `flexcam.integrate.settle`: from the forces of the last instant, none of them weak."""
+
+_SEVERAL = 5
+"""Iterations after which it is asked whether what is missing moves anything."""
 
 
 @inner
@@ -71,11 +76,7 @@ def corrected(
     """Correct the forces (row 0): by Newton's step where they react to themselves, by the laws' answer elsewhere."""
     turn, act = sense + give.shape[1], sense + 2 * give.shape[1]
     n = act - act  # zero, as a number: a literal one would be compiled apart
-    part, weak = 1.0, _WEAK
-    if iteration > _WHOLE_STEPS:
-        part = 0.5
-    if iteration > _PATIENT:
-        weak = -1.0  # also those that react through others alone
+    weak = _WEAK if iteration <= _SHORT else -1.0  # also those that react through others alone
     for law in range(len(laws)):
         first, size = laws[law, 1], laws[law, 2]
         strong = False
@@ -113,7 +114,77 @@ def corrected(
     if not eliminated(matrix[0], n, n + 1):
         return False
     for row in range(n):
-        local[0, stiff[0, row]] -= part * matrix[0, row, n]
+        local[0, stiff[0, row]] -= matrix[0, row, n]
+    return True
+
+
+@inner
+def sensed(
+    places: IntArray, give: FloatArray, given: FloatArray, k: int, sense: int, to_d: float, to_v: float,
+    local: FloatArray, moved: FloatArray,
+) -> None:  # fmt: skip
+    """Put what is sensed under the forces (rows 1 and 2)."""
+    senses = give.shape[1]
+    turn, act = sense + senses, sense + 2 * senses
+    for s in range(senses):
+        moved[s] = 0.0
+    for j in range(local.shape[1]):
+        if local[0, j] != 0.0:
+            for b in range(places[1, j], places[1, j + 1]):
+                weight = local[0, j] * given[k, act + b]
+                for s in range(senses):
+                    moved[s] += give[b, s] * weight
+    for i in range(local.shape[1]):
+        by_d, by_v = 0.0, 0.0
+        for s in range(places[0, i], places[0, i + 1]):
+            by_d += to_d * given[k, sense + s] * moved[s]
+            by_v += (to_v * given[k, sense + s] + to_d * given[k, turn + s]) * moved[s]
+        local[1, i], local[2, i] = local[4, i] + by_d, local[5, i] + by_v
+
+
+@inner
+def missed(laws: IntArray, local: FloatArray, tangent: FloatArray) -> float:
+    """Return how far the forces are from the laws' answers; zero where that is rounding, or not a number."""
+    worst, size, rounding, total = 0.0, 0.0, 0.0, 0.0
+    for law in range(len(laws)):
+        first = laws[law, 1]
+        for i in range(first, first + laws[law, 2]):
+            by_gap, by_rate = abs(tangent[0, i, i - first]), abs(tangent[1, i, i - first])
+            own = by_gap * (abs(local[4, i]) + abs(local[1, i] - local[4, i]))
+            own += by_rate * (abs(local[5, i]) + abs(local[2, i] - local[5, i]))
+            off, force = abs(local[0, i] - local[3, i]), abs(local[3, i])
+            total += force + off
+            if off > worst:
+                worst = off
+            if force > size:
+                size = force
+            if own > rounding:
+                rounding = own
+    if worst <= _TOLERANCE * size + _ROUNDING * rounding or not math.isfinite(total):
+        return 0.0
+    return worst
+
+
+@inner
+def idle(
+    places: IntArray, give: FloatArray, given: FloatArray, k: int, sense: int, to_d: float, to_v: float,
+    local: FloatArray,
+) -> bool:  # fmt: skip
+    """Tell whether the forces miss no more than what moves nothing but by rounding."""
+    turn, act = sense + give.shape[1], sense + 2 * give.shape[1]
+    for i in range(local.shape[1]):
+        gap, rate, by_gap, by_rate = abs(local[4, i]), abs(local[5, i]), 0.0, 0.0
+        for j in range(local.shape[1]):
+            moved = moved_by(i, j, places, give, given, k, sense, act)
+            turned = moved_by(i, j, places, give, given, k, turn, act)
+            on_gap, on_rate = abs(to_d * moved), abs(to_v * moved + to_d * turned)
+            off = abs(local[0, j] - local[3, j])
+            gap += on_gap * abs(local[0, j])
+            rate += on_rate * abs(local[0, j])
+            by_gap += on_gap * off
+            by_rate += on_rate * off
+        if by_gap > _ROUNDING * gap or by_rate > _ROUNDING * rate:
+            return False
     return True
 
 
@@ -123,45 +194,35 @@ def settled(
     half: float, to_d: float, to_v: float, local: FloatArray, tangent: FloatArray, states: FloatArray,
     moved: FloatArray, stiff: IntArray, matrix: FloatArray,
 ) -> int:  # fmt: skip
-    """Find the local forces that agree with the motion they cause; return the iterations, 0 if there are none."""
-    c, senses = local.shape[1], give.shape[1]
-    turn, act = sense + senses, sense + 2 * senses
-    functions = act + give.shape[0] + 2 * c
-    for iteration in range(1, _MOST_ITERATIONS + 1):
-        for s in range(senses):
-            moved[s] = 0.0
-        for j in range(c):
-            if local[0, j] != 0.0:
-                for b in range(places[1, j], places[1, j + 1]):
-                    weight = local[0, j] * given[k, act + b]
-                    for s in range(senses):
-                        moved[s] += give[b, s] * weight
-        for i in range(c):
-            by_d, by_v = 0.0, 0.0
-            for s in range(places[0, i], places[0, i + 1]):
-                by_d += to_d * given[k, sense + s] * moved[s]
-                by_v += (to_v * given[k, sense + s] + to_d * given[k, turn + s]) * moved[s]
-            local[1, i], local[2, i] = local[4, i] + by_d, local[5, i] + by_v
+    """Find the local forces that agree with the motion they cause; return the iterations, 0 if there are none.
+
+    Row 8 of the local scalars holds the forces of the last instant, then those that a correction (row 9) is made to.
+    """
+    c, part, last = local.shape[1], 1.0, math.inf
+    functions = sense + 2 * give.shape[1] + give.shape[0] + 2 * c
+    for iteration in range(1, _SHORT + _MOST_ITERATIONS + 1):
+        if iteration == _SHORT + 1:
+            for i in range(c):
+                local[0, i] = local[8, i]
+        sensed(places, give, given, k, sense, to_d, to_v, local, moved)
         respond(laws, constants, given, k, functions, half, local, tangent, states)
-        worst, size, rounding, total = 0.0, 0.0, 0.0, 0.0
-        for law in range(len(laws)):
-            first = laws[law, 1]
-            for i in range(first, first + laws[law, 2]):
-                by_gap, by_rate = abs(tangent[0, i, i - first]), abs(tangent[1, i, i - first])
-                own = by_gap * (abs(local[4, i]) + abs(local[1, i] - local[4, i]))
-                own += by_rate * (abs(local[5, i]) + abs(local[2, i] - local[5, i]))
-                off, force = abs(local[0, i] - local[3, i]), abs(local[3, i])
-                total += force + off
-                if off > worst:
-                    worst = off
-                if force > size:
-                    size = force
-                if own > rounding:
-                    rounding = own
-        if worst <= _TOLERANCE * size + _ROUNDING * rounding or not math.isfinite(total):
+        off = missed(laws, local, tangent)
+        if off == 0.0 or (iteration > _SEVERAL and idle(places, give, given, k, sense, to_d, to_v, local)):
             for i in range(c):
                 local[0, i] = local[3, i]
             return iteration
-        if not corrected(laws, places, give, given, k, sense, to_d, to_v, iteration, local, tangent, stiff, matrix):
-            return 0
+        if iteration <= _SHORT:
+            corrected(laws, places, give, given, k, sense, to_d, to_v, iteration, local, tangent, stiff, matrix)
+        elif iteration > _SHORT + _WHOLE_STEPS and off > last and part > _LEAST_PART:
+            part *= 0.5
+            for i in range(c):
+                local[0, i] = local[8, i] - part * local[9, i]
+        else:
+            part, last = 1.0, off
+            for i in range(c):
+                local[8, i] = local[0, i]
+            if not corrected(laws, places, give, given, k, sense, to_d, to_v, iteration, local, tangent, stiff, matrix):
+                return 0
+            for i in range(c):
+                local[9, i] = local[8, i] - local[0, i]
     return 0

@@ -70,6 +70,7 @@ def answered(
             gap += given[k, n + b] * on_d
             rate += given[k, n + b] * on_v + given[k, n + senses + b] * on_d
         local[4, i], local[5, i], local[0, i] = gap, rate, forces[0, i] + forces[3, i]
+        local[8, i] = forces[0, i]
         local[6, i] = math.sqrt(abs(moved_by(i, i, places, give, given, k, n, act)))
     for z in range(states.shape[1]):
         states[2, z] = states[0, z] + half * states[1, z]
