@@ -101,7 +101,7 @@ def narrowed(
         low, near = after, gap
     newton = after - gap / rate if rate != 0.0 else high
     if beyond and was_beyond:
-        # Behind an event the scalar begins at zero but for rounding, which must not pass for the zero that is looked for.
+        # Behind an event the scalar begins at zero but for rounding, which is not the zero that is looked for.
         newton = max(low - near * (high - low) / (far - near), low + LEAST * (high - low))
     if not low < newton < high:
         newton = 0.5 * (low + high)

@@ -121,7 +121,7 @@ def settle(
     NoConvergenceError
         If the forces do not settle.
     """
-    c, part, last = len(guess), 1.0, np.inf
+    c, part, last, usual = len(guess), 1.0, np.inf, _largest(guess)
     x = base = np.concatenate([guess, inner.state])
     change = missing = np.zeros(len(x))
     for iteration in range(1, _MOST_ITERATIONS + 1):
@@ -131,7 +131,7 @@ def settle(
         travel = 0.5 * step * (inner.rate + answer.state_rate)
         missing = np.concatenate([f - answer.force, z - inner.state - travel])
         moved = _largest(np.abs(inner.state) + np.abs(travel))
-        if not np.isfinite(missing).all() or _settled(missing, within, answer, f, step, moved):
+        if not np.isfinite(missing).all() or _settled(missing, within, answer, f, step, usual, moved):
             # a force that is not finite is reported by `solve`
             return Settled(answer.force, gap, rate, Inner(z, answer.state_rate), iteration)
         off = _largest(missing[:c] - answer.by_state @ missing[c:] if len(z) else missing)
@@ -160,14 +160,14 @@ def _tangent(within: Compliance, answer: Reaction, step: float) -> FloatArray:
 
 
 def _settled(
-    missing: FloatArray, within: Compliance, answer: Reaction, f: FloatArray, step: float, moved: float
+    missing: FloatArray, within: Compliance, answer: Reaction, f: FloatArray, step: float, usual: float, moved: float
 ) -> bool:
     """Tell whether forces and states miss no more than their tolerance, or than moves nothing but by rounding."""
     c = len(f)
     forces, on_gap, on_rate = np.abs(missing[:c]), np.abs(within.gap_by_force), np.abs(within.rate_by_force)
     gap, rate = np.abs(within.gap) + on_gap @ np.abs(f), np.abs(within.rate) + on_rate @ np.abs(f)
     rounding = _largest(np.abs(answer.by_gap) @ gap + np.abs(answer.by_rate) @ rate)
-    if _largest(forces) > _TOLERANCE * _largest(answer.force) + _ROUNDING * rounding and not (
+    if _largest(forces) > _TOLERANCE * max(_largest(answer.force), usual) + _ROUNDING * rounding and not (
         (on_gap @ forces <= _ROUNDING * gap).all() and (on_rate @ forces <= _ROUNDING * rate).all()
     ):
         return False

@@ -158,7 +158,7 @@ def solve(
                 reached = Checkpoint(stats.steps, problem_told, run.state())
                 for sink in keepers:
                     sink.keep(reached)
-        status = TIME_UP if clock.late and run.status is STOPPED else _advised(run.status, way.path)
+        status = TIME_UP if clock.late and run.status is STOPPED else run.status
     except KeyboardInterrupt:
         status = STOPPED
     except SingularMatrixError as fault:
@@ -186,13 +186,6 @@ def _close(sinks: Sequence[Sink], status: Status, stats: Stats) -> Status:
         except OSError as fault:
             status = _not_saved(fault)
     return status
-
-
-def _advised(status: Status, path: str) -> Status:
-    """Return how a run ended; a coarse step may have several balances, and another way finds another one of them."""
-    if path != "compiled" or status.cause not in (Cause.NOT_FINITE, Cause.NO_CONVERGENCE):
-        return status
-    return replace(status, remedy=f'{status.remedy}; run.path = "general" may settle where machine code does not')
 
 
 def _not_saved(fault: OSError) -> Status:

@@ -13,7 +13,6 @@ first use lasts. The rows are named in `packed`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import TypeVar, cast
 

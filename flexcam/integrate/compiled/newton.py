@@ -22,9 +22,6 @@ _SHORT = 12
 """Iterations that may be short ones, from a guess, with weak forces taken as they come. Behind them all begins anew as
 in `flexcam.integrate.settle`: from the forces of the last instant, none of them weak."""
 
-_SEVERAL = 5
-"""Iterations after which it is asked whether what is missing moves anything."""
-
 
 @inner
 def eliminated(matrix: FloatArray, n: int, end: int) -> bool:
@@ -143,9 +140,9 @@ def sensed(
 
 
 @inner
-def missed(laws: IntArray, local: FloatArray, tangent: FloatArray) -> float:
+def missed(laws: IntArray, local: FloatArray, tangent: FloatArray, usual: float) -> float:
     """Return how far the forces are from the laws' answers; zero where that is rounding, or not a number."""
-    worst, size, rounding, total = 0.0, 0.0, 0.0, 0.0
+    worst, size, rounding, total = 0.0, usual, 0.0, 0.0
     for law in range(len(laws)):
         first = laws[law, 1]
         for i in range(first, first + laws[law, 2]):
@@ -166,26 +163,30 @@ def missed(laws: IntArray, local: FloatArray, tangent: FloatArray) -> float:
 
 
 @inner
-def idle(
-    places: IntArray, give: FloatArray, given: FloatArray, k: int, sense: int, to_d: float, to_v: float,
-    local: FloatArray,
+def negligible(
+    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense: int, to_d: float, to_v: float,
+    local: FloatArray, tangent: FloatArray, off: float,
 ) -> bool:  # fmt: skip
-    """Tell whether the forces miss no more than what moves nothing but by rounding."""
+    """Tell whether what is missing moves nothing but by rounding, or is the rounding of the sums that are sensed."""
     turn, act = sense + give.shape[1], sense + 2 * give.shape[1]
-    for i in range(local.shape[1]):
-        gap, rate, by_gap, by_rate = abs(local[4, i]), abs(local[5, i]), 0.0, 0.0
-        for j in range(local.shape[1]):
-            moved = moved_by(i, j, places, give, given, k, sense, act)
-            turned = moved_by(i, j, places, give, given, k, turn, act)
-            on_gap, on_rate = abs(to_d * moved), abs(to_v * moved + to_d * turned)
-            off = abs(local[0, j] - local[3, j])
-            gap += on_gap * abs(local[0, j])
-            rate += on_rate * abs(local[0, j])
-            by_gap += on_gap * off
-            by_rate += on_rate * off
-        if by_gap > _ROUNDING * gap or by_rate > _ROUNDING * rate:
-            return False
-    return True
+    still, rounding = True, 0.0
+    for law in range(len(laws)):
+        first = laws[law, 1]
+        for i in range(first, first + laws[law, 2]):
+            gap, rate, by_gap, by_rate = abs(local[4, i]), abs(local[5, i]), 0.0, 0.0
+            for j in range(local.shape[1]):
+                moved = moved_by(i, j, places, give, given, k, sense, act)
+                turned = moved_by(i, j, places, give, given, k, turn, act)
+                on_gap, on_rate = abs(to_d * moved), abs(to_v * moved + to_d * turned)
+                missing = abs(local[0, j] - local[3, j])
+                gap += on_gap * abs(local[0, j])
+                rate += on_rate * abs(local[0, j])
+                by_gap += on_gap * missing
+                by_rate += on_rate * missing
+            if by_gap > _ROUNDING * gap or by_rate > _ROUNDING * rate:
+                still = False
+            rounding = max(rounding, abs(tangent[0, i, i - first]) * gap + abs(tangent[1, i, i - first]) * rate)
+    return still or off <= _ROUNDING * rounding
 
 
 @inner
@@ -198,7 +199,9 @@ def settled(
 
     Row 8 of the local scalars holds the forces of the last instant, then those that a correction (row 9) is made to.
     """
-    c, part, last = local.shape[1], 1.0, math.inf
+    c, part, last, usual = local.shape[1], 1.0, math.inf, 0.0
+    for i in range(c):
+        usual = max(usual, abs(local[8, i]))
     functions = sense + 2 * give.shape[1] + give.shape[0] + 2 * c
     for iteration in range(1, _SHORT + _MOST_ITERATIONS + 1):
         if iteration == _SHORT + 1:
@@ -206,8 +209,10 @@ def settled(
                 local[0, i] = local[8, i]
         sensed(places, give, given, k, sense, to_d, to_v, local, moved)
         respond(laws, constants, given, k, functions, half, local, tangent, states)
-        off = missed(laws, local, tangent)
-        if off == 0.0 or (iteration > _SEVERAL and idle(places, give, given, k, sense, to_d, to_v, local)):
+        off = missed(laws, local, tangent, usual)
+        if off == 0.0 or (
+            iteration > _SHORT and negligible(laws, places, give, given, k, sense, to_d, to_v, local, tangent, off)
+        ):
             for i in range(c):
                 local[0, i] = local[3, i]
             return iteration
