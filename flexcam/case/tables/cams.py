@@ -96,7 +96,9 @@ class FreeCamRecord(PartRecord[train.Cam]):
     follower: FollowerRecord | None = Field(None, description="what touches the cam")
     law: GivenLaw | None = Field(None, description="motion law: a name, { id = ..., ... }, or a law file (.toml)")
     return_law: GivenLaw | None = Field(None, description="run backwards on the return; that of the rise by default")
-    lift: float | None = Field(None, gt=0.0, description="above the ramps; an angle where the follower swings")
+    lift: float | None = Field(
+        None, gt=0.0, description='above the ramps; a text such as "10 deg" where the follower swings'
+    )
     lift_table: GivenLift | None = Field(None, description="file of the whole lift, instead of a law")
     rise: q.PositiveAngle | None = None
     dwell: q.Angle = Field(0.0, description="upper dwell")
