@@ -9,7 +9,7 @@ from flexcam.linalg import FloatArray
 from flexcam.system import ConstantSpeed, Load
 from flexcam.train.model import PublishedLoad
 from flexcam.train.published import follower_train, steady
-from flexcam.train.springs import spring_row
+from flexcam.train.springs import spring_parts, spring_row
 from flexcam.train.structure import Structure, find_node
 
 
@@ -96,9 +96,9 @@ def _spread(structure: Structure, name: str) -> FloatArray:
 
 
 def _weight(structure: Structure) -> FloatArray:
-    """Return the weight of members and of bodies at nodes.
+    """Return the weight of members, of bodies at nodes and of springs.
 
-    A mass at a rocker's point is left out, as a lumped rocker does not say in which direction its valve moves.
+    What is at a rocker's point is left out, as a lumped rocker does not say in which direction its valve moves.
     """
     model, gravity = structure.model, np.array(structure.model.gravity)
     load = gathered(structure.beams, element_weight(structure.beams, gravity), structure.dofs)
@@ -106,4 +106,8 @@ def _weight(structure: Structure) -> FloatArray:
         if model.rocker_at(part.at) is None:
             pull = part.body.matrix() @ np.concatenate([gravity, np.zeros(3)])
             load = load + structure.dofs.vector(find_node(model, part.at, f"masses.{name}.at"), pull)
+    for name, spring in model.springs.items():
+        if spring.mass > 0.0 and model.rocker_at(spring.at) is None:
+            pull = spring.mass / spring.elements * float(gravity @ spring.direction[:3])
+            load = load + sum(0.5 * pull * (low + high) for low, high in spring_parts(structure, name, spring))
     return load

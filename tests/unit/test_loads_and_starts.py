@@ -116,6 +116,26 @@ def test_sag_under_its_own_weight(beam, start, mass, share):
     assert_still(run(case))
 
 
+HANGING = """
+format = 1
+nodes = { body = [0.0, 0.0, 0.0] }
+masses.body = { at = "body", mass = "0.2 kg" }
+springs.coil = { at = "body", direction = [0, 0.6, 0.8], stiffness = "2 kN/m", mass = "0.06 kg", elements = 3 }
+run = { speed = "60 rpm", revolutions = 1e-3, start = "equilibrium", gravity = [0, "-6 m/s^2", "-8 m/s^2"] }
+output = { probes = ["body"] }
+"""
+
+
+def test_a_spring_bears_its_own_weight(tmp_path):
+    """What hangs on a spring stretches it by (m + m_s/2) g/k: half its weight is borne at its other end."""
+    path = tmp_path / "hanging.toml"
+    path.write_text(HANGING, encoding="utf-8")
+    response = run(read_case(path))
+    sunk = response["body"].displacement[0, :3] @ [0.0, 0.6, 0.8]
+    assert sunk == pytest.approx(-(0.2 + 0.03) * 10.0 / 2e3, rel=1e-12)
+    assert_still(response)
+
+
 BEARINGS = """
 [bearings]
 front = { at = "root", stiffness = "2 MN/m" }

@@ -203,7 +203,7 @@ class RunRecord(Record):
         union_mode="left_to_right",
     )
     gravity: Gravity = Field(
-        (0.0, 0.0, 0.0), description="acceleration, global axes; masses at a rocker's point are left out"
+        (0.0, 0.0, 0.0), description="acceleration, global axes; masses and springs at a rocker's point are left out"
     )
     integrator: IntegratorRecord = Field(default_factory=NewmarkRecord)
     damping: DampingRecord = Field(default_factory=lambda: DampingRecord.model_validate({}))
