@@ -49,6 +49,13 @@ class Touch:
         Its derivative by the cam angle, m/rad^2.
     pressure_rate
         Derivative by the cam angle of the angle from the normal to the motion, 1.
+    reach
+        Path along the normal per lift, 1: the cosine of the pressure angle; on a swinging flat face the contact's
+        distance from the pivot along the face, by the arm.
+    reach_rate
+        Its derivative by the cam angle, 1.
+    turning
+        Angle by which the normal turns per cam angle, counterclockwise, 1.
     """
 
     point: ComplexArray
@@ -59,6 +66,9 @@ class Touch:
     sliding: FloatArray
     sliding_rate: FloatArray
     pressure_rate: FloatArray
+    reach: FloatArray
+    reach_rate: FloatArray
+    turning: FloatArray
 
 
 class Follower(Protocol):
@@ -76,6 +86,11 @@ class Follower(Protocol):
     @property
     def roller_radius(self) -> float:
         """m; infinite for a flat face."""
+        ...
+
+    @property
+    def lift_direction(self) -> complex:
+        """Unit direction in which the lift begins, fixed frame."""
         ...
 
     def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
@@ -117,13 +132,19 @@ class FlatFollower:
         """Infinite: a flat face."""
         return math.inf
 
+    @property
+    def lift_direction(self) -> complex:
+        """Upwards."""
+        return 1j
+
     def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
         """Touch at the distance s' from the axis: there the cam's surface moves with the follower."""
         height = self.base_radius + lift
         point = _complex(turn * velocity + 1j * height)
         up = _complex(np.full(point.shape, 1j))
         still = np.zeros(point.shape)
-        return Touch(point, up, height + acceleration, up, point, -turn * height, -turn * velocity, still)
+        rates = -turn * height, -turn * velocity, still, 1.0 + still, still, still
+        return Touch(point, up, height + acceleration, up, point, *rates)
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the height of the face above the base circle."""
@@ -158,7 +179,11 @@ def _roller(
     sliding = (np.conj(-1j * normal) * (1j * turn * point - first)).real
     # The speed, which the normal follows, turns by what its own direction does in the frame of the cam and by that.
     tilted = swing - turn - curved.imag / fast**2
-    return Touch(point, normal, pitch - radius, motion, trace, sliding, -turn * curved.real / fast, tilted)
+    lean = motion * np.conj(normal)
+    return Touch(
+        point, normal, pitch - radius, motion, trace, sliding, -turn * curved.real / fast, tilted,
+        lean.real, -lean.imag * tilted, swing - tilted,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -194,6 +219,11 @@ class RollerFollower:
             raise refuse("follower.offset", given, allowed, "the roller would miss the cam")
 
     @property
+    def lift_direction(self) -> complex:
+        """Upwards."""
+        return 1j
+
+    @property
     def _start(self) -> float:
         """Height of the roller's centre on the base circle."""
         return math.sqrt((self.base_radius + self.roller_radius) ** 2 - self.offset**2)
@@ -213,6 +243,11 @@ class RollerFollower:
     def with_base(self, base_radius: float) -> RollerFollower:
         """Return the same follower on another base circle."""
         return RollerFollower(base_radius, self.roller_radius, self.offset)
+
+
+def _square_to(angle: float, side: Turn) -> complex:
+    """Return the direction of the rise of an arm at an angle (rad) to the line of centres."""
+    return complex(1j * side * np.exp(-1j * side * angle))
 
 
 @dataclass(frozen=True)
@@ -274,6 +309,11 @@ class SwingRollerFollower:
         """Angle of the arm to the line of centres on the base circle, rad."""
         pitch = self.base_radius + self.roller_radius
         return math.acos((self.arm**2 + self.distance**2 - pitch**2) / (2.0 * self.arm * self.distance))
+
+    @property
+    def lift_direction(self) -> complex:
+        """Square to the arm on the base circle."""
+        return _square_to(self.start_angle, self.side)
 
     def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
         """Touch where the normal of the centre's path meets the roller."""
@@ -351,6 +391,11 @@ class SwingFlatFollower:
         """Angle of the face to the line of centres on the base circle, rad."""
         return math.asin((self.base_radius - self.face) / self.distance)
 
+    @property
+    def lift_direction(self) -> complex:
+        """Square to the face on the base circle."""
+        return _square_to(self.start_angle, self.side)
+
     def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
         """Touch at the distance q along the face where cam and face move alike along the normal.
 
@@ -375,8 +420,9 @@ class SwingFlatFollower:
         tilted = self.side * e * q_rate / (q**2 + e**2)
         # The tangent is the normal turned by -90 deg: along the face in the mirror image, against it otherwise.
         return Touch(
-            fixed[0], fixed[1], -way * path / slip, fixed[2], fixed[0], -self.side * sliding, -self.side * slid, tilted
-        )
+            fixed[0], fixed[1], -way * path / slip, fixed[2], fixed[0], -self.side * sliding, -self.side * slid, tilted,
+            q / self.arm, q_rate / self.arm, -self.side * rate,
+        )  # fmt: skip
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the lift at which the face would touch a point."""

@@ -85,6 +85,16 @@ class CamProfile:
         return self.touch.pressure_rate
 
     @property
+    def push(self) -> ComplexArray:
+        """Lift per motion of the cam along the lift as it begins (real part) and to its left, shape (n,)."""
+        return self.touch.normal * np.conj(self.follower.lift_direction) / self.touch.reach
+
+    @property
+    def push_rate(self) -> ComplexArray:
+        """Derivative of `push` by the cam angle, shape (n,)."""
+        return self.push * (1j * self.touch.turning - self.touch.reach_rate / self.touch.reach)
+
+    @property
     def offset(self) -> FloatArray:
         """Distance of the contact from the normal's parallel through the cam's centre, m; s' under a flat follower."""
         return -(self.touch.point * np.conj(1j * self.touch.normal)).real

@@ -3,8 +3,9 @@
 The depth is counted along the lift: the lift, plus what the cam moves towards the follower, less what the follower
 moves away. A flat follower is touched s' beside its axis: the cam's twist lifts it, the force twists the cam by F s',
 and the follower's tilt lets it sink. Under a roller the force is inclined by the pressure angle, so that the cam feels
-it sideways as well; a roller may tilt. Friction acts along the face, against the velocity at which the cam's surface
-slides.
+it sideways as well; a roller may tilt. The normal of a swinging follower turns with its arm, and a swinging flat face
+is touched at another distance from its pivot than that of its lift. Friction acts along the face, against the velocity
+at which the cam's surface slides.
 """
 
 from __future__ import annotations
@@ -15,7 +16,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from flexcam.cam import CamProfile, profile_at, undercut
+from flexcam.cam import (
+    CamProfile,
+    FlatFollower,
+    SwingFlatFollower,
+    SwingRollerFollower,
+    profile_at,
+    undercut,
+)
 from flexcam.cam.profile import Motion
 from flexcam.checks import InputError, refuse
 from flexcam.linalg import FloatArray
@@ -98,9 +106,12 @@ def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> A
     tilt = structure.row(contact.follower, axis) if tilts else np.zeros_like(twist)
     rows = [structure.row(cam.at, lift) - follower, twist - tilt]
     functions: list[AngleFunction] = [constant(1.0), derivative(cam.event)]
-    if rolls:
+    if isinstance(cam.follower, SwingRollerFollower | SwingFlatFollower):  # the normal turns with the arm
+        rows = [rows[1], -follower, structure.row(cam.at, lift), _sideways(structure, contact, cam)]
+        functions = [functions[1], functions[0], _along(cam), _beside(cam)]
+    elif rolls:
         rows.append(_sideways(structure, contact, cam))
-        functions.append(_tangent(cam))
+        functions.append(_beside(cam))
     return AngleVector(np.array(rows), tuple(functions))
 
 
@@ -178,12 +189,15 @@ def _touched(cam: Cam, at: Evaluated) -> CamProfile:
 
 
 @lru_cache(maxsize=8)
-def _tangent(cam: Cam) -> AngleFunction:
-    """Return the tangent of the pressure angle."""
-    return _OfProfile(
-        cam, lambda made: np.tan(made.pressure_angle),
-        lambda made: made.pressure_rate * (1.0 + np.tan(made.pressure_angle) ** 2),
-    )  # fmt: skip
+def _along(cam: Cam) -> AngleFunction:
+    """Return the lift per motion of the cam along the lift as it begins."""
+    return _OfProfile(cam, lambda made: made.push.real, lambda made: made.push_rate.real)
+
+
+@lru_cache(maxsize=8)
+def _beside(cam: Cam) -> AngleFunction:
+    """Return the lift per motion of the cam to the right: the tangent of the pressure angle where nothing swings."""
+    return _OfProfile(cam, lambda made: -made.push.imag, lambda made: -made.push_rate.imag)
 
 
 @lru_cache(maxsize=8)
@@ -247,10 +261,7 @@ def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> 
     if contact.stiffness is not None:
         return HuntCrossley(contact.stiffness, contact.dissipation)
     law = hertz_line(structure, name, contact, cam)
-    if cam.follower is None or not np.isfinite(cam.follower.roller_radius):
-        return law
-    cosines = np.cos(_around(cam).pressure_angle)
-    return Inclined(law, _table(cosines))
+    return law if isinstance(cam.follower, FlatFollower) else Inclined(law, _table(_around(cam).touch.reach))
 
 
 def _table(values: FloatArray) -> AngleFunction:
@@ -334,7 +345,7 @@ def _per_time(path: AngleFunction) -> Observable:
 
 def _pressure(line: HertzLine, cam: Cam) -> Observable:
     def pressed(seen: Observed) -> FloatArray:
-        inclined = np.cos(_touched(cam, seen.cam).pressure_angle)
-        return line.pressure(seen.forces[:, 0] / inclined, seen.cam(line.radius, 0))
+        reach = _touched(cam, seen.cam).touch.reach
+        return line.pressure(seen.forces[:, 0] / reach, seen.cam(line.radius, 0))
 
     return pressed

@@ -321,7 +321,7 @@ class Inclined(Stateless):
     """A law of the depth along the normal, asked for by the depth along the lift.
 
     The normal is inclined by the pressure angle: the depth along it is the cosine's share, and so is the force along
-    the lift of that along the normal.
+    the lift of that along the normal. On a swinging flat face it is the contact's distance from the pivot by the arm.
 
     Parameters
     ----------

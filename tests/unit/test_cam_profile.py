@@ -181,13 +181,29 @@ def test_another_base_circle_changes_nothing_else(follower):
     assert other.with_base(follower.base_radius) == follower
 
 
-def test_slopes_of_pressure_angle_and_sliding(follower, turn, smooth_event):
+def test_slopes_of_pressure_angle_sliding_and_push(follower, turn, smooth_event):
     """Against differences over a millirad, whose own error is a ten-thousandth of the largest slope."""
     angle = np.linspace(0.3, 6.0, 50)
     made, before, after = (profile_at(smooth_event, follower, angle + side, turn) for side in (0.0, -5e-4, 5e-4))
     for measure, slope in (
         (lambda one: one.pressure_angle, made.pressure_rate),
         (lambda one: one.touch.sliding, made.touch.sliding_rate),
+        (lambda one: one.touch.reach, made.touch.reach_rate),
+        (lambda one: one.push.real, made.push_rate.real),
+        (lambda one: one.push.imag, made.push_rate.imag),
     ):
         found = (measure(after) - measure(before)) / 1e-3
         np.testing.assert_allclose(slope, found, rtol=0.0, atol=1e-4 * np.abs(found).max() + 1e-12)
+
+
+def test_what_a_shifted_cam_adds_to_the_lift(follower, turn, smooth_event):
+    """A cam beside its place: the lift at which the follower touches the shifted points, by central differences."""
+    begin, shift = follower.lift_direction, 1e-6
+    for angle in np.linspace(0.3, 6.0, 9):
+        near = profile_at(smooth_event, follower, angle + np.linspace(-5e-3, 5e-3, 2001), turn)
+        points = as_complex(near.points) * np.exp(1j * turn * angle)
+        push = complex(profile_at(smooth_event, follower, np.array([angle]), turn).push[0])
+        for part, way in ((push.real, begin), (push.imag, 1j * begin)):
+            high, low = (float(follower.lift_at(points + side * shift * way).max()) for side in (1.0, -1.0))
+            # Points 5e-6 rad apart miss the highest by some 1e-13 m, of a shift of 1e-6 m.
+            assert (high - low) / (2.0 * shift) == pytest.approx(part, abs=2e-6)
