@@ -6,10 +6,11 @@ run; the page of the format is made from the records.
 """
 
 from flexcam.case.build import build_model
+from flexcam.case.case import Case
 from flexcam.case.follower import given_follower
 from flexcam.case.motions import GivenLaw, GivenLift, given_law, law_file
 from flexcam.case.plausible import unusual
-from flexcam.case.read import Case, CaseFile, read_cams, read_case, recalled_case
+from flexcam.case.read import CaseFile, read_cams, read_case, recalled_case
 from flexcam.case.records import CamsRecord, CaseRecord
 from flexcam.case.starters import new_case, templates
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from flexcam import fem, train
-from flexcam.case.read import Case
+from flexcam.case.case import Case
 from flexcam.case.records import CaseRecord
 from flexcam.case.tables import cams, contacts, members, parts
 from flexcam.checks import Fault, InputError, did_you_mean, refuse

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, cast
 
-from flexcam.case.read import Case
+from flexcam.case.case import Case
 from flexcam.case.toml import toml
 from flexcam.units import RPM
 

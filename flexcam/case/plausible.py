@@ -11,8 +11,8 @@ from typing import Any, cast
 
 import numpy as np
 
+from flexcam.case.case import Case
 from flexcam.case.odd import odd
-from flexcam.case.read import Case
 from flexcam.case.report import filled, si_unit
 from flexcam.case.usual import STRAIGHT, TWISTED, USUAL, Usual
 from flexcam.fem import Mesh

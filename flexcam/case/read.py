@@ -11,156 +11,17 @@ from typing import Any, TypeVar, cast
 
 from pydantic import ValidationError
 
-from flexcam.case.lines import Path as KeyPath
+from flexcam.case.case import Case
 from flexcam.case.lines import Places, in_order
+from flexcam.case.raw import overridden, parsed, tables_of
 from flexcam.case.records import CamsRecord, CaseRecord
 from flexcam.case.references import References
 from flexcam.case.report import faults
 from flexcam.case.tables.base import Record
-from flexcam.case.tables.run import NewmarkRecord
 from flexcam.case.tables.sweep import SweepOnly, SweepRecord
-from flexcam.case.toml import toml
-from flexcam.checks import Fault, InputError, did_you_mean, refuse, said
+from flexcam.checks import Fault, InputError, refuse
 from flexcam.fem import Mesh
-from flexcam.io import Result, named_file, read_mesh, text_of
-from flexcam.units import shaft_speed
-
-
-@dataclass(frozen=True, eq=False)
-class Case:
-    """A checked case.
-
-    Parameters
-    ----------
-    path
-        The file it was read from.
-    text
-        Its text, as it stood there.
-    overrides
-        The ``key=value`` pairs laid over it.
-    record
-        The checked values, SI.
-    mesh
-        The mesh of the file it names; None for a case with its own nodes.
-    places
-        Where every key was given.
-
-    Examples
-    --------
-    ``read_case("cases/tayeb/model-3-shm.toml").record.cams["intake"].lift`` is 0.006.
-    """
-
-    path: Path
-    text: str
-    overrides: tuple[str, ...]
-    record: CaseRecord
-    mesh: Mesh | None
-    places: Places
-
-    def __repr__(self) -> str:
-        """Return what it is called and where it lies."""
-        return f"<Case {self.title!r}, {self.path}>"
-
-    @property
-    def name(self) -> str:
-        """The file's name without its ending; results are named after it."""
-        return self.path.stem
-
-    @property
-    def title(self) -> str:
-        """What it is called: its title, or the name of its file where it has none."""
-        return self.record.title or self.name
-
-    @property
-    def speed(self) -> float:
-        """Camshaft speed, rad/s."""
-        run = self.record.run
-        return run.speed if run.speed is not None else 0.5 * (run.crank_speed or 0.0)
-
-    @property
-    def turns(self) -> float:
-        """Turns of the shaft whose speed the case gives per turn of the camshaft: 2 for the crankshaft."""
-        return 2.0 if self.record.run.speed is None else 1.0
-
-    @property
-    def told_speed(self) -> str:
-        """Its speed in words, with the shaft."""
-        return shaft_speed(self.speed, self.turns)
-
-    def at_speed(self, speed: float, revolutions: float | None = None) -> Case:
-        """Return the same case at another speed.
-
-        Parameters
-        ----------
-        speed
-            Of the camshaft, rad/s.
-        revolutions
-            Of the camshaft; those of the case where none are given.
-
-        Returns
-        -------
-        Case
-            Its text and overrides are those it was read from; it counts the same shaft.
-        """
-        crank = self.turns == 2.0
-        changed: dict[str, object] = {
-            "speed": None if crank else speed,
-            "crank_speed": 2.0 * speed if crank else None,
-        }
-        if revolutions is not None:
-            changed["revolutions"] = revolutions
-        return self.with_run(changed)
-
-    def with_average_acceleration(self) -> Case:
-        """Return the same case, integrated by Newmark's average acceleration: stable at any step."""
-        return self.with_run({"integrator": NewmarkRecord()})
-
-    def with_run(self, changed: Mapping[str, object]) -> Case:
-        """Return the same case with other keys of its run.
-
-        Parameters
-        ----------
-        changed
-            Key to checked value.
-
-        Returns
-        -------
-        Case
-            Its text and overrides are those it was read from.
-        """
-        run = self.record.run.model_copy(update=dict(changed))
-        return replace(self, record=self.record.model_copy(update={"run": run}))
-
-    def with_fidelity(self, changed: Mapping[str, object]) -> Case:
-        """Return the same case with other keys of its fidelity.
-
-        Parameters
-        ----------
-        changed
-            Key to checked value.
-
-        Returns
-        -------
-        Case
-            Its text and overrides are those it was read from.
-        """
-        fidelity = self.record.fidelity.model_copy(update=dict(changed))
-        return replace(self, record=self.record.model_copy(update={"fidelity": fidelity}))
-
-    def place(self, path: KeyPath) -> str:
-        """Return a key path with the line or override it was given by.
-
-        Parameters
-        ----------
-        path
-            Keys and indices from the top of the file.
-
-        Returns
-        -------
-        str
-            Such as ``run.speed (line 62)``.
-        """
-        return self.places.place(path)
+from flexcam.io import Result, named_file, read_mesh
 
 
 def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
@@ -220,7 +81,7 @@ def recalled_case(result: Result) -> Case:
     if missing := [name for name in _KEPT if name not in about]:
         raise refuse("result", f"nothing about {missing[0]!r}", "a result that keeps its case", "flexcam run keeps it")
     source, text = Path(about["case_file"]), about["case"]
-    case = CaseFile(source, text, _tables(source, text)).read(json.loads(about["overrides"]), mesh=result.mesh)
+    case = CaseFile(source, text, tables_of(source, text)).read(json.loads(about["overrides"]), mesh=result.mesh)
     members = {name: one.model_copy(update={"elements": 1}) for name, one in case.record.members.items()}
     return replace(case, record=case.record.model_copy(update={"members": members}), mesh=result.mesh)
 
@@ -260,7 +121,7 @@ class CaseFile:
             If it is no readable TOML document.
         """
         source = Path(path)
-        return cls(source, *_parsed(source))
+        return cls(source, *parsed(source))
 
     def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
         """Return the checked case with values laid over the file's.
@@ -283,7 +144,7 @@ class CaseFile:
             As `read_case`.
         """
         raw = deepcopy(dict(self.raw))
-        places, found = _overridden(raw, self.text, overrides)
+        places, found = overridden(raw, self.text, overrides)
         own, mesh_faults = self._mesh(raw, places) if mesh is None or "mesh" not in raw else (mesh, [])
         record, record_faults = _record(CaseRecord, raw, places, self.path)
         found += [*record_faults, *mesh_faults, *References(raw, own, places).faults(), *_either_or(raw, places)]
@@ -320,73 +181,6 @@ class CaseFile:
         return self.meshes.setdefault(name, mesh), []
 
 
-def _parsed(source: Path) -> tuple[str, dict[str, Any]]:
-    """Return the text of a file and its tables."""
-    text = _text(source)
-    return text, _tables(source, text)
-
-
-def _tables(source: Path, text: str) -> dict[str, Any]:
-    try:
-        tables = toml(text)
-    except ValueError as fault:
-        remedy = "strings need quotes, tables need [brackets]"
-        raise refuse(str(source), str(fault), "a TOML document", "", remedy) from None
-    return tables
-
-
-def _overridden(raw: dict[str, Any], text: str, overrides: Sequence[str]) -> tuple[Places, list[Fault]]:
-    """Lay overrides over the tables; return where every key was given, and what is wrong with them."""
-    places, found = Places.of_text(text), list[Fault]()
-    for override in overrides:
-        found += _lay_over(raw, override)
-        places = places.overridden(_key(override), override)
-    return places, found
-
-
-def _text(path: Path) -> str:
-    try:
-        return text_of(path)
-    except FileNotFoundError:
-        near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
-        raise refuse("case file", str(path), "an existing file", "", near) from None
-    except (OSError, UnicodeDecodeError) as fault:
-        raise refuse("case file", str(path), "a readable UTF-8 text file", said(fault)) from None
-
-
-def _key(override: str) -> KeyPath:
-    return tuple(step.strip() for step in override.partition("=")[0].split("."))
-
-
-def _lay_over(raw: dict[str, Any], override: str) -> list[Fault]:
-    """Put one ``a.b.c=value`` into the tables; return what is wrong with it."""
-    path, (_, equals, value) = _key(override), override.partition("=")
-    where = f"--set {override}"
-    if not equals or not all(path):
-        return [Fault(where, repr(override), "key=value, such as run.speed=4000rpm", "", "")]
-    table: dict[str, Any] = raw
-    for depth, step in enumerate(path[:-1]):
-        new = depth == 1 and path[0] != "run" and not did_you_mean(step, table)
-        known = list(CaseRecord.model_fields) if depth == 0 else [*table, *_OPTIONAL_TABLES]
-        inner = table.setdefault(step, {}) if step in known or new else None
-        if not isinstance(inner, dict):
-            return [Fault(where, repr(step), f"a table: {', '.join(table)}", "", did_you_mean(step, table))]
-        table = cast("dict[str, Any]", inner)
-    table[path[-1]] = _toml_value(value.strip())
-    return []
-
-
-_OPTIONAL_TABLES = {"damping", "integrator"}
-"""Tables inside tables that a file may leave out."""
-
-
-def _toml_value(text: str) -> object:
-    try:
-        return toml(f"value = {text}")["value"]
-    except ValueError:
-        return text
-
-
 AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 
@@ -418,7 +212,7 @@ def holds_mechanism(path: Path) -> bool:
     InputError
         If it is no readable TOML document.
     """
-    return not {"members", "masses", "run"}.isdisjoint(_parsed(path)[1])
+    return not {"members", "masses", "run"}.isdisjoint(parsed(path)[1])
 
 
 def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
@@ -442,8 +236,8 @@ def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
         With all faults of the file at once.
     """
     source = Path(path)
-    text, raw = _parsed(source)
-    places, found = _overridden(raw, text, overrides)
+    text, raw = parsed(source)
+    places, found = overridden(raw, text, overrides)
     record, record_faults = _record(CamsRecord, raw, places, source)
     found += [*record_faults, *References(raw, None, places).faults()]
     if found or record is None:

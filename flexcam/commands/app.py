@@ -15,7 +15,7 @@ from cyclopts import App, Parameter
 from flexcam import __version__
 from flexcam.case import Case, read_case
 from flexcam.checks import refuse
-from flexcam.units import parse
+from flexcam.units import RPM, parse
 
 
 @dataclass
@@ -97,14 +97,17 @@ def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
     return case
 
 
-def speed_range(lowest: str | None, highest: str | None, count: int, speed: float, scale: float) -> tuple[float, float]:
-    """Return the speeds of the camshaft between which a command looks; half and one and a half of the case's."""
+def speed_range(
+    lowest: str | None, highest: str | None, count: int, speed: float, scale: float, most: float = 1.5
+) -> tuple[float, float]:
+    """Return the speeds of the camshaft between which a command looks; from half to `most` times the case's."""
     if count < 2:
         raise refuse("--count", count, "a whole number from 2")
     low = 0.5 * speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
-    high = 1.5 * speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
+    high = most * speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
     if not high > low:
-        raise refuse("--highest", highest, "above the lowest speed")
+        given = highest or f"{scale * high / RPM:g} rpm, {most:g} times that of the case"
+        raise refuse("--highest", given, f"above the lowest speed, {scale * low / RPM:g} rpm")
     if not low > 0.0:
         raise refuse("--lowest", lowest, "a speed above zero")
     return low, high

@@ -56,6 +56,9 @@ def cam(
         if name in (None, one)
     }
     _profile_asked(found, folder, cutter)
+    if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
+        remedy = f"name a folder; --plot-format {plot.suffix[1:]} says the kind"
+        raise refuse("--plot", str(plot), "a folder", "a cam has several pictures", remedy)
     files: list[Path] = []
     for one in found:  # before anything is written
         for path in _picture_names(plot / f"{cams.name}-{one}", plot_format).values() if plot is not None else ():

@@ -61,8 +61,7 @@ def limits(
     """
     read = load_beams(case, overrides)
     scale = read.turns
-    low = 0.5 * read.speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
-    high = 2.0 * read.speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
+    low, high = speed_range(lowest, highest, 2, read.speed, scale, most=2.0)
     width = quantity("--tolerance", tolerance, "speed", "rpm") / scale
     height = quantity("--bounce-height", bounce_height, "length", "mm")
     if any(one is not None for one in (over, beside, which, workers, csv, plot)):

@@ -104,6 +104,8 @@ def orders(
 
     Speeds are those of the crankshaft where the case gives crank_speed, else those of the camshaft.
     """
+    if highest_order < 1:
+        raise refuse("--orders", highest_order, "a whole number from 1")
     read = load(case, overrides)
     scale = read.turns
     low, high = speed_range(lowest, highest, count, read.speed, scale)

@@ -31,6 +31,8 @@ COMMANDS = {
     "folder is a file": ["run", "case.toml", "-o", "bad.toml"],
     "folder of an export is a file": ["export", "case.toml", "--format", "msh", "-o", "bad.toml"],
     "result exists": ["run", "case.toml", "-o", "out"],
+    "a picture for the folder of a cam's": ["cam", "case.toml", "--plot", "cam.png"],
+    "no orders": ["orders", "case.toml", "--orders", "0"],
 }
 
 
@@ -51,6 +53,25 @@ def test_refused_in_json(name, flexcam, files):
     assert done.json["errors"]
     assert all(set(error) == FIVE and error["given"] and error["allowed"] for error in done.json["errors"])
     assert sorted(files.rglob("*")) == before, "a refused command leaves nothing behind"
+
+
+def test_a_result_where_a_case_is_wanted(flexcam, files):
+    """Its bytes are no text, which is not what helps."""
+    (files / "out/case.vtkhdf").write_bytes(b"\x89HDF")
+    (fault,) = flexcam("run", "out/case.vtkhdf", "--json").json["errors"]
+    assert fault["why"] == "it is a result"
+    assert "flexcam info, plot, report" in fault["remedy"]
+
+
+def test_speeds_are_refused_in_those_of_the_shaft_they_were_given_for(flexcam, files):
+    """A crank speed is not answered by one of the camshaft, which is half of it."""
+    flexcam("new", "pushrod-engine", "-o", "engine.toml")
+    engine = ("limits", "engine.toml", "--set", "run.crank_speed=4000rpm")
+    (fault,) = flexcam(*engine, "--lowest", "9000rpm", "--highest", "2000rpm", "--json").json["errors"]
+    assert (fault["where"], fault["given"]) == ("--highest", "2000rpm")
+    assert fault["allowed"] == "above the lowest speed, 9000 rpm"
+    (fault,) = flexcam(*engine, "--lowest", "9000rpm", "--json").json["errors"]
+    assert fault["given"] == "8000 rpm, 2 times that of the case"
 
 
 @pytest.mark.parametrize("name", ["bad case", "unknown option", "result exists", "folder of an export is a file"])

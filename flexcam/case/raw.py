@@ -1,0 +1,138 @@
+"""The tables of a TOML file as they stand, unchecked, and what is laid over them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+from flexcam.case.lines import Path as KeyPath
+from flexcam.case.lines import Places
+from flexcam.case.records import CaseRecord
+from flexcam.case.toml import toml
+from flexcam.checks import Fault, did_you_mean, refuse, said
+from flexcam.io import text_of
+
+
+def parsed(source: Path) -> tuple[str, dict[str, Any]]:
+    """Return the text of a file and its tables.
+
+    Parameters
+    ----------
+    source
+        The file.
+
+    Returns
+    -------
+    tuple
+        Text, and tables as they stand there.
+
+    Raises
+    ------
+    InputError
+        If it is no readable TOML document.
+    """
+    text = _text(source)
+    return text, tables_of(source, text)
+
+
+def tables_of(source: Path, text: str) -> dict[str, Any]:
+    """Return the tables of a text.
+
+    Parameters
+    ----------
+    source
+        The file it stands for, for the message.
+    text
+        TOML.
+
+    Returns
+    -------
+    dict
+        As they stand there.
+
+    Raises
+    ------
+    InputError
+        If it is no TOML document.
+    """
+    try:
+        return toml(text)
+    except ValueError as fault:
+        remedy = "strings need quotes, tables need [brackets]"
+        raise refuse(str(source), str(fault), "a TOML document", "", remedy) from None
+
+
+def overridden(raw: dict[str, Any], text: str, overrides: Sequence[str]) -> tuple[Places, list[Fault]]:
+    """Lay overrides over tables.
+
+    Parameters
+    ----------
+    raw
+        The tables, which are changed.
+    text
+        Of their file.
+    overrides
+        Such as ``"run.speed=4000rpm"``.
+
+    Returns
+    -------
+    tuple
+        Where every key was given, and what is wrong with the overrides.
+    """
+    places, found = Places.of_text(text), list[Fault]()
+    for override in overrides:
+        found += _lay_over(raw, override)
+        places = places.overridden(_key(override), override)
+    return places, found
+
+
+def _text(path: Path) -> str:
+    try:
+        return text_of(path)
+    except FileNotFoundError:
+        near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
+        raise refuse("case file", str(path), "an existing file", "", near) from None
+    except (OSError, UnicodeDecodeError) as fault:
+        why, remedy = _unreadable(path, fault)
+        raise refuse("case file", str(path), "a readable UTF-8 text file", why, remedy) from None
+
+
+def _unreadable(path: Path, fault: OSError | UnicodeDecodeError) -> tuple[str, str]:
+    """Return why a file is no case, and a remedy: results are often given where a case is wanted."""
+    if path.suffix == ".vtkhdf":
+        return "it is a result", "give the case; flexcam info, plot, report, view and export take results"
+    return said(fault), ""
+
+
+def _key(override: str) -> KeyPath:
+    return tuple(step.strip() for step in override.partition("=")[0].split("."))
+
+
+def _lay_over(raw: dict[str, Any], override: str) -> list[Fault]:
+    """Put one ``a.b.c=value`` into the tables; return what is wrong with it."""
+    path, (_, equals, value) = _key(override), override.partition("=")
+    where = f"--set {override}"
+    if not equals or not all(path):
+        return [Fault(where, repr(override), "key=value, such as run.speed=4000rpm", "", "")]
+    table: dict[str, Any] = raw
+    for depth, step in enumerate(path[:-1]):
+        new = depth == 1 and path[0] != "run" and not did_you_mean(step, table)
+        known = list(CaseRecord.model_fields) if depth == 0 else [*table, *_OPTIONAL_TABLES]
+        inner = table.setdefault(step, {}) if step in known or new else None
+        if not isinstance(inner, dict):
+            return [Fault(where, repr(step), f"a table: {', '.join(table)}", "", did_you_mean(step, table))]
+        table = cast("dict[str, Any]", inner)
+    table[path[-1]] = _toml_value(value.strip())
+    return []
+
+
+_OPTIONAL_TABLES = {"damping", "integrator"}
+"""Tables inside tables that a file may leave out."""
+
+
+def _toml_value(text: str) -> object:
+    try:
+        return toml(f"value = {text}")["value"]
+    except ValueError:
+        return text
