@@ -7,6 +7,7 @@ from dataclasses import asdict
 
 from rich.table import Table
 
+from flexcam.console.words import clear
 from flexcam.motion import Criteria, Extreme
 from flexcam.terminal import facts, table
 
@@ -59,14 +60,16 @@ def law_facts(name: str, found: Criteria) -> Table:
         for low, high in [getattr(found, curve)]
     ]
     steps = ", ".join(_CURVES[order - 1][0] for order in found.jumps)
-    ends = [", ".join(f"{value:.6g}" for value in end) for end in found.ends]
+    peaks = [1.0, *(max(abs(one.value) for one in getattr(found, curve)) for curve, _ in _CURVES[:3])]
+    ends = [", ".join(f"{clear(v, peak):.6g}" for v, peak in zip(end, peaks, strict=True)) for end in found.ends]
+    largest = max(found.harmonics, default=0.0)
     rows += [
         ("steps inside", steps or "none"),
         ("s, s', s'', s''' at z = 0", ends[0]),
         ("s, s', s'', s''' at z = 1", ends[1]),
         ("symmetric", "yes" if found.symmetric else "no"),
         ("rms of s', s'', s'''", ", ".join(f"{value:.6g}" for value in found.rms)),
-        ("harmonics of s''", ", ".join(f"{value:.3g}" for value in found.harmonics)),
+        ("harmonics of s''", ", ".join(f"{clear(value, largest):.3g}" for value in found.harmonics)),
         *(("not met between dwells", said) for said in found.broken),
     ]
     return facts(f"Motion law {name}", rows)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 _NOTHING = 1e-12
-"""A length (m) or an angle (rad) below this is the rounding of a zero."""
+"""A length (m), an angle (rad), or a part of the largest number of a kind below this is the rounding of a zero."""
 
 NOISE = 1e-9
 """Part of the largest lift below which the least one is not worth a word."""
@@ -33,6 +33,29 @@ def mm(value: float, digits: int = 6) -> str:
     ('12.5', '0')
     """
     return f"{0.0 if abs(value) < _NOTHING else 1e3 * value:.{digits}g}"
+
+
+def clear(value: float, scale: float) -> float:
+    """Return a number, or zero where it is the rounding of one.
+
+    Parameters
+    ----------
+    value
+        Any.
+    scale
+        Largest of its kind.
+
+    Returns
+    -------
+    float
+        The same, or zero.
+
+    Examples
+    --------
+    >>> clear(-7.7e-16, 6.28), clear(1e-6, 6.28)
+    (0.0, 1e-06)
+    """
+    return 0.0 if abs(value) < _NOTHING * scale else value
 
 
 def fixed(value: float, decimals: int) -> str:

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from flexcam.io.geometry import RECOVERED
 from flexcam.io.pvd import CAM_ANGLE
 from flexcam.io.target import free_to_write
+from flexcam.io.vtkhdf import VECTORS
+
+_UNITS = {name: unit for name, (*_, unit) in VECTORS.items()} | {name: unit for name, (unit, _) in RECOVERED.items()}
 
 _MACRO = '''\
 """{name} in ParaView (5.11 or newer), written by flexcam.
@@ -24,6 +28,7 @@ from paraview.simple import *
 
 SCALE = 1.0  # of the displacements; the bending of a shaft is seen from some hundred on
 COLOUR = {colour!r}  # any point array
+UNITS = {units!r}
 COLLECTION = {collection!r}
 WRITTEN_IN = {folder!r}  # where to look if the macro was moved away from its collection
 DEGREES = {degrees}  # cam angle of every instant
@@ -70,6 +75,7 @@ view.UseColorPaletteForBackground = 0
 view.Background = [1.0, 1.0, 1.0]
 view.OrientationAxesVisibility = 1
 bar = GetScalarBar(GetColorTransferFunction(COLOUR), view)
+bar.Title = ", ".join([COLOUR, *filter(None, [UNITS.get(COLOUR)])])
 bar.TitleColor = bar.LabelColor = [0.0, 0.0, 0.0]
 view.CameraPosition, view.CameraFocalPoint, view.CameraViewUp = [1.0, 0.5, 1.6], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0]
 view.ResetCamera()
@@ -110,7 +116,7 @@ def write_macro(collection: Path, fields: Sequence[str], degrees: Sequence[float
     text = _MACRO.format(
         name=collection.stem, script=path.name, colour=colour, collection=collection.name,
         folder=str(collection.parent.resolve()), angle=CAM_ANGLE,
-        degrees=[round(one, 6) for one in degrees],
+        degrees=[round(one, 6) for one in degrees], units=_UNITS,
     )  # fmt: skip
     path.write_text(text, encoding="utf-8")
     return path

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from flexcam.cam import CamProfile, SwingFlatFollower, SwingRollerFollower, Turn
 from flexcam.linalg import ComplexArray, FloatArray
 from flexcam.motion import Event, Law, joints, residual_spectrum
-from flexcam.view.axes import COLOURS, legend, looks, stacked
+from flexcam.view.axes import COLOURS, legend, looks, stacked, titled
 
 _POINTS = 1441
 _RATIOS = np.linspace(0.05, 6.0, 600)
@@ -40,7 +40,7 @@ def law_figure(laws: Mapping[str, Law]) -> Figure:
         for order, one in enumerate(axes):
             one.plot(*_broken(z, law.breaks, law(z, order)), label=name, color=color, linestyle=dashes)
     legend(figure, axes[0], len(laws))
-    return figure
+    return titled(figure, _only(laws))
 
 
 def lift_figure(events: Mapping[str, Event]) -> Figure:
@@ -95,7 +95,12 @@ def spectrum_figure(laws: Mapping[str, Law]) -> Figure:
     axes.set_xlim(0.0, float(_RATIOS[-1]))
     axes.grid(alpha=0.3)
     legend(figure, axes, len(laws))
-    return figure
+    return titled(figure, _only(laws))
+
+
+def _only(laws: Mapping[str, Law]) -> str:
+    """Return the name of a single law; several stand in the legend."""
+    return next(iter(laws)) if len(laws) == 1 else ""
 
 
 def profile_figure(profile: CamProfile, *, angle: float = 0.0) -> Figure:
