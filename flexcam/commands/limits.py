@@ -56,8 +56,8 @@ def limits(
 ) -> None:  # fmt: skip
     """Find the speeds at which a train loses contact, bounces, closes its coils and buckles, and which comes first.
 
-    With --over and --and they are mapped over two numbers of the case. Speeds are those of the shaft the case gives its
-    own of: the crankshaft (crank_speed) or the camshaft (speed).
+    With --over and --and they are mapped over two numbers of the case. Speeds are those of the crankshaft where the
+    case gives crank_speed, else those of the camshaft.
     """
     read = load_beams(case, overrides)
     scale = read.turns

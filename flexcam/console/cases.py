@@ -13,7 +13,7 @@ from flexcam.budget import Budget, size
 from flexcam.case import Case
 from flexcam.case.report import filled
 from flexcam.console.mishaps import left_words
-from flexcam.console.words import fixed
+from flexcam.console.words import clear, decimals, fixed
 from flexcam.fidelity import Claim, Comparison
 from flexcam.integrate import reached
 from flexcam.io import toml_text
@@ -203,10 +203,11 @@ def mode_table(modes: ModelModes) -> Table:
     Table
         For rich.
     """
+    places = decimals(float(np.abs(modes.effective[:, :3]).max(initial=0.0)), 4)
     made = table("Modes", ("no.", "Hz", "camshaft rpm", "ux kg", "uy kg", "uz kg"), ())
     made.add_column("what moves (share of the kinetic energy)", justify="left")
     for i, frequency in enumerate(modes.modes.frequencies):
-        masses = [f"{m:.4f}" for m in modes.effective[i, :3]]
+        masses = [fixed(m, places) for m in modes.effective[i, :3]]
         made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * frequency:.0f}", *masses, modes.words(i))
     return made
 
@@ -231,7 +232,7 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
     for one in comparison.deviations:
         unit, scale = units[one.quantity]
         figures = [f"{scale * v:.4g}" for v in (one.rigid_peak, one.flexible_peak, one.peak, one.rms)]
-        rows.append((f"{one.quantity}, {unit}", *figures, fixed(one.of_rigid, 3), f"{one.angle_deg:.1f}"))
+        rows.append((f"{one.quantity}, {unit}", *figures, _part(one.of_rigid), f"{one.angle_deg:.1f}"))
     one, other = comparison.names
     head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"of {other} peak", "at cam deg")
     speed = shaft_speed(comparison.speed_rpm * RPM, turns)
@@ -259,6 +260,15 @@ def comparison_json(comparison: Comparison) -> dict[str, object]:
     }  # fmt: skip
 
 
+def _part(value: float) -> str:
+    """Return a part of something, where a thousandth is little, but not nothing."""
+    return fixed(value, 3) if value >= _LITTLE else f"{clear(value, 1.0):.2g}"
+
+
+_LITTLE = 5e-4
+"""Part from which three decimals say something."""
+
+
 def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]:
     """Return the comparison in words.
 
@@ -275,8 +285,8 @@ def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]
         Sentences.
     """
     deviation = (
-        f"The {comparison.probe} deviates by up to {fixed(comparison.peak_deviation, 3)} of its lift "
-        f"(rms {fixed(comparison.rms_deviation, 3)}); its peak acceleration is "
+        f"The {comparison.probe} deviates by up to {_part(comparison.peak_deviation)} of its lift "
+        f"(rms {_part(comparison.rms_deviation)}); its peak acceleration is "
         f"{fixed(comparison.peak_acceleration_ratio, 2)} "
         f"times the {comparison.names[1]} one."
     )

@@ -12,9 +12,10 @@ from rich.table import Table
 
 from flexcam.case import Case
 from flexcam.console.doubts import balances
-from flexcam.console.words import fixed
+from flexcam.console.words import decimals, fixed
 from flexcam.fem import ROTATIONS
 from flexcam.io import Result, Verified
+from flexcam.linalg import FloatArray
 from flexcam.memory import Extremes
 from flexcam.response import Response, Stats
 from flexcam.terminal import facts, table
@@ -37,13 +38,15 @@ def run_table(case: Case, extremes: Extremes) -> Table:
     Table
         For rich.
     """
-    rows: list[tuple[str, ...]] = []
-    for name, components in extremes.outline.probes:
-        for component, *bounds in zip(components, *extremes.probe(name), strict=True):
-            full = name if len(components) == 1 else f"{name}.{component}"
-            unit = "mrad" if component in ROTATIONS else "mm"
-            if round(1e3 * float(np.abs(bounds).max()), 4) > 0.0:
-                rows.append((full, *(f"{fixed(1e3 * float(x), 4)} {unit}" for x in bounds)))
+    moved = [
+        (name if len(components) == 1 else f"{name}.{component}", component in ROTATIONS, 1e3 * np.array(bounds))
+        for name, components in extremes.outline.probes
+        for component, *bounds in zip(components, *extremes.probe(name), strict=True)
+    ]
+    largest = max((float(np.abs(bounds).max()) for _, turns, bounds in moved if not turns), default=0.0)
+    least = min(_STILL, _PART * largest)
+    rows = [(name, *_bounds(bounds, "mrad" if turns else "mm")) for name, turns, bounds in moved
+            if float(np.abs(bounds).max()) > least]  # fmt: skip
     title = f"{case.title}, {case.told_speed}"
     return table(title, ("probe", "least", "largest"), rows or [("no probe moves", "", "")])
 
@@ -175,6 +178,18 @@ def _warned(result: Result) -> list[tuple[str, str]]:
 def _seconds(stats: Stats) -> str:
     return f", {stats.seconds:.3g} s" if stats.told else ""
 
+
+def _bounds(bounds: FloatArray, unit: str) -> list[str]:
+    largest = float(np.abs(bounds).max())
+    places = 4 if largest >= _TOLD else decimals(largest, 4)
+    return [f"{fixed(float(one), places)} {unit}" for one in bounds]
+
+
+_STILL, _PART = 5e-5, 1e-5
+"""A probe stands still that moves less, mm or mrad, and in a small train less than this part of the largest motion."""
+
+_TOLD = 1e-3
+"""Motion, mm or mrad, of which four decimals say enough."""
 
 _ELSEWHERE = ("case", "resolved", "overrides", "warnings")
 """Texts of a result that its table tells in other rows, or not at all."""

@@ -81,6 +81,29 @@ def fixed(value: float, decimals: int) -> str:
     return f"{round(value, decimals) + 0.0:.{decimals}f}" if abs(value) < _HUGE else f"{value:.4g}"
 
 
+def decimals(largest: float, usual: int) -> int:
+    """Return how many decimals show four digits of the largest of some numbers.
+
+    Parameters
+    ----------
+    largest
+        By size.
+    usual
+        As many at least; also for what is nothing but rounding.
+
+    Returns
+    -------
+    int
+        For `fixed`.
+
+    Examples
+    --------
+    >>> decimals(21.485, 4), decimals(5.9e-6, 4), decimals(1e-19, 4)
+    (4, 9, 4)
+    """
+    return usual if largest < _NOTHING else max(usual, 3 - math.floor(math.log10(largest)))
+
+
 _HUGE = 1e7
 """Size from which decimals say nothing."""
 

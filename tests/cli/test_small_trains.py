@@ -1,0 +1,34 @@
+"""A train of a watch: millimetres and milligrams, whose figures are none of them zero."""
+
+from __future__ import annotations
+
+import re
+
+WATCH = """
+format = 1
+nodes = { a = [0, 0, 0], cam = [0, 0, 8e-4], b = [0, 0, 1.6e-3], f = [9e-4, 0, 8e-4], g = [3.9e-3, 0, 8e-4] }
+materials.steel = { E = "200 GPa", nu = 0.3, density = 7800 }
+sections.arbor = { shape = "circle", diameter = "0.4 mm" }
+sections.rod = { shape = "circle", diameter = "0.15 mm" }
+members.arbor = { nodes = ["a", "cam", "b"], material = "steel", section = "arbor" }
+members.rod = { nodes = ["f", "g"], material = "steel", section = "rod" }
+supports = { a = ["ux", "uy", "uz", "rz"], b = ["ux", "uy"], f = ["uy", "uz", "rx", "ry", "rz"], g = ["uy", "uz"] }
+masses.pointer = { at = "g", mass = "2 mg" }
+springs.return = { at = "g", direction = "ux", stiffness = "0.2 N/mm", installed_force = "0.01 N" }
+cams.c = { at = "cam", law = "cycloidal", lift = "0.15 mm", rise = "60 deg", return = "60 deg" }
+contacts.c = { cam = "c", follower = "f", model = "bilateral", stiffness = "1 MN/m" }
+run = { speed = "600 rpm", revolutions = 0.5, steps_per_revolution = 720, start = "equilibrium" }
+output.probes = ["g", "cam"]
+"""
+
+
+def test_its_figures_are_told(flexcam, tmp_path):
+    (tmp_path / "watch.toml").write_text(WATCH, encoding="utf-8")
+    run = flexcam("run", "watch.toml").out
+    assert re.search(r"g\.ux +-?0\.0000 mm +0\.1[45]\d+ mm", run)
+    least, largest = map(float, re.search(r"cam\.ux +(-[\d.]+) mm +(-[\d.]+) mm", run).groups())
+    assert -5e-5 < least < largest < -1e-7
+    masses = re.search(r"^1 +[\d.]+ +\d+ +([\d.]+)", flexcam("modes", "watch.toml", "--count", "2").out, re.MULTILINE)
+    assert 2e-6 < float(masses[1]) < 3e-6, "of pointer and rod"
+    told = flexcam("compare", "watch.toml").out
+    assert 0.0 < float(re.search(r"deviates by up to (\S+) of its lift", told)[1]) < 5e-4
