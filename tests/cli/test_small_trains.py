@@ -14,9 +14,9 @@ members.arbor = { nodes = ["a", "cam", "b"], material = "steel", section = "arbo
 members.rod = { nodes = ["f", "g"], material = "steel", section = "rod" }
 supports = { a = ["ux", "uy", "uz", "rz"], b = ["ux", "uy"], f = ["uy", "uz", "rx", "ry", "rz"], g = ["uy", "uz"] }
 masses.pointer = { at = "g", mass = "2 mg" }
-springs.return = { at = "g", direction = "ux", stiffness = "0.2 N/mm", installed_force = "0.01 N" }
+springs.return = { at = "g", direction = "ux", stiffness = "0.05 N/mm", installed_force = "0.01 N" }
 cams.c = { at = "cam", law = "cycloidal", lift = "0.15 mm", rise = "60 deg", return = "60 deg" }
-contacts.c = { cam = "c", follower = "f", model = "bilateral", stiffness = "1 MN/m" }
+contacts.c = { cam = "c", follower = "f", model = "bilateral", stiffness = "10 MN/m" }
 run = { speed = "600 rpm", revolutions = 0.5, steps_per_revolution = 720, start = "equilibrium" }
 output.probes = ["g", "cam"]
 """
