@@ -56,9 +56,7 @@ def cam(
         if name in (None, one)
     }
     _profile_asked(found, folder, cutter)
-    if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
-        remedy = f"name a folder; --plot-format {plot.suffix[1:]} says the kind"
-        raise refuse("--plot", str(plot), "a folder", "a cam has several pictures", remedy)
+    _folder_of_pictures(plot)
     files: list[Path] = []
     for one in found:  # before anything is written
         for path in _picture_names(plot / f"{cams.name}-{one}", plot_format).values() if plot is not None else ():
@@ -97,6 +95,13 @@ def _profile_asked(found: Mapping[str, CamFacts], folder: Path | None, cutter: s
         if given is not None and not any(one.profile for one in found.values()):
             why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"
             raise refuse(option, str(given), "nothing without a profile", why, remedy)
+
+
+def _folder_of_pictures(plot: Path | None) -> None:
+    """Refuse the name of a picture where that of a folder is asked for."""
+    if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
+        remedy = f"name a folder; --plot-format {plot.suffix[1:]} says the kind"
+        raise refuse("--plot", str(plot), "a folder", "a cam has several pictures", remedy)
 
 
 def _pressure_limit(text: str) -> float:

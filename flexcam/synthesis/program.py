@@ -68,24 +68,20 @@ class Program:
     def met(self, law: Law, slack: float) -> bool:
         """Tell whether a law keeps to the bounds and does not turn back, but for a slack."""
         within = all(_criterion(law, name) <= limit * (1.0 + slack) for name, limit in self.limits.items())
-        return within and self._slowest(law) >= -slack - _INSIDE
+        return within and (not self.monotone or _slowest(law) >= -slack - _INSIDE)
 
     def missed(self, law: Law, slack: float) -> list[str]:
         """Return which bounds and conditions a law does not meet, but for a slack, in words."""
         values = {name: _criterion(law, name) for name in self.limits}
         said = [f"{name} is {values[name]:.9g}, its bound {limit:.9g}"
                 for name, limit in self.limits.items() if values[name] > limit * (1.0 + slack)]  # fmt: skip
-        if self._slowest(law) < -slack - _INSIDE:
-            said.append(f"the velocity falls to {self._slowest(law):.3g}, and must not be negative")
+        if self.monotone and (slowest := _slowest(law)) < -slack - _INSIDE:
+            said.append(f"the velocity falls to {slowest:.3g}, and must not be negative")
         for z, order, value in self.conditions:
             off = abs(float(law(np.array([z]), order)[0]) - value)
             if off > slack * max(1.0, abs(value)):
                 said.append(f"the condition {z:g},{order},{value:g} is missed by {off:.3g}")
         return said
-
-    def _slowest(self, law: Law) -> float:
-        """Return the least velocity of a law that must not turn back, else zero."""
-        return float(law(stationary_points(law, 1), 1).min()) if self.monotone else 0.0
 
     def tangent(self, x: FloatArray) -> Cut:
         """Return the tangent plane of the rms at given coefficients."""
@@ -248,6 +244,11 @@ def _solutions(E: FloatArray, e: FloatArray, size: int) -> tuple[FloatArray, Flo
     _, values, vectors = np.linalg.svd(E)
     rank = int(np.count_nonzero(values > 1e-12 * values.max(initial=0.0)))
     return base, np.asarray(vectors[rank:].T, dtype=float)
+
+
+def _slowest(law: Law) -> float:
+    """Return the least velocity of a law."""
+    return float(law(stationary_points(law, 1), 1).min())
 
 
 def _criterion(law: Law, name: str) -> float:

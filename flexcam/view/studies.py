@@ -72,12 +72,14 @@ def scatter_figure(values: Mapping[str, FloatArray], units: Mapping[str, str], m
     for axis, (name, of) in zip(axes, values.items(), strict=True):
         axis.hist(of, bins="auto" if np.ptp(of) > 0.0 else 3, color=COLOURS[5], edgecolor="black", linewidth=0.6)
         for part in np.quantile(of, [0.05, 0.95]).tolist() if len(of) else ():
-            axis.axvline(part, color="black", linestyle="--", linewidth=1.0)
+            axis.axvline(part, color="black", linestyle="--", linewidth=1.0, label="5 % and 95 % of the sets")
         if name in middle:
-            axis.axvline(middle[name], color=COLOURS[1], linewidth=1.8)
+            axis.axvline(middle[name], color=COLOURS[1], linewidth=1.8, label="the case as it stands")
         unit = units.get(name, "")
         axis.set_xlabel(name if unit in ("", "1") else f"{name}, {unit}")
         axis.set_ylabel("sets of parts")
+    named = {label: line for axis in axes for line, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(named.values()), list(named), loc="outside upper center", fontsize="small", ncols=2)
     return figure
 
 
