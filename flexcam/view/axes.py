@@ -26,6 +26,9 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 
 _DASHES = ("-", "--", "-.", ":")
 _FORMATS = (".svg", ".png", ".pdf")
+_ABOVE = 14.0
+"""Points between axes and title: the numbers of a Campbell diagram's orders stand there."""
+
 _PAPER, _INKS = 160, 64
 """Dots per inch of a picture for paper, and its colours: curves need few."""
 
@@ -74,7 +77,7 @@ def titled(figure: Figure, title: str) -> Figure:
         The same.
     """
     if title:
-        figure.axes[0].set_title(title, fontsize="medium")
+        figure.axes[0].set_title(title, fontsize="medium", pad=_ABOVE)
     return figure
 
 
