@@ -107,6 +107,8 @@ def _dispatch(words: Sequence[str]) -> int:
         code = _failed(failure.status, as_json)
     except KeyboardInterrupt:
         code = _failed(_INTERRUPTED, as_json)
+    except SystemExit:  # rich leaves so where the reader of a help went away
+        code = DONE
     except OSError as fault:
         if fault.filename is None:  # of standard output, full or without a reader
             raise
