@@ -112,11 +112,11 @@ class Kills:
 
 
 def script(text, *words):
-    done = subprocess.run([sys.executable, "-c", text, *map(str, words)], capture_output=True, text=True, timeout=300)
+    done = subprocess.run([sys.executable, "-c", text, *map(str, words)], capture_output=True, text=True, timeout=1200)
     assert done.returncode == 0, done.stderr
 
 
-@pytest.fixture(scope="module", params=[12, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=[12, pytest.param(200, marks=pytest.mark.slow)])
 def kills(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("kills")
     script(RUNS, CASE, folder, request.param, request.param)
