@@ -44,6 +44,7 @@ ROOT = Path(__file__).parents[1]
 
 def pytest_configure(config):
     config.stash[ROWS] = {page: [] for page in ORDER}
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else every process that is started compiles all of flexcam anew
     os.environ.setdefault("FLEXCAM_FILES", str(ROOT))  # cases in temporary folders name the meshes of the repository
     if "FLEXCAM_CACHE" not in os.environ:  # workers and commands find it set, and compile nothing twice
         os.environ["FLEXCAM_CACHE"] = tempfile.mkdtemp(prefix="flexcam-machine-code-")

@@ -22,13 +22,13 @@ WORKERS = os.cpu_count() or 1
 FAULTS = tomllib.loads((ROOT / "tests/planted/faults.toml").read_text(encoding="utf-8"))["fault"]
 
 
-def copy_tree(target: Path) -> None:
+def copy_tree(source: Path, target: Path) -> None:
+    """Copy a tree with what Python has compiled of it; what is changed in the copy is compiled anew."""
     for name in COPIED:
-        source = ROOT / name
-        if source.is_dir():
-            shutil.copytree(source, target / name, ignore=shutil.ignore_patterns("__pycache__"))
+        if (source / name).is_dir():
+            shutil.copytree(source / name, target / name)
         else:
-            shutil.copy(source, target / name)
+            shutil.copy(source / name, target / name)
 
 
 def failures(tree: Path, tests: list[str], kept: Path, workers: int = 0) -> str:
@@ -39,7 +39,7 @@ def failures(tree: Path, tests: list[str], kept: Path, workers: int = 0) -> str:
     """
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-n", str(workers), *tests]
     environment = {
-        **os.environ, "PYTHONPATH": str(tree), "FLEXCAM_CACHE": str(kept),
+        **os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "", "FLEXCAM_CACHE": str(kept),
         "FLEXCAM_VERIFICATION_JSON": str(tree / "verification.json"),
     }  # fmt: skip
     done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, check=False)
@@ -59,21 +59,19 @@ def plant(fault: dict[str, str], tree: Path) -> None:
     path.write_text(text.replace(fault["old"], fault["new"]), encoding="utf-8")
 
 
-def control(kept: Path) -> None:
+def control(sound: Path, kept: Path) -> None:
     """Every selection of tests must be green before a fault is planted, or its failing would prove nothing."""
-    with tempfile.TemporaryDirectory() as folder:
-        copy_tree(Path(folder))
-        everything = sorted({test for fault in FAULTS for test in fault["tests"]})
-        if said := failures(Path(folder), everything, kept, WORKERS):
-            message = f"{said}\nthe suite fails without any fault planted"
-            raise SystemExit(message)
+    everything = sorted({test for fault in FAULTS for test in fault["tests"]})
+    if said := failures(sound, everything, kept, WORKERS):
+        message = f"{said}\nthe suite fails without any fault planted"
+        raise SystemExit(message)
 
 
-def caught(fault: dict[str, str], kept: Path) -> bool:
+def caught(fault: dict[str, str], sound: Path, kept: Path) -> bool:
     """Tell whether the tests of a fault fail on a tree that has it."""
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder)
-        copy_tree(tree)
+        copy_tree(sound, tree)
         plant(fault, tree)
         return bool(failures(tree, fault["tests"], kept))
 
@@ -81,9 +79,12 @@ def caught(fault: dict[str, str], kept: Path) -> bool:
 def main() -> int:
     survived = []
     # Each thread waits for a process of its own.
-    with tempfile.TemporaryDirectory() as kept, ThreadPoolExecutor(WORKERS) as threads:
-        control(Path(kept))
-        for fault, seen in zip(FAULTS, threads.map(partial(caught, kept=Path(kept)), FAULTS), strict=True):
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(WORKERS) as threads:
+        sound, kept = Path(folder) / "sound", Path(folder) / "machine-code"
+        sound.mkdir()
+        copy_tree(ROOT, sound)
+        control(sound, kept)
+        for fault, seen in zip(FAULTS, threads.map(partial(caught, sound=sound, kept=kept), FAULTS), strict=True):
             sys.stdout.write(f"{'caught' if seen else 'SURVIVED'}: {fault['name']}\n")
             sys.stdout.flush()
             survived += [] if seen else [fault["name"]]
