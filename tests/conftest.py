@@ -46,6 +46,8 @@ def pytest_configure(config):
     config.stash[ROWS] = {page: [] for page in ORDER}
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else every process that is started compiles all of flexcam anew
     os.environ.setdefault("FLEXCAM_FILES", str(ROOT))  # cases in temporary folders name the meshes of the repository
+    if os.environ.get("FLEXCAM_PLANTED"):
+        _without_shrinking()
     if "FLEXCAM_CACHE" not in os.environ:  # workers and commands find it set, and compile nothing twice
         os.environ["FLEXCAM_CACHE"] = tempfile.mkdtemp(prefix="flexcam-machine-code-")
         config.add_cleanup(lambda: shutil.rmtree(os.environ.pop("FLEXCAM_CACHE"), ignore_errors=True))
@@ -55,6 +57,14 @@ def pytest_configure(config):
 def pytest_testnodedown(node, error):
     for page, rows in json.loads(getattr(node, "workeroutput", {}).get("rows", "{}")).items():
         node.config.stash[ROWS][page].extend(rows)
+
+
+def _without_shrinking():
+    """Let hypothesis stop at the first example that fails: under a planted fault it does not matter which."""
+    from hypothesis import Phase, settings
+
+    settings.register_profile("planted", phases=(Phase.explicit, Phase.generate))
+    settings.load_profile("planted")
 
 
 def pytest_collection_finish():

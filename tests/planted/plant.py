@@ -40,6 +40,7 @@ def failures(tree: Path, tests: list[str], kept: Path, workers: int = 0) -> str:
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-n", str(workers), *tests]
     environment = {
         **os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "", "FLEXCAM_CACHE": str(kept),
+        "FLEXCAM_PLANTED": "1",
         "FLEXCAM_VERIFICATION_JSON": str(tree / "verification.json"),
     }  # fmt: skip
     done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, check=False)
