@@ -19,6 +19,9 @@ from flexcam.linalg import FloatArray
 _GROUP = 16
 """Strides whose loads are summed up together."""
 
+_AT_ONCE = 1024
+"""Steps in memory together where no stride fits."""
+
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
@@ -123,7 +126,7 @@ class Course:
                 stretch = self._strides(self.stride, count, last, histories[at - first :], at - first)
                 at += count * self.length
             else:
-                at = min(at + rest, last)
+                at = min(at + rest, at + _AT_ONCE, last)
                 stretch = self._single(at, histories[self.at - first :], self.at - first)
             yield stretch
 

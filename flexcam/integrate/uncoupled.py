@@ -193,7 +193,8 @@ def uncoupled(problem: Problem, motions: Natural) -> Problem:
     Problem
         Mass and stiffness are diagonal; the damping is where it hardly couples.
     """
-    inside = within(problem, motions)
+    none = Triplets.zeros(problem.system.size)  # mass and stiffness are known already
+    inside = within(replace(problem, system=replace(problem.system, mass=none, stiffness=none)), motions)
     mass, stiffness = (Triplets.from_dense(np.diag(one)) for one in (motions.mass, motions.stiffness))
     damping = _cleaned(inside.system.damping)
     return replace(inside, system=replace(inside.system, mass=mass, stiffness=stiffness, damping=damping))
