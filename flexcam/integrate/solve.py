@@ -145,7 +145,7 @@ def solve(
     try:
         forces = LocalForces(inside.system)
         engine = engine_of(way, scheme, forces, keep, clock.stopped, _pilot)
-        run = _Run(inside, engine, forces, keep, handed_on=bool(sinks))
+        run = _Run(inside, engine, forces, keep)
         if resume is not None:
             for block in resume.blocks():
                 _hand_out(block, takers)
@@ -202,14 +202,11 @@ def _singular(fault: SingularMatrixError, system: System) -> Status:
 class _Run:
     """One run: the blocks of an engine, with everything that is observed."""
 
-    def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt, *, handed_on: bool) -> None:
+    def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt) -> None:
         self._problem, self._engine, self._system, self._save = problem, engine, problem.system, save
         self._forces = forces
         width = 1 if isinstance(engine, Glancing) else max(problem.system.size, 1)
         self._at_once = max(AT_ONCE // width, LEAST_AT_ONCE)
-        # Nobody waits for a block that stays in memory: where the system is small, several are made at once.
-        alone = not handed_on and save.fields_per_block is None
-        self._block_size = save.block * max(self._at_once // save.block, 1) if alone else save.block
         self._account = EnergyAccount(problem.system, forces)
         self._imbalance = Imbalance(problem.system, forces, problem.step)
         self.status = Status()
@@ -230,7 +227,7 @@ class _Run:
         A block is cut before the first instant that is not finite or did not settle, and is then the last one;
         `status` says why.
         """
-        size, end = self._block_size, self._problem.steps + 1
+        size, end = self._save.block, self._problem.steps + 1
         for first in range(done, end, size):
             parts = list(self._parts(first, min(first + size, end)))
             if parts:
