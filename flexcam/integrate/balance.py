@@ -197,7 +197,7 @@ class _Potential:
     def energy(self, u: FloatArray) -> float:
         """Return the potential energy; laws that store none count with nothing."""
         state = self.forces.start_state[None]
-        stored = float(self.forces.stores.stored(self._gap(u)[None], state, self.angle).energy[0])
+        stored = float(self.forces.stores.energy(self._gap(u)[None], state, self.angle)[0])
         return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
 
     def shortened(

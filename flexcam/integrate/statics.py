@@ -132,7 +132,7 @@ def rest(system: System, drive: Drive, time: float = 0.0) -> State:
     RunFailedError
         If the preloads drive a motion that nothing resists.
     """
-    return _balanced(system, drive, time, lambda load: load.installed)
+    return _balanced(LocalForces(system), system, drive, time, lambda load: load.installed)
 
 
 def equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
@@ -157,7 +157,7 @@ def equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
     RunFailedError
         If the loads drive a motion that nothing resists, or the local forces do not settle.
     """
-    return _balanced(system, drive, time, _all)
+    return _balanced(LocalForces(system), system, drive, time, _all)
 
 
 def carried_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
@@ -185,10 +185,11 @@ def carried_equilibrium(system: System, drive: Drive, time: float = 0.0) -> Stat
     RunFailedError
         As `equilibrium`.
     """
-    still = equilibrium(system, drive, time)
+    forces = LocalForces(system)
+    still = _balanced(forces, system, drive, time, _all)
     step = _CARRIED / float(drive.at(np.array([time])).speed[0])
     near = still.displacement
-    before, after = (_balanced(system, drive, time + side, _all, near).displacement for side in (-step, step))
+    before, after = (_balanced(forces, system, drive, time + side, _all, near).displacement for side in (-step, step))
     return replace(still, velocity=(after - before) / (2.0 * step))
 
 
@@ -201,13 +202,13 @@ def _all(load: Load) -> bool:
 
 
 def _balanced(
-    system: System, drive: Drive, time: float, acts: Callable[[Load], bool], near: FloatArray | None = None
-) -> State:
+    forces: LocalForces, system: System, drive: Drive, time: float, acts: Callable[[Load], bool],
+    near: FloatArray | None = None,
+) -> State:  # fmt: skip
     """Return the balance at an instant under some of the loads, sought from a displacement nearby."""
     motion = drive.at(np.array([time]))
     counted = np.array([acts(load) for load in system.loads], dtype=float)
     load = (counted * system.load_histories(motion)[0]) @ system.load_vectors()
-    forces = LocalForces(system)
     if not forces.count:
         d = static_displacement(system.stiffness, load, system.names, system.free)
     else:

@@ -7,10 +7,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from flexcam.linalg import FloatArray, IntArray
-from flexcam.system import Changing, Formula, Formulated, LocalLaw, Stored, Storing
+from flexcam.system import Changing, Formula, Formulated, LocalLaw, Smooth, Stored, Storing
 
 Placed = tuple[Storing, slice, slice]
 """A law, and its places among the sensed scalars and the internal states."""
+
+
+_Energy = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+"""Of what a law senses, its internal states and cam angles."""
 
 
 class Stores:
@@ -29,6 +33,7 @@ class Stores:
 
     def __init__(self, laws: Sequence[Placed]) -> None:
         self._laws = laws
+        self._energies = [(_energy(law), part, inner) for law, part, inner in laws]
         self._changing = [(_changing(law), part, inner) for law, part, inner in laws if not _steady(law, part)]
         lossy = [i for law, part, _ in laws if not _lossless(law, part) for i in range(part.start, part.stop)]
         self.lossy: IntArray = np.array(lossy, dtype=np.intp)
@@ -56,12 +61,13 @@ class Stores:
             by_gap[:, part], by_state[:, inner] = one.by_gap, one.by_state
         return Stored(energy, by_gap, by_state)
 
+    def energy(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
+        """Return the energy alone, J, shape (m,); asked as `stored`."""
+        return _sum(self._energies, gap, state, angle)
+
     def changing(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
         """Return the part of the energy that depends on the cam angle, J, shape (m,); asked as `stored`."""
-        energy = np.zeros(len(angle))
-        for law, part, inner in self._changing:
-            energy += law(gap[:, part], state[:, inner], angle)
-        return energy
+        return _sum(self._changing, gap, state, angle)
 
     def among(self, scalars: IntArray) -> Stores:
         """Return the laws all of whose scalars are among some, ascending; over these alone."""
@@ -73,11 +79,25 @@ class Stores:
         return Stores(laws)
 
 
-def _changing(law: Storing) -> Callable[[FloatArray, FloatArray, FloatArray], FloatArray]:
-    """Return the part of a law's energy that depends on the cam angle: all, where the law does not know better."""
-    if isinstance(law, Changing):
-        return law.changing
+def _sum(
+    energies: Sequence[tuple[_Energy, slice, slice]], gap: FloatArray, state: FloatArray, angle: FloatArray
+) -> FloatArray:
+    energy = np.zeros(len(angle))
+    for law, part, inner in energies:
+        energy += law(gap[:, part], state[:, inner], angle)
+    return energy
+
+
+def _energy(law: Storing) -> _Energy:
+    """Return a law's energy alone."""
+    if isinstance(law, Smooth):
+        return lambda gap, state, angle: law.energy(gap)
     return lambda gap, state, angle: law.stored(gap, state, angle).energy
+
+
+def _changing(law: Storing) -> _Energy:
+    """Return the part of a law's energy that depends on the cam angle: all, where the law does not know better."""
+    return law.changing if isinstance(law, Changing) else _energy(law)
 
 
 def _formulas(law: Storing | LocalLaw, part: slice) -> tuple[Formula, ...] | None:

@@ -146,12 +146,12 @@ class Arch:
 
 def _before(values: FloatArray) -> FloatArray:
     """Return scalars with the instants last, shape (..., e, k) to (e, k, m): what belongs together lies together."""
-    return np.ascontiguousarray(np.moveaxis(values.reshape(-1, *values.shape[-2:]), 0, -1))
+    return np.ascontiguousarray(values.reshape(-1, *values.shape[-2:]).transpose(1, 2, 0))
 
 
 def _behind(found: FloatArray, values: FloatArray) -> FloatArray:
     """Return what has the instants last with the instants of scalars first, shape (e, ..., m) to (..., e, ...)."""
-    return np.moveaxis(found, -1, 0).reshape(*values.shape[:-2], *found.shape[:-1])
+    return found.transpose(-1, *range(found.ndim - 1)).reshape(*values.shape[:-2], *found.shape[:-1])
 
 
 def beyond_linear(beams: Beams, local: FloatArray) -> FloatArray:
