@@ -60,11 +60,12 @@ class Imbalance:
         if self._forces.count:
             acted = (seen.forces[rows] @ schedule.acts) * schedule.acted.at(rows).whole
             parts.append(-acted @ self._forces.act.vectors)
-        sizes = [self._size(one) for one in parts]
-        self._largest = np.maximum(self._largest, [self._size(np.sum(parts, axis=0)), max(sizes)])
+        each = np.array(parts)
+        self._largest = np.maximum(self._largest, [self._size(each.sum(axis=0)), self._size(each)])
 
     def _size(self, rows: FloatArray) -> float:
-        return float(np.sqrt(((rows * self._weights) ** 2).sum(axis=1).max()))
+        weighed = rows * self._weights
+        return float(np.sqrt(np.einsum("...i,...i->...", weighed, weighed).max()))
 
     def state(self) -> Arrays:
         """Return what the rest of the run goes on from."""

@@ -13,7 +13,7 @@ from flexcam.checks import refuse
 from flexcam.fem import COMPONENTS
 from flexcam.fem.damping import modal_damping, rayleigh_damping
 from flexcam.linalg import DENSE_LIMIT, IntArray, Triplets, by_group, groups
-from flexcam.system import Channel, Observable, Probe, Selection, System
+from flexcam.system import Channel, Observable, Observed, Probe, Selection, System
 from flexcam.train.adjuster import couple_adjuster
 from flexcam.train.assembled import build_structure
 from flexcam.train.bowing import bowings
@@ -129,12 +129,26 @@ def _numbered(couplings: Iterable[Coupling]) -> Iterable[Channel]:
         sizes = [(len(f.sense), len(f.law.start_state)) for f in coupling.forces]
         ends = loads + len(coupling.loads), scalars + sum(c for c, _ in sizes), states + sum(s for _, s in sizes)
         own = slice(loads, ends[0]), slice(scalars, ends[1]), slice(states, ends[2])
-        yield from (replace(channel, value=_within(channel.value, *own)) for channel in coupling.channels)
+        part = _Part(*own)
+        yield from (replace(channel, value=_within(channel.value, part)) for channel in coupling.channels)
         loads, scalars, states = ends
 
 
-def _within(value: Observable, loads: slice, scalars: slice, states: slice) -> Observable:
-    return lambda seen: value(seen.part(loads, scalars, states))
+class _Part:
+    """Shows what concerns one coupling, once to all of its channels."""
+
+    def __init__(self, loads: slice, scalars: slice, states: slice) -> None:
+        self._own = loads, scalars, states
+        self._last: tuple[Observed, Observed] | None = None
+
+    def __call__(self, seen: Observed) -> Observed:
+        if self._last is None or self._last[0] is not seen:
+            self._last = seen, seen.part(*self._own)
+        return self._last[1]
+
+
+def _within(value: Observable, part: _Part) -> Observable:
+    return lambda seen: value(part(seen))
 
 
 def probe_of(structure: Structure, point: str) -> Probe:

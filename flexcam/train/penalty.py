@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import overload
 
 import numpy as np
@@ -25,6 +25,9 @@ from flexcam.system import (
 from flexcam.system.pointwise import dissipating, hunt_crossley, line_load, sliding, stop
 
 _MOST_ITERATIONS, _SETTLED, _LEAST = 60, 1e-7, 1e-300  # as in `pointwise`
+_REVOLUTION = np.linspace(0.0, 2.0 * math.pi, 721)
+"""Cam angles at which the sharpest curvature is sought: where it is missed, a slight part of an energy is."""
+
 _WITH_FRICTION = 2
 """Scalars of a contact with friction: depth and path."""
 
@@ -270,12 +273,19 @@ class HertzLine(Stateless):
 
     def changing(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
         """Return the energy beyond that at one and the same radius: none until the law of either is straight."""
-        depth, radius, fixed = gap[..., 0], self.radius(angle, 0), np.full(len(angle), self.depth)
-        energy, q = np.zeros_like(depth), self._one * self._most(np.minimum(radius, fixed))
-        at = np.flatnonzero(depth > q * (2.0 * np.log(self.depth / q) - self._rest))
+        depth = gap[..., 0]
+        energy, at = np.zeros_like(depth), np.flatnonzero(depth > self._round)
         if len(at):
-            energy[at] = self._stored(depth[at], radius[at])[0] - self._stored(depth[at], fixed[at])[0]
+            radius, fixed = self.radius(angle[at], 0), np.full(len(at), self.depth)
+            energy[at] = self._stored(depth[at], radius)[0] - self._stored(depth[at], fixed)[0]
         return energy
+
+    @cached_property
+    def _round(self) -> float:
+        """Depth up to which the law is nowhere straight, neither at the radius that energies are counted from, m."""
+        least = min(float(self.radius(_REVOLUTION, 0).min()), self.depth)
+        q = self._one * self._most(least)
+        return q * (2.0 * math.log(self.depth / q) - self._rest)
 
     def _stored(self, depth: FloatArray, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return energy, J, and load per length, N/m, at depths above zero and relative radii, shape (m,) each."""
