@@ -272,20 +272,18 @@ class HertzLine(Stateless):
         return Stored(energy, self.width * load[..., None], np.zeros_like(state))
 
     def changing(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
-        """Return the energy beyond that at one and the same radius: none until the law of either is straight."""
+        """Return the energy where the law may be straight: below, the radius tells nothing."""
         depth = gap[..., 0]
         energy, at = np.zeros_like(depth), np.flatnonzero(depth > self._round)
         if len(at):
-            radius, fixed = self.radius(angle[at], 0), np.full(len(at), self.depth)
-            energy[at] = self._stored(depth[at], radius)[0] - self._stored(depth[at], fixed)[0]
+            energy[at] = self._stored(depth[at], self.radius(angle[at], 0))[0]
         return energy
 
     @cached_property
     def _round(self) -> float:
-        """Depth up to which the law is nowhere straight, neither at the radius that energies are counted from, m."""
-        least = min(float(self.radius(_REVOLUTION, 0).min()), self.depth)
-        q = self._one * self._most(least)
-        return q * (2.0 * math.log(self.depth / q) - self._rest)
+        """Depth up to which the law is nowhere straight, m."""
+        q = self._one * self._most(float(self.radius(_REVOLUTION, 0).min()))
+        return max(q * (2.0 * math.log(self.depth / q) - self._rest), 0.0)
 
     def _stored(self, depth: FloatArray, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return energy, J, and load per length, N/m, at depths above zero and relative radii, shape (m,) each."""

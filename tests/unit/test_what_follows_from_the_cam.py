@@ -63,7 +63,7 @@ def line(radius):
     return HertzLine(0.014, 2.1e11, 0.3, lambda angle, order: radius * (1.0 + angle), 0.018, 0.1)
 
 
-@pytest.mark.parametrize("radius", [1e-4, 0.01, 0.1], ids=["straight", "mixed", "round"])
+@pytest.mark.parametrize("radius", [1e-4, 0.001, 0.01])
 @pytest.mark.parametrize("wrapped", [False, True], ids=["alone", "with friction"])
 def test_only_the_changing_part_of_a_line_contact_changes_with_the_cam(radius, wrapped):
     law = Sliding(line(radius), 0.1, 0.01) if wrapped else line(radius)
@@ -72,6 +72,7 @@ def test_only_the_changing_part_of_a_line_contact_changes_with_the_cam(radius, w
     stored = [law.stored(gap, state, angle).energy for angle in angles]
     changing = [law.changing(gap, state, angle) for angle in angles]
     assert np.abs(changing).max() > 0.0
+    assert not np.array_equal(stored[0], stored[1])
     # Differences of energies round by a few eps of them.
     np.testing.assert_allclose(stored[1] - stored[0], changing[1] - changing[0], atol=1e-14 * np.abs(stored).max())
 
