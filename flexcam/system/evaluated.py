@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeVar, cast
 
 import numpy as np
@@ -40,13 +41,14 @@ class Evaluated:
 
     Examples
     --------
+    >>> from flexcam.system import constant
     >>> Evaluated(np.zeros(2))(constant(2.0), 0)
     array([2., 2.])
     """
 
     def __init__(self, angle: FloatArray, known: Evaluated | None = None, at: IntArray | None = None) -> None:
         self.angle = angle
-        self._earlier = None if known is None or at is None else (known, at)
+        self._earlier = None if known is None or at is None else _Earlier.of(angle, known, at)
         self._known: dict[tuple[int, int], tuple[AngleFunction, FloatArray]] = {}  # a function keeps its number
         self._made: dict[object, object] = {}
 
@@ -66,10 +68,24 @@ class Evaluated:
         return cast("T", self._made[key])
 
     def _found(self, function: AngleFunction, order: int) -> FloatArray:
-        if self._earlier is None or (id(function), order) not in self._earlier[0]._known:
+        earlier = self._earlier
+        if earlier is None or (id(function), order) not in earlier.known._known:
             return function.of(self, order) if isinstance(function, Following) else function(self.angle, order)
-        known, at = self._earlier
-        values, fresh = np.empty_like(self.angle), np.ones(len(self.angle), dtype=bool)
-        fresh[at] = False
-        values[at], values[fresh] = known(function, order), function(self.angle[fresh], order)
+        values = np.empty_like(self.angle)
+        values[earlier.at], values[earlier.rest] = earlier.known(function, order), earlier.fresh(function, order)
         return values
+
+
+@dataclass(frozen=True, eq=False)
+class _Earlier:
+    """What is known at some angles, with their places, and what is not, with theirs."""
+
+    known: Evaluated
+    at: IntArray
+    fresh: Evaluated
+    rest: IntArray
+
+    @classmethod
+    def of(cls, angle: FloatArray, known: Evaluated, at: IntArray) -> _Earlier:
+        rest = np.setdiff1d(np.arange(len(angle)), at)
+        return cls(known, at, Evaluated(angle[rest]), rest)

@@ -112,6 +112,11 @@ def _linear_compression(structure: Structure, elements: IntArray) -> Observable:
     numbers, along = structure.dofs.numbers[beams.nodes, :3], beams.triads[:, 0]
     pulled = (beams.EA / beams.length)[:, None, None] * np.where(numbers >= 0, np.stack([-along, along], axis=1), 0.0)
     ends = [(numbers[:, i, j], pulled[:, i, j]) for i, j in np.argwhere(pulled.any(axis=0)).tolist()]
+    if structure.dofs.size <= DENSE_LIMIT:
+        rows = np.zeros((len(beams), structure.dofs.size))
+        for at, force in ends:
+            rows[np.arange(len(beams)), at] += force
+        return lambda seen: -seen.moved.picked(rows).min(axis=1)
 
     def largest(seen: Observed) -> FloatArray:
         moved = seen.displacement
