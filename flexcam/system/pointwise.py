@@ -208,8 +208,8 @@ def turning(path: float, arm: float, driven: float, start: float) -> tuple[float
 
     Examples
     --------
-    >>> turning(0.0, 1.0, 1.0, 0.0)
-    (0.0, -0.0, 1.0, -0.0)
+    >>> turning(0.0, 2.0, 1.0, 0.0)[2]
+    2.0
     """
     turn, share = path / driven, arm / driven
     square, half = turn * turn, math.sin(0.5 * turn)
