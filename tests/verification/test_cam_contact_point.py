@@ -302,3 +302,71 @@ def test_sliding_and_friction_channels(rubbed):
     np.testing.assert_allclose(
         np.abs(channels["contacts.intake.friction"]), FRICTION * channels["contacts.intake.force"], rtol=1e-9
     )
+
+
+FINGER = """
+format = 1
+nodes = {{ cam = [0.0, 0.0, 0.0] }}
+supports = {{ cam = ["ux"] }}
+masses.valve = {{ at = "valve", mass = "0.05 kg" }}
+[rockers.finger]
+model = "lever"
+from = "pad"
+to = "valve"
+direction = "-uz"
+arms = ["24 mm", "36 mm"]
+inertia = "1e-5 kg m^2"
+stiffness = "100 MN/m"
+[springs]
+valve = {{ at = "valve", direction = "-uz", stiffness = "30 kN/m", installed_force = "300 N" }}
+across = {{ at = "cam", direction = "uy", stiffness = "20 MN/m" }}
+upright = {{ at = "cam", direction = "uz", stiffness = "30 MN/m" }}
+twist = {{ at = "cam", direction = "rx", stiffness = "50 kN m/rad" }}
+[cams.intake]
+at = "cam"
+axis = [1, 0, 0]
+law = "4-5-6-7"
+lift = "6 deg"
+rise = 1.4
+return = 1.4
+phase = -0.8
+base_radius = "24 mm"
+rotation = "{turn}"
+follower = {{ type = "swing", arm = "24 mm", distance = "40 mm", rotation = "{side}", {pad} }}
+[contacts]
+intake = {{ cam = "intake", follower = "pad", direction = "-uz", model = "unilateral", stiffness = "1 GN/m" }}
+[run]
+speed = "60 rpm"
+step = "1 us"
+revolutions = 1e-6
+start = "equilibrium"
+[output]
+probes = ["cam"]
+"""
+
+
+@pytest.mark.parametrize("pad", ['radius = "8 mm"', 'face = "0 mm"', 'face = "3 mm"'])
+@pytest.mark.parametrize("turn", ["clockwise", "counterclockwise"])
+@pytest.mark.parametrize("side", ["clockwise", "counterclockwise"])
+def test_the_force_on_the_cam_of_a_finger(tmp_path, pad, turn, side):
+    """Its moments: F times the arm about the pivot and F s' about the cam, a distance D apart along the real axis.
+
+    So the force has F (turn s' + side arm)/D across the line of centres, wherever it acts.
+    """
+    path = tmp_path / "finger.toml"
+    path.write_text(FINGER.format(turn=turn, side=side, pad=pad), encoding="utf-8")
+    case = read_case(path)
+    response = run(case)
+    arm, D, ways = 0.024, 0.04, {"clockwise": -1, "counterclockwise": 1}
+    turned, rising = ways[turn], -ways[side]  # the fingers' drawing counts a clockwise rise positive
+    pitch = 0.032
+    psi = math.acos((arm**2 + D**2 - pitch**2) / (2.0 * arm * D)) if "radius" in pad else None
+    psi = math.asin((0.024 - float(pad[8]) * 1e-3) / D) if psi is None else psi
+    begin = 1j * rising * np.exp(-1j * rising * psi)  # where the lift begins, in the drawing; -uz in space
+    across, upright = response["cam"].displacement[0, 1:3] * [20e6, 30e6]
+    # To the right of the lift: turn (-uz) x ux = -turn uy. The follower feels the cam's force turned about.
+    felt = -(-upright * begin + -turned * across * -1j * begin)
+    force = response.channels["contacts.intake.force"][0]
+    slope = float(build_model(case).cams["intake"].event(np.zeros(1), 1)[0])
+    assert abs(slope) > 1e-3
+    assert felt.imag == pytest.approx(force * (turned * slope + rising * arm) / D, rel=2e-4)
