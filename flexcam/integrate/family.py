@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.scheme import Scheme
 from flexcam.linalg import FloatArray
+
+LongArray = NDArray[np.longdouble]
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,15 +112,16 @@ class Steps:
             v += moving
             found[:, k] = state
 
-    def change(self) -> FloatArray:
-        """Return by how much a step changes states, ``A - 1``, shape (3, 3, n).
+    def change(self) -> LongArray:
+        """Return by how much a step changes states, ``A - 1``, and by a steady push, shape (3, 4, n).
 
-        The difference keeps the digits that tell of a slow motion: those of A end where its frequency begins.
+        The difference keeps the digits that tell of a slow motion: those of A end where its frequency begins. What is
+        rounded off here comes back in every stride, so that powers of it are taken in extended precision.
         """
         scheme, new = self.scheme, 1.0 - self.old
-        by_v = new * self.stiff + self.slow
-        by_a = self.heavy + new * ((0.5 - scheme.beta) * self.stiff + (1.0 - scheme.gamma) * self.slow)
-        a = -np.array([self.stiff, by_v, by_a])
-        one, no = np.ones_like(self.stiff), np.zeros_like(self.stiff)
-        drift = [no, one, (0.5 - scheme.beta) * one], [no, no, (1.0 - scheme.gamma) * one], [no, no, -one]
+        slow, stiff, heavy = (one.astype(np.longdouble) for one in (self.slow, self.stiff, self.heavy))
+        one, no = np.ones_like(stiff), np.zeros_like(stiff)
+        by_a = heavy + new * ((0.5 - scheme.beta) * stiff + (1.0 - scheme.gamma) * slow)
+        a = np.array([-stiff, -(new * stiff + slow), -by_a, one])
+        drift = [no, one, (0.5 - scheme.beta) * one, no], [no, no, (1.0 - scheme.gamma) * one, no], [no, no, -one, no]
         return np.array([scheme.beta * a, scheme.gamma * a, a]) + np.array(drift)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexcam.integrate.family import Steps
+from flexcam.integrate.family import LongArray, Steps
 from flexcam.linalg import FloatArray
 
 _FEWEST, USUAL, _LONG, _MOST = 16, 40, 64, 128
@@ -90,9 +90,12 @@ class Stride:
         steps.walk(begin, pushed, found)
         if not np.abs(found[:, :, :3]).max(initial=0.0) < _GROWN:
             return None
-        within, pulse, change, old = found[:, :, :3], found[:, :, 3], _repeated(steps.change(), length), steps.old
-        # Of a steady push; the displacement that it balances would change by as much less.
-        within[:, :, 0], change[:, 0] = np.cumsum(pulse, axis=1), pulse.sum(axis=1)
+        within, pulse, old = found[:, :, :3], found[:, :, 3], steps.old
+        # By a steady push; the displacement that it balances would change it by as much less.
+        within[:, :, 0], change = (
+            np.cumsum(pulse, axis=1),
+            _repeated(steps.change(), length)[:, [3, 1, 2]].astype(float),
+        )
         answer = (1.0 - old) * pulse
         answer[:, 1:] += old * pulse[:, :-1]  # a step is pushed by what acts at its begin too
         return cls(length, steps.stiff, change, within, answer)
@@ -107,7 +110,7 @@ class Stride:
         end -= _GONE
 
 
-def _repeated(change: FloatArray, times: int) -> FloatArray:
+def _repeated(change: LongArray, times: int) -> LongArray:
     """Return ``A^L - 1`` from ``A - 1``: by doubling, without ever adding the one."""
     if times == 1:
         return change
@@ -116,5 +119,5 @@ def _repeated(change: FloatArray, times: int) -> FloatArray:
     return twice + change + _after(change, twice) if times % 2 else twice
 
 
-def _after(later: FloatArray, earlier: FloatArray) -> FloatArray:
-    return np.einsum("oin,ifn->ofn", later, earlier)
+def _after(later: LongArray, earlier: LongArray) -> LongArray:
+    return np.einsum("oin,ifn->ofn", later[:, :3], earlier)
