@@ -38,9 +38,11 @@ def freed(scheme: FloatArray, operator: FloatArray, coupled: FloatArray, loads: 
         state[4, i], state[5, i], state[6, i], state[7, i] = there, moving, right, operator[3, i] * right
     if len(coupled) > 0:
         for i in range(n):
+            state[7, i] = new * state[5, i] + alpha_f * state[1, i]
+        for i in range(n):
             slowed = 0.0
             for j in range(n):
-                slowed += coupled[i, j] * (new * state[5, j] + alpha_f * state[1, j])
+                slowed += coupled[i, j] * state[7, j]
             state[6, i] -= slowed
 
 
