@@ -13,7 +13,7 @@ decides how long its first use lasts. The rows are named in `packed` and `callin
 
 from __future__ import annotations
 
-from flexcam.integrate.compiled.kernel import compiled
+from flexcam.integrate.compiled.kernel import compiled, inner
 from flexcam.integrate.compiled.locating import (
     LAST,
     LOOK,
@@ -34,12 +34,25 @@ DONE, SWITCHED, UNSETTLED = 0, 1, 2
 """How a march ends."""
 
 
-@compiled
+@inner
 def put(source: FloatArray, target: FloatArray) -> None:
     """Copy the rows that both arrays have."""
     for r in range(min(len(source), len(target))):
         for i in range(source.shape[1]):
             target[r, i] = source[r, i]
+
+
+@inner
+def held(
+    motion: FloatArray, forces: FloatArray, states: FloatArray, motion_kept: FloatArray, forces_kept: FloatArray,
+    states_kept: FloatArray, switching: IntArray, sides: int, sides_kept: int,
+) -> None:  # fmt: skip
+    """Copy an instant, with the sides of its switching scalars."""
+    put(motion, motion_kept)
+    put(forces, forces_kept)
+    put(states, states_kept)
+    for one in range(switching.shape[1]):
+        switching[sides_kept, one] = switching[sides, one]
 
 
 @compiled
@@ -105,11 +118,7 @@ def march(
                     return SWITCHED
                 if windows[1 + window] == 0:
                     return SWITCHED
-                put(state, kept)
-                put(forces, forces_kept)
-                put(states, states_kept)
-                for one in range(switching.shape[1]):
-                    switching[2, one] = switching[1, one]
+                held(state, forces, states, kept, forces_kept, states_kept, switching, 1, 2)
                 for j in range(c):
                     forces[3, j], forces[4, j] = 0.0, 0.0
             count[2] += 1
@@ -125,10 +134,6 @@ def march(
     if k == end:
         count[0] = end
         return DONE
-    put(kept, state)
-    put(forces_kept, forces)
-    put(states_kept, states)
-    for one in range(switching.shape[1]):
-        switching[1, one] = switching[2, one]
+    held(kept, forces_kept, states_kept, state, forces, states, switching, 2, 1)
     count[2], count[3] = counted, before
     return SWITCHED
