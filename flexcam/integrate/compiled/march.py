@@ -34,7 +34,7 @@ DONE, SWITCHED, UNSETTLED = 0, 1, 2
 """How a march ends."""
 
 
-@inner
+@compiled
 def put(source: FloatArray, target: FloatArray) -> None:
     """Copy the rows that both arrays have."""
     for r in range(min(len(source), len(target))):
