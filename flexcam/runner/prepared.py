@@ -102,7 +102,10 @@ def prepare(
     save = SaveAt(field_every=case.record.output.field_every)
     scheme = case.record.run.integrator.made()
     try:
-        problem = started(case, model, _problem(case, model, system), until=until)
+        plain = _problem(case, model, system)
+        if rigid:  # the companion of a flexible run, which its way through time was asked for
+            plain = replace(plain, path="auto")
+        problem = started(case, model, plain, until=until)
     except InputError as refusal:
         raise _placed(case, refusal) from None
     problem = replace(problem, basis=_basis(case, model, problem, _kind(case, rigid=rigid)))

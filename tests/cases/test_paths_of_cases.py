@@ -127,6 +127,15 @@ def test_schemes_that_weigh_the_old_instant(name, method):
     assert_one_of(problem, ready.scheme, found, CONTACTS)
 
 
+@pytest.mark.parametrize("path", ["modal", "compiled"])
+def test_the_rigid_companion_of_a_forced_way(path):
+    """What is asked of the flexible train's run is not asked of the rigid one beside it, which has no unknowns."""
+    case = read_case(ROOT / "cases/tayeb/model-1-shm.toml", [*SHORT, f'run.path="{path}"'])
+    assert prepare(case).problem.path == path
+    companion = prepare(case, rigid=True)
+    assert solve(companion.problem, companion.scheme).status.ok
+
+
 @pytest.mark.parametrize("prune", [False, True])
 @pytest.mark.parametrize("path", ["modal", "compiled"])
 def test_pruned_and_whole(path, prune):
