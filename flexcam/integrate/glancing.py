@@ -46,7 +46,8 @@ class View:
         by_cause = np.einsum("sjcn,pn->cnjsp", stride.within / course.scale[:, None, None], rows)
         seen[:causes] = by_cause.reshape(causes, length, count)
         answers = np.einsum("sjn,knp->kjsp", stride.answer / course.scale[:, None], course.pushes[:, :, None] * rows.T)
-        answers, later = answers.reshape(histories, length, count), seen[causes:].reshape(histories, -1, length, count)
+        answers = answers.reshape(histories, length, count)
+        later = seen[causes:].reshape(histories, length + 1, length, count)
         for instant in range(1, length + 1):  # what is pushed then is answered from then on
             later[:, instant, instant - 1 :] = answers[:, : length + 1 - instant]
         return cls(rows, seen.reshape(len(seen), length * count))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.integrate import Problem, SaveAt, hht, newmark, solve
+from flexcam.integrate import Problem, SaveAt, State, hht, newmark, solve
 from flexcam.linalg import Triplets
 from flexcam.response import Cause
 from flexcam.system import ConstantSpeed, Load, Probe, System
@@ -67,3 +67,15 @@ def test_what_leaves_the_range_is_cut_at_the_same_step():
     assert few.status.cause is Cause.NOT_FINITE
     assert len(few.time) == len(whole.time) < 4001
     assert np.isfinite(few.probes.displacement).all()
+
+
+def test_what_nothing_pushes_is_seen_too():
+    """Without any load there are no histories: what is set free swings."""
+    one = Triplets.from_dense([[1.0]])
+    watch = Probe("x", ("x",), np.eye(1), (None,))
+    system = System(one, Triplets.zeros(1), one, ("x",), probes=(watch,))
+    problem = Problem(system, ConstantSpeed(1.0), step=0.01, steps=1500, start=State(np.ones(1), np.zeros(1)))
+    whole, few = (solve(problem, newmark(), save=SaveAt(100, channels=kept)) for kept in (True, False))
+    assert few.stats.path == "modal"
+    most = 1e-14  # of the largest, one: the rounding of a product of matrices
+    np.testing.assert_allclose(few.probes.displacement, whole.probes.displacement, rtol=0.0, atol=most)
