@@ -72,13 +72,21 @@ class _Rows:
     def add(self, arrays: tuple[FloatArray, ...]) -> None:
         end = self.count + len(arrays[0])
         if not self.count or end > self._all.shape[1]:
-            room = np.empty((len(arrays), max(self._expected, end, 2 * self.count), *arrays[0].shape[1:]))
+            room = self._room(end, (len(arrays), *arrays[0].shape[1:]))
             if self.count:
                 room[:, : self.count] = self.kept
             self._all = room
         for kept, array in zip(self._all, arrays, strict=True):
             kept[self.count : end] = array
         self.count = end
+
+    def _room(self, least: int, shape: tuple[int, ...]) -> FloatArray:
+        count, *columns = shape
+        least = max(least, 2 * self.count)
+        try:
+            return np.empty((count, max(self._expected, least), *columns))
+        except MemoryError:  # of a run that may be ended long before its last step
+            return np.empty((count, least, *columns))
 
 
 def _parts(block: Block) -> tuple[tuple[FloatArray, ...], ...]:

@@ -11,7 +11,7 @@ import pytest
 
 import flexcam
 from flexcam.checks import InputError
-from flexcam.memory import Extremes, Recent
+from flexcam.memory import Extremes, Memory, Recent
 from flexcam.response import SaveAt
 from flexcam.runner import prepare, recent, result_file
 
@@ -45,6 +45,16 @@ def test_the_last_revolution_is_kept(pair):
         np.testing.assert_array_equal(values, whole.channels[name][-len(few.time) :])
     np.testing.assert_array_equal(few.time[few.latest(ready.revolution)], whole.time[whole.latest(ready.revolution)])
     assert few.status == whole.status
+
+
+def test_a_run_that_would_never_fit_is_kept_as_far_as_it_comes():
+    """More steps than there is memory for: such a run is ended by `stop` or `until`, and memory grows as it comes."""
+    ready = ready_of(0.1)
+    whole = solved(ready)
+    other = Memory(whole.outline, instants=10**14, fields=10**14)
+    kept = solved(ready, memory=other)
+    np.testing.assert_array_equal(kept.time, whole.time)
+    np.testing.assert_array_equal(kept.fields.displacement, whole.fields.displacement)
 
 
 def test_the_last_field_is_kept(pair):
