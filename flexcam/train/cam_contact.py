@@ -102,11 +102,12 @@ def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> A
     _refuse_other_arm(structure, contact, cam, where)
     twist = structure.row(cam.at, axis)
     rolls = cam.follower is not None and np.isfinite(cam.follower.roller_radius)
-    tilts = not rolls and structure.is_node(contact.follower)
+    swings = isinstance(cam.follower, SwingRollerFollower | SwingFlatFollower)
+    tilts = not rolls and not swings and structure.is_node(contact.follower)  # an arm turns by its lift
     tilt = structure.row(contact.follower, axis) if tilts else np.zeros_like(twist)
     rows = [structure.row(cam.at, lift) - follower, twist - tilt]
     functions: list[AngleFunction] = [constant(1.0), derivative(cam.event)]
-    if isinstance(cam.follower, SwingRollerFollower | SwingFlatFollower):  # the normal turns with the arm
+    if swings:  # the normal turns with the arm
         rows = [rows[1], -follower, structure.row(cam.at, lift), _sideways(structure, contact, cam)]
         functions = [functions[1], functions[0], _along(cam), _beside(cam)]
     elif rolls:

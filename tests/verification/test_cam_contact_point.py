@@ -370,3 +370,56 @@ def test_the_force_on_the_cam_of_a_finger(tmp_path, pad, turn, side):
     slope = float(build_model(case).cams["intake"].event(np.zeros(1), 1)[0])
     assert abs(slope) > 1e-3
     assert felt.imag == pytest.approx(force * (turned * slope + rising * arm) / D, rel=2e-4)
+
+
+MEMBER = """
+format = 1
+[nodes]
+drive = [0.0, 0.0, 0.0]
+cam = [0.06, 0.0, 0.0]
+rear = [0.12, 0.0, 0.0]
+pivot = [0.06, -0.024, 0.04]
+pad = [0.06, -0.024, 0.0]
+[materials.stiff]
+E = "2e4 GPa"
+nu = 0.29
+density = "7800 kg/m^3"
+[sections]
+bar = {{ shape = "circle", diameter = "20 mm" }}
+[members]
+camshaft = {{ nodes = ["drive", "cam", "rear"], material = "stiff", section = "bar" }}
+finger = {{ nodes = ["pivot", "pad"], material = "stiff", section = "bar" }}
+[supports]
+drive = ["ux", "uy", "uz", "rx"]
+rear = ["uy", "uz"]
+pivot = ["ux", "uy", "uz", "ry", "rz"]
+[springs]
+valve = {{ at = "pad", direction = "-uy", stiffness = "1 kN/m", installed_force = "10 N" }}
+[cams.intake]
+at = "cam"
+law = "4-5-6-7"
+lift = "6 mm"
+rise = 1.2
+return = 1.2
+phase = -0.6
+base_radius = "24 mm"
+follower = {{ type = "swing", arm = "40 mm", distance = "46 mm", {pad} }}
+[contacts]
+intake = {{ cam = "intake", follower = "pad", direction = "-uy", model = "unilateral", stiffness = "1 GN/m" }}
+[run]
+speed = "60 rpm"
+step = "1 us"
+revolutions = 1e-6
+start = "equilibrium"
+[output]
+probes = ["pad"]
+"""
+
+
+@pytest.mark.parametrize("pad", ['radius = "8 mm"', 'face = "0 mm"', 'face = "3 mm"'])
+def test_a_finger_that_is_a_member_follows_the_lift(tmp_path, pad):
+    """Its own turning, lift by arm, is no tilt beside that: at half lift s' would take a third of it away."""
+    path = tmp_path / "finger.toml"
+    path.write_text(MEMBER.format(pad=pad), encoding="utf-8")
+    response = run(read_case(path))
+    assert -response["pad"].displacement[0, 1] == pytest.approx(0.003, rel=1e-4)  # members and contact yield by 2e-5
