@@ -20,7 +20,7 @@ from pydantic import (
     ValidationInfo,
     create_model,
 )
-from pydantic_core import CoreSchema, core_schema
+from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from flexcam.case import quantity as q
 from flexcam.case.expected import expected
@@ -199,8 +199,16 @@ def _checked(record: type[BaseModel], table: object, what: str, example: str) ->
             near = did_you_mean(str(error["input"]), known)
             raise refuse(key, told(error["input"]), ", ".join(map(repr, known)), "", near) from None
         hint = "" if key.partition(".")[0] in record.model_fields else did_you_mean(key, record.model_fields)
-        raise refuse(key, told(error["input"]), allowed, f"{expected(error)} is needed there", hint) from None
+        raise refuse(key, told(error["input"]), allowed, _needed(record, error), hint) from None
     return {key: getattr(checked, key) for key in record.model_fields}
+
+
+def _needed(record: type[BaseModel], error: ErrorDetails) -> str:
+    """Return what a parameter must be; of a list of pairs in full, as a fault inside it does not tell."""
+    field = record.model_fields.get(str(error["loc"][0])) if error["loc"] else None
+    if field is not None and field.annotation == tuple[tuple[int, float], ...]:
+        return "it is a list of pairs, a whole number and a number each: [[1, 0.9], [3, 0.1]]"
+    return f"{expected(error)} is needed there"
 
 
 @cache

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
+from flexcam.io.csv import write_text
 from flexcam.io.msh import LINE, POINT, Elements, Msh, read_msh
-from flexcam.io.target import free_to_write
+from flexcam.io.msh_text import msh_text
 from flexcam.linalg import IntArray
 
 _TOLD = 20
@@ -187,7 +187,7 @@ def _chain(pairs: IntArray) -> IntArray | None:
 
 
 def write_mesh(mesh: Mesh, path: Path, *, overwrite: bool = False) -> None:
-    """Write a mesh as Gmsh 2.2 text, the format in which meshio keeps all group names.
+    """Write a mesh as Gmsh 2.2 text; a member and a point may have one name.
 
     Parameters
     ----------
@@ -201,22 +201,12 @@ def write_mesh(mesh: Mesh, path: Path, *, overwrite: bool = False) -> None:
     Raises
     ------
     InputError
-        If the file exists and may not be replaced, or a member and a point have one name, which Gmsh 2.2 cannot say.
+        If the file exists and may not be replaced.
 
     Examples
     --------
     ``write_mesh(flexcam.fem.generate.published_model(3), Path("tayeb-3.msh"))``
     """
-    import meshio  # pyright: ignore[reportMissingTypeStubs]
-
-    free_to_write("mesh file", path, overwrite=overwrite)
-    if both := sorted(set(mesh.lines) & set(mesh.points)):
-        raise refuse("mesh file", f"a member and a point named {both[0]!r}", "different names", "", "rename one")
-    groups = [(1, name, np.column_stack([line[:-1], line[1:]])) for name, line in mesh.lines.items()]
-    groups += [(0, name, index[:, None]) for name, index in mesh.points.items()]
-    cells: Any = [("line" if dimension else "vertex", nodes) for dimension, _, nodes in groups]
-    tags: Any = [np.full(len(nodes), tag) for tag, (_, _, nodes) in enumerate(groups, start=1)]
-    fields = {name: np.array([tag, dimension]) for tag, (dimension, name, _) in enumerate(groups, start=1)}
-    data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-    file = meshio.Mesh(mesh.nodes, cells, cell_data=data, field_data=fields)
-    file.write(path, file_format="gmsh22", binary=False)  # pyright: ignore[reportUnknownMemberType]
+    groups = [(LINE, name, np.column_stack([line[:-1], line[1:]])) for name, line in mesh.lines.items()]
+    groups += [(POINT, name, index[:, None]) for name, index in mesh.points.items()]
+    write_text(path, msh_text(mesh.nodes, groups), overwrite=overwrite)
