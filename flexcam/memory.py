@@ -215,6 +215,11 @@ class Extremes:
         columns = self.outline.columns(name)
         return self._probes.least[columns], self._probes.largest[columns]
 
+    @property
+    def energies(self) -> bool:
+        """Whether the run kept account of its energy."""
+        return any(name.startswith("energy.") for name in self._channel)
+
     def channel(self, name: str) -> tuple[float, float]:
         """Return least and largest value of a channel; zeros where it was not saved."""
         at = self._channel.get(name)

@@ -161,7 +161,10 @@ def _force(asked: Asked) -> Figure:
 def _energy(asked: Asked) -> Figure:
     from flexcam.view import energy_figure
 
-    return energy_figure(asked.responses(), over=asked.over or "angle", title=asked.title)
+    responses = asked.responses()
+    if not any(name.startswith("energy.") for one in responses.values() for name in one.channels):
+        raise refuse("--what", "energy", "a run of flexible members", "a rigid model keeps no account of energy")
+    return energy_figure(responses, over=asked.over or "angle", title=asked.title)
 
 
 def _svaj(asked: Asked) -> Figure:

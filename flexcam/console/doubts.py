@@ -162,9 +162,9 @@ def balances(extremes: Extremes, stats: Stats) -> str:
     Returns
     -------
     str
-        Empty where channels were not computed.
+        Empty where channels were not computed, and of a rigid model, which has no energies.
     """
-    if stats.imbalance < 0.0:
+    if stats.imbalance < 0.0 or not extremes.energies:
         return ""
     return f"energy within {lost_energy(extremes):.1e} of the work, forces within {stats.imbalance:.1e} of the largest"
 

@@ -81,7 +81,7 @@ def scalar_names(case: Case) -> list[str]:
     probes = [component for name, components in named.probes for component in _components(name, components)]
     names += [f"probes.{probe}.{series}.largest" for probe in probes for series in SERIES]
     compared = case.record.fidelity.model != "rigid" and bool(case.record.output.probes) and bool(model.driven)
-    return [*names, *(_DEVIATIONS if compared else ()), _RESIDUAL]
+    return [*names, *(_DEVIATIONS if compared else ()), *(() if system.carried else (_RESIDUAL,))]
 
 
 _DEVIATIONS = ("deviation.peak", "deviation.rms")

@@ -29,6 +29,12 @@ def test_no_hint_at_what_was_written():
     assert "did you mean" not in str(refusal.value)
 
 
+@pytest.mark.parametrize("harmonics", [[0.9, 0.1], 0.9, [[1, 0.9, 0.1]], [[1.5, 0.9]]])
+def test_a_list_of_pairs_is_shown_as_one(harmonics):
+    with pytest.raises(InputError, match=r"pairs, a whole number and a number each: \[\[1, 0.9\], \[3, 0.1\]\]"):
+        given_law({"id": "harmonic", "harmonics": harmonics})
+
+
 INLINE = Path(__file__).parents[1] / "data/inline.toml"
 
 PYTHON = re.compile(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam import prepare, read_case, solve
+from flexcam import prepare, read_case, run, solve
 from flexcam.fidelity import deviation
 from flexcam.response import Cause
 from flexcam.runner import scalar_probe
@@ -51,6 +51,12 @@ def test_rotations_have_their_units():
     row = evaluate(read_case("cases/tayeb/model-1-shm.toml", ["run.revolutions=0.1"]))
     assert row.units["probes.cam.rx.velocity.largest"] == "rad/s"
     assert row.units["contacts.intake.force.largest"] == "N"
+
+
+def test_a_rigid_case_keeps_no_account_of_energy():
+    """Its unknowns would hold them: there are none, while the cam's torque does work."""
+    case = read_case("cases/tayeb/model-1-shm.toml", ["fidelity.model=rigid", "run.revolutions=0.1"])
+    assert not any(name.startswith("energy.") for name in [*scalar_names(case), *run(case).channels])
 
 
 def test_a_rigid_case_has_no_deviation():
