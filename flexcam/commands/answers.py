@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from flexcam.console.told import Told
 from flexcam.io import write_text
+from flexcam.response import Status
 from flexcam.terminal import out, print_json
 
 if TYPE_CHECKING:
@@ -17,8 +18,10 @@ Answer = tuple[Told, Callable[[], "Figure"]]
 """What is told, and what draws it."""
 
 
-def write_answer(answer: Answer, csv: Path | None, plot: Path | None, *, overwrite: bool, as_json: bool) -> None:
-    """Print what is told, and write its table and its picture."""
+def write_answer(
+    answer: Answer, csv: Path | None, plot: Path | None, ended: Status, *, overwrite: bool, as_json: bool
+) -> None:  # fmt: skip
+    """Print what is told, and write its table and its picture, also of a study that was stopped."""
     told, draw = answer
     if csv is not None:
         write_text(csv, told.csv, overwrite=overwrite)
@@ -28,7 +31,7 @@ def write_answer(answer: Answer, csv: Path | None, plot: Path | None, *, overwri
         save_figure(draw(), plot, overwrite=overwrite)
     files = [str(path) for path in (csv, plot) if path is not None]
     if as_json:
-        print_json({"status": "ok", **told.json, "files": files})
+        print_json({"status": "ok" if ended.ok else str(ended.cause), **told.json, "files": files})
         return
     for i, table in enumerate(told.tables):
         out().print(*([""] if i else []), table, sep="\n")

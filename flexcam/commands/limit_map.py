@@ -17,6 +17,7 @@ from flexcam.console.limit_map import axis_words, told_limit_map
 from flexcam.console.words import shaft_name
 from flexcam.io import free_to_write
 from flexcam.limits import Search
+from flexcam.response import Status
 from flexcam.sweep import Axis, axis
 from flexcam.sweep.validate import validated
 from flexcam.terminal import counting
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 def map_limits(
     path: Path, overrides: Overrides, settings: tuple[str | None, str | None], names: Sequence[str], search: Search,
     workers: int, csv: Path | None, plot: Path | None, *, overwrite: bool, as_json: bool,
-) -> None:  # fmt: skip
+) -> Status:  # fmt: skip
     """Map limits over two numbers of a case."""
     over, beside = settings
     if over is None or beside is None:
@@ -46,7 +47,8 @@ def map_limits(
         counting(len(plan), "variants") as shown,
         study.evaluators(file, (), asked, search, workers=workers, advance=shown) as runs,
     ):
-        found = study.limit_map(plan, names, runs).told_in(case)
+        kept = study.Kept(runs)
+        found = study.limit_map(plan, names, kept).told_in(case)
 
     def draw() -> Figure:
         from flexcam.view import map_figure
@@ -55,7 +57,8 @@ def map_limits(
         labels = [axis_words(one) for one in found.axes]
         return map_figure(second, first, found.rpm, (labels[1], labels[0]), shaft)
 
-    write_answer((told_limit_map(found, shaft), draw), csv, plot, overwrite=overwrite, as_json=as_json)
+    write_answer((told_limit_map(found, shaft), draw), csv, plot, kept.status, overwrite=overwrite, as_json=as_json)
+    return kept.status
 
 
 def _axis(option: str, setting: str) -> Axis:

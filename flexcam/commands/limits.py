@@ -25,6 +25,7 @@ from flexcam.console.stability import dangers, growth_table, growths, stability_
 from flexcam.console.words import shaft_name
 from flexcam.limits import Search, find_limits
 from flexcam.parting import parting as compare_models
+from flexcam.response import Status
 from flexcam.stability import over_speeds
 from flexcam.stability import stability as find_causes
 from flexcam.terminal import counting, out, print_json
@@ -53,7 +54,7 @@ def limits(
     workers: Annotated[int | None, Parameter("--workers", help="Processes for the map; one by default.")] = None,
     csv: Annotated[Path | None, Parameter("--csv", help="Also write the map here.")] = None,
     plot: Picture = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
-) -> None:  # fmt: skip
+) -> Status:  # fmt: skip
     """Find the speeds at which a train loses contact, bounces, closes its coils and buckles, and which comes first.
 
     With --over and --and they are mapped over two numbers of the case. Speeds are those of the crankshaft where the
@@ -69,14 +70,16 @@ def limits(
 
         search, names = Search(low, high, width, height), which or ["loss_of_contact"]
         settings, count = (over, beside), 1 if workers is None else workers
-        map_limits(case, overrides, settings, names, search, count, csv, plot, overwrite=overwrite, as_json=as_json)
-        return
+        return map_limits(
+            case, overrides, settings, names, search, count, csv, plot, overwrite=overwrite, as_json=as_json
+        )
     with counting(None, "runs") as shown:
         found = find_limits(read, lowest=low, highest=high, tolerance=width, bounce_height=height, advance=shown)
     if as_json:
         print_json({"status": "ok", **limits_json(found, scale)})
     else:
         out().print(limits_table(found, scale))
+    return Status()
 
 
 @app.command(

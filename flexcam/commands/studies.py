@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -79,7 +79,7 @@ def sensitivity(
     lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
     csv: Csv = None, plot: Picture = None,
     overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
-) -> None:  # fmt: skip
+) -> Status:  # fmt: skip
     """Tell how scalars follow the numbers of a case: derivatives, shares of their variance, or the scatter of parts."""
     free_picture(plot, overwrite)
     if csv is not None:
@@ -95,12 +95,13 @@ def sensitivity(
         case, overrides, names, lowest, highest, within, option="--of", workers=workers, allow_large=allow_large
     )
     if tolerances is not None:
-        answer = _scatter(asked, tolerances, 100 if count is None else count, seed, workers)
+        answer, ended = _scatter(asked, tolerances, 100 if count is None else count, seed, workers)
     elif sobol is not None:
-        answer = _shares(asked, keys or [], sobol, seed, workers)
+        answer, ended = _shares(asked, keys or [], sobol, seed, workers)
     else:
-        answer = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, workers)
-    write_answer(answer, csv, plot, overwrite=overwrite, as_json=as_json)
+        answer, ended = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, workers)
+    write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json)
+    return ended
 
 
 def _ignored(option: str, given: object, belongs: str, *, wanted: bool) -> None:
@@ -154,12 +155,13 @@ def search_of(case: Case, lowest: str | None, highest: str | None, within: str) 
     return Search(low, high, quantity("--within", within, "speed", "rpm") / scale)
 
 
-def _derivatives(asked: _Asked, keys: list[str], relative_step: float, workers: int) -> Answer:
+def _derivatives(asked: _Asked, keys: list[str], relative_step: float, workers: int) -> tuple[Answer, Status]:
     responses = [name for name in asked.names if not study.frequency_number(name)]
     study.numbers_of(asked.case, keys)
     asked.checked()
     with asked.evaluators(1 + len(STEPS) * len(keys), workers, responses) as runs:
-        found = study.sensitivities(asked.file, asked.fixed, asked.names, keys, runs, relative_step=relative_step)
+        kept = study.Kept(runs)
+        found = study.sensitivities(asked.file, asked.fixed, asked.names, keys, kept, relative_step=relative_step)
 
     def draw() -> Figure:
         from flexcam.view import bars_figure
@@ -168,19 +170,22 @@ def _derivatives(asked: _Asked, keys: list[str], relative_step: float, workers: 
         groups = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in asked.names}
         return bars_figure(groups, "percent per percent")
 
-    return told_derivatives(found), draw
+    return (told_derivatives(found), draw), kept.status
 
 
-def _shares(asked: _Asked, keys: list[str], count: int, seed: int, workers: int) -> Answer:
+def _shares(asked: _Asked, keys: list[str], count: int, seed: int, workers: int) -> tuple[Answer, Status]:
     variables = study.variables_of(asked.case, keys, "--to")
     study.checked_count(count)
     asked.checked()
     low, high = (np.array([getattr(one, end) for one in variables]) for end in ("low", "high"))
     with asked.evaluators(count * (len(variables) + 2), workers) as runs:
-        points = study.Points(asked.case, variables, runs)
+        kept = study.Kept(runs)
+        points = study.Points(asked.case, variables, kept)
 
         def values(parts: FloatArray) -> FloatArray:
             rows = points.rows(low + parts * (high - low))
+            if kept.stopped and kept.done < _FEWEST * (len(variables) + 2):
+                raise KeyboardInterrupt  # of one base point there are no shares
             return np.column_stack([study.column(rows, name) for name in asked.names])
 
         found = study.sobol_indices(values, len(variables), count, seed=seed)
@@ -195,16 +200,23 @@ def _shares(asked: _Asked, keys: list[str], count: int, seed: int, workers: int)
             groups, "share of the variance, with others", {name: one.total_interval for name, one in pairs}
         )
 
-    return told_shares(asked.names, variables, found), draw
+    return (told_shares(asked.names, variables, found), draw), kept.status
 
 
-def _scatter(asked: _Asked, tolerances: list[str], count: int, seed: int, workers: int) -> Answer:
+_FEWEST = 2
+"""Base points that shares of a variance ask for."""
+
+
+def _scatter(asked: _Asked, tolerances: list[str], count: int, seed: int, workers: int) -> tuple[Answer, Status]:
     scatters = study.scatters_of(asked.case, tolerances)
     parts = study.sampled(scatters, count, seed)
     middle = asked.checked()
     variables = tuple(study.Variable(one.key, one.middle - one.half, one.middle + one.half) for one in scatters)
     with asked.evaluators(count, workers) as runs:
-        rows = study.Points(asked.case, variables, runs).rows(parts)
+        kept = study.Kept(runs)
+        every = study.Points(asked.case, variables, kept).rows(parts)
+    run = [row.status.cause is not Cause.INTERRUPTED for row in every]
+    rows, parts = list(compress(every, run)), parts[run]
 
     def draw() -> Figure:
         from flexcam.view import scatter_figure
@@ -214,7 +226,7 @@ def _scatter(asked: _Asked, tolerances: list[str], count: int, seed: int, worker
         known = {name: one[~np.isnan(one)] for name, one in values.items()}
         return scatter_figure(known, units, {name: one.value for name, one in middle.items()})
 
-    return told_scatter(asked.names, scatters, parts, rows, middle), draw
+    return (told_scatter(asked.names, scatters, parts, rows, middle), draw), kept.status
 
 
 @app.command(
@@ -268,14 +280,13 @@ def optimize(
         _write_best(asked, points.overrides(found.points[best]), target, overwrite=overwrite)
     one = len(goals) == 1
     told = told_optimum(design, found) if one else told_front(design, found)
-    if found.stopped:
-        told = replace(told, json={"status": str(Cause.INTERRUPTED), **told.json})
-    write_answer((told, lambda: _drawn(design, found)), csv, plot, overwrite=overwrite, as_json=as_json)
+    ended = _stopped(len(found.rows), evaluations) if found.stopped else Status()
+    write_answer((told, lambda: _drawn(design, found)), csv, plot, ended, overwrite=overwrite, as_json=as_json)
     if target is not None and best is not None and not as_json:
         out().print(str(target))
-    if found.stopped:
-        return _stopped(len(found.rows), evaluations)
-    return Status() if best is not None else _NOTHING
+    if not ended.ok:
+        return ended
+    return ended if best is not None else _NOTHING
 
 
 def _stopped(done: int, evaluations: int) -> Status:

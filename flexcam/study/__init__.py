@@ -5,6 +5,7 @@ May import `sweep` and everything below it; owns pymoo. A new kind of study is a
 """
 
 from flexcam.study.evaluators import evaluators
+from flexcam.study.kept import Kept
 from flexcam.study.keys import Number, number_of, overrides_of
 from flexcam.study.limit_map import LimitMap, grid_plan, limit_map
 from flexcam.study.objective import Constraint, Goal, active, constraint, constraints_of, feasible, value_of
@@ -23,6 +24,7 @@ __all__ = [
     "Design",
     "Evaluations",
     "Goal",
+    "Kept",
     "LimitMap",
     "Number",
     "Points",

@@ -83,9 +83,9 @@ def sobol_indices(function: Function, dimensions: int, count: int, *, seed: int 
     """
     checked_count(count)
     a, b, mixed = _points(dimensions, count, seed)
-    values = function(np.concatenate([a, b, *mixed]))
-    parts = values.reshape(dimensions + 2, count, -1)
-    return [_indices(parts[:, :, i], count, seed) for i in range(parts.shape[2])]
+    each = np.stack([a, b, *mixed], axis=1)  # base point by base point: a study that is stopped has whole ones
+    parts = function(each.reshape(-1, dimensions)).reshape(count, dimensions + 2, -1)
+    return [_indices(parts[:, :, i].T, count, seed) for i in range(parts.shape[2])]
 
 
 def checked_count(count: int) -> None:
@@ -130,8 +130,11 @@ def _indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
     if variance <= 0.0:
         nothing = np.zeros(k)
         return SobolIndices(nothing, nothing, np.zeros((2, k)), np.zeros((2, k)), 0.0, used, asked)
-    found = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": mixed}, n=used, rng=np.random.default_rng(seed))
-    first, total = np.reshape(found.first_order, k), np.reshape(found.total_order, k)
+    several = (
+        mixed if k > 1 else np.repeat(mixed, 2, axis=0)
+    )  # of a single variable scipy makes bare numbers, and fails
+    found = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": several}, n=used, rng=np.random.default_rng(seed))
+    first, total = np.ravel(found.first_order)[:k], np.ravel(found.total_order)[:k]
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a variable without any effect has nothing to resample
         ends = found.bootstrap(confidence_level=_CONFIDENCE, n_resamples=_RESAMPLES)
@@ -144,5 +147,5 @@ def _indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
 
 def _interval(low: ArrayLike, high: ArrayLike, index: FloatArray) -> FloatArray:
     """Return both ends, shape (2, k); the index itself where resampling gave none."""
-    both = np.array([np.reshape(low, len(index)), np.reshape(high, len(index))], dtype=float)
+    both = np.array([np.ravel(low)[: len(index)], np.ravel(high)[: len(index)]], dtype=float)
     return np.where(np.isfinite(both), both, index)

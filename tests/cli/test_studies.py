@@ -14,9 +14,11 @@ from pathlib import Path
 import pytest
 
 from flexcam.case import read_case
+from flexcam.response import Status
 from flexcam.runner import modes
 from flexcam.study import number_of
 from flexcam.study.points import variant_row
+from flexcam.sweep import Row
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -235,6 +237,60 @@ def test_what_a_stopped_search_has_evaluated_is_kept(last, flexcam, oscillator, 
     assert done.json["evaluations"] == last
     assert len((tmp_path / "all.csv").read_text().splitlines()) == 1 + last
     assert (tmp_path / "best.toml").exists()
+
+
+STUDIES = {
+    "derivatives": ("sensitivity", "--of", "probes.valve.acceleration.largest", "--to", "cams.intake.lift", *QUICK),
+    "shares": ("sensitivity", "--of", "frequency.1", "--to", "springs.one.stiffness=20:80kN/m", "--sobol", "8"),
+    "scatter": ("sensitivity", "--of", "frequency.1", "--tolerance", "springs.one.stiffness=±5%", "--count", "20"),
+}
+
+
+@pytest.mark.parametrize("kind", STUDIES)
+@pytest.mark.parametrize("last", [0, 3, 7])
+def test_what_a_stopped_study_has_evaluated_is_kept(kind, last, flexcam, oscillator, tmp_path, monkeypatch):
+    """Of derivatives the case as it stands, of shares whole base points, two at least, of scatter every set."""
+    evaluated = []
+
+    def stopping(*words):
+        if len(evaluated) == last:
+            raise KeyboardInterrupt
+        evaluated.append(words)
+        return variant_row(*words)
+
+    monkeypatch.setattr("flexcam.study.points.variant_row", stopping)
+    command, *told = STUDIES[kind]
+    case = PUBLISHED if kind == "derivatives" else oscillator
+    done = flexcam(command, case, *told, "--csv", tmp_path / "all.csv", "--json")
+    if kind == "derivatives" and last == 7:  # all five are finished
+        assert (done.code, done.json["status"]) == (0, "ok")
+        return
+    assert done.code == 130
+    kept = last > 0 and (kind, last) != ("shares", 3)
+    assert (tmp_path / "all.csv").exists() == kept
+    assert ("nothing is kept" in done.err) != kept
+    if kept:
+        assert done.json["status"] == "interrupted"
+        assert f"stopped by the user after {last} of" in done.err
+    if kept and kind == "scatter":
+        assert done.json["scatter"]["frequency.1"]["count"] == last
+
+
+def test_a_stopped_map_has_gaps(flexcam, tmp_path, monkeypatch):
+    rows = [Row(Status(), {"limits.buckling": 600.0}, {"limits.buckling": "rpm"})]
+
+    def stopping(*_):
+        if not rows:
+            raise KeyboardInterrupt
+        return rows.pop()
+
+    monkeypatch.setattr("flexcam.study.points.variant_row", stopping)
+    told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
+    done = flexcam("limits", ENGINE, *told, "--limit", "buckling", "--csv", tmp_path / "map.csv", "--json")
+    assert (done.code, done.json["status"]) == (130, "interrupted")
+    assert done.json["statuses"] == ["done", *["interrupted"] * 3]
+    assert done.json["limits_rpm"]["buckling"] == [[600.0, None], [None, None]]
+    assert len((tmp_path / "map.csv").read_text(encoding="utf-8").splitlines()) == 5
 
 
 def test_a_search_stopped_before_its_first_variant(flexcam, oscillator, tmp_path, monkeypatch):

@@ -52,6 +52,12 @@ def test_same_seed_same_indices_and_points_that_fail_are_left_out():
         sobol_indices(lambda x: np.full((len(x), 1), np.nan), 3, 16)
 
 
+def test_a_single_variable_has_all_of_it():
+    (found,) = sobol_indices(lambda x: 2.0 * x, 1, 256)
+    np.testing.assert_allclose([found.first, found.total], 1.0, atol=0.03)
+    assert found.first_interval.shape == (2, 1)
+
+
 def test_a_constant_has_no_indices():
     constant, other = sobol_indices(lambda x: np.column_stack([np.ones(len(x)), x[:, 0]]), 2, 64)
     assert constant.variance == 0.0
