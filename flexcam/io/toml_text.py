@@ -37,6 +37,7 @@ def toml_text(content: Mapping[str, object]) -> str:
 
 
 def _joined(found: re.Match[str]) -> str:
-    elements = [line.strip().removesuffix(",") for line in found["body"].splitlines()]
+    lines = found["body"].removesuffix("\n").split("\n")  # a text may hold what Python too takes for the end of a line
+    elements = [line.strip(" ").removesuffix(",") for line in lines]
     line = f"{found['head']}[{', '.join(elements)}]{found['tail']}"
     return line if len(line) <= _WIDE else found[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from flexcam.io import toml_text
@@ -17,6 +17,8 @@ VALUES = st.recursive(
 
 
 @given(st.dictionaries(st.text(max_size=3), VALUES, max_size=3))
+@example({"": ["\x85", "\u2028", "\x0c"]})
+@settings(max_examples=200)
 def test_it_reads_as_it_was(content):
     assert tomllib.loads(toml_text(content)) == content
 
