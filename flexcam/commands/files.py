@@ -37,11 +37,15 @@ flexcam export results/case.vtkhdf --paraview
 flexcam export results/case.vtkhdf --format csv --probe valve
 flexcam export results/case.vtkhdf --format csv --instants 720
 flexcam export case.toml --format msh -o meshes
+flexcam export case.toml --format inp
 """
 )
 def export(
-    source: Annotated[Path, Parameter(help="Result file, or a case file for --format msh.")], *,
-    form: Annotated[Literal["pvd", "csv", "msh"], Parameter("--format", help="pvd: ParaView; msh: Gmsh 2.2.")] = "pvd",
+    source: Annotated[Path, Parameter(help="Result file; a case file for --format msh and inp.")], *,
+    form: Annotated[
+        Literal["pvd", "csv", "msh", "inp"],
+        Parameter("--format", help="pvd: ParaView; msh: Gmsh 2.2; inp: mesh for Abaqus and CalculiX."),
+    ] = "pvd",
     folder: Annotated[Path | None, Parameter(["-o", "--output"], help="Folder; that of the source by default.")] = None,
     every: Annotated[int, Parameter("--every", help="Take every so many of the saved instants or steps.")] = 1,
     fields: Annotated[list[str] | None, Parameter("--field", negative=(), help="pvd: only these point data.")] = None,
@@ -54,11 +58,11 @@ def export(
     ] = False,
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Write a result as a ParaView collection or CSV table, or a case's mesh as a Gmsh file."""
+    """Write a result as a ParaView collection or CSV table, or a case's mesh for Gmsh, Abaqus or CalculiX."""
     if macro and form != "pvd":
         raise refuse("--paraview", f"--format {form}", "--format pvd", "the macro opens that collection")
     target = made_folder(folder or source.parent) / f"{source.stem}.{form}"
-    if form == "msh":
+    if form in ("msh", "inp"):
         write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
         files = [target]
     elif form == "csv":

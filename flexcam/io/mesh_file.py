@@ -13,6 +13,7 @@ import numpy as np
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
 from flexcam.io.csv import write_text
+from flexcam.io.inp_text import inp_text
 from flexcam.io.msh import LINE, POINT, Elements, Msh, read_msh
 from flexcam.io.msh_text import msh_text
 from flexcam.linalg import IntArray
@@ -187,14 +188,14 @@ def _chain(pairs: IntArray) -> IntArray | None:
 
 
 def write_mesh(mesh: Mesh, path: Path, *, overwrite: bool = False) -> None:
-    """Write a mesh as Gmsh 2.2 text; a member and a point may have one name.
+    """Write a mesh as Gmsh 2.2 text, or for Abaqus and CalculiX; a member and a point may have one name.
 
     Parameters
     ----------
     mesh
         The mesh.
     path
-        The file; its folder exists.
+        The file, ``.inp`` for Abaqus and CalculiX; its folder exists.
     overwrite
         Whether an existing file may be replaced.
 
@@ -207,6 +208,9 @@ def write_mesh(mesh: Mesh, path: Path, *, overwrite: bool = False) -> None:
     --------
     ``write_mesh(flexcam.fem.generate.published_model(3), Path("tayeb-3.msh"))``
     """
+    if path.suffix.lower() == ".inp":
+        write_text(path, inp_text(mesh), overwrite=overwrite)
+        return
     groups = [(LINE, name, np.column_stack([line[:-1], line[1:]])) for name, line in mesh.lines.items()]
     groups += [(POINT, name, index[:, None]) for name, index in mesh.points.items()]
     write_text(path, msh_text(mesh.nodes, groups), overwrite=overwrite)

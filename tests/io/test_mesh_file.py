@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import meshio
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -53,6 +54,21 @@ def test_a_member_and_a_point_of_one_name(tmp_path):
     """Names of members and of points are two tables; neither may be lost."""
     mesh = Mesh(AWKWARD, {"valve": [0, 1]}, {"valve": [1]})
     assert_same(round_trip(mesh, tmp_path), mesh)
+
+
+def test_a_mesh_for_other_solvers(tmp_path):
+    """Read by another reader: members are sets of elements in order, points sets of nodes, every digit is there."""
+    mesh = Mesh(AWKWARD, {"shaft": [0, 1, 2], "rod": [4, 3]}, {"bearings": [0, 2]})
+    write_mesh(mesh, tmp_path / "mesh.inp")
+    found = meshio.read(tmp_path / "mesh.inp")
+    np.testing.assert_array_equal(found.points, AWKWARD)
+    pairs = {
+        name: [row for block, rows in zip(found.cells, sets, strict=True) for row in block.data[rows].tolist()]
+        for name, sets in found.cell_sets.items()
+    }
+    assert pairs == {"shaft": [[0, 1], [1, 2]], "rod": [[4, 3]]}
+    assert {name: rows.tolist() for name, rows in found.point_sets.items()} == {"bearings": [0, 2]}
+    assert "TYPE=B31\n" in (tmp_path / "mesh.inp").read_text()
 
 
 @settings(max_examples=25, deadline=None)
