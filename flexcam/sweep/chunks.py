@@ -106,7 +106,9 @@ def chunks_of(plan: Plan, size: int) -> tuple[Chunk, ...]:
     return tuple(Chunk(i, first, variants[first : first + size]) for i, first in enumerate(starts))
 
 
-def evaluated(source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, histories: bool = False) -> list[Outcome]:
+def evaluated(
+    source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, histories: bool = False, runs: int = 1
+) -> list[Outcome]:
     """Run some variants of a case: what a worker does.
 
     Parameters
@@ -117,6 +119,9 @@ def evaluated(source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, his
         Overrides of each.
     histories
         Whether their result files come back too.
+    runs
+        How many variants there are in all: the last digits of a row depend on it, and on nothing that depends on who
+        runs it.
 
     Returns
     -------
@@ -130,7 +135,6 @@ def evaluated(source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, his
     """
     file = opened(source)
     cases = [_read(file, overrides) for overrides in variants]
-    runs = source.runs if isinstance(source, Bundle) else len(variants)
     ran = iter(_evaluated([case for case in cases if isinstance(case, Case)], histories, runs))
     found = [next(ran) if isinstance(case, Case) else Outcome(case) for case in cases]
     if any(one.row.status.cause is Cause.INTERRUPTED for one in found):
