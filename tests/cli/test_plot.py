@@ -26,7 +26,7 @@ LOOKS = {
     "motion": "b1cc7321ce33ce31",
     "force": "b13131a1cecc6e5e",
     "energy": "e5ac7ea9a6598618",
-    "svaj": "859ffe87648ce610",
+    "svaj": "a5e7f6a064866639",
     "profile": "ab707424a32c8faf",
     "modes": "a4267b067b263b72",
 }

@@ -109,7 +109,7 @@ def test_several_results(flexcam, case, result, tmp_path):
     first = data_of(page)["albums"][0]["charts"][0]
     assert first["name"] == "cam.rx"
     names = [curve["name"] for curve in first["panels"][0]["curves"]]
-    assert [one for one in names if "rigid" not in one] == ["case, 3000 rpm", "case, 4000 rpm"]
+    assert [one for one in names if "rigid" not in one] == ["case, camshaft 3000 rpm", "case, camshaft 4000 rpm"]
     assert "run.speed=4000rpm" in text_of(page)
 
 
