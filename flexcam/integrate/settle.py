@@ -131,7 +131,8 @@ def settle(
         travel = 0.5 * step * (inner.rate + answer.state_rate)
         missing = np.concatenate([f - answer.force, z - inner.state - travel])
         moved = _largest(np.abs(inner.state) + np.abs(travel))
-        if not np.isfinite(missing).all() or _settled(missing, within, answer, f, step, usual, moved):
+        late = usual if iteration > _WHOLE_STEPS else 0.0
+        if not np.isfinite(missing).all() or _settled(missing, within, answer, f, step, late, moved):
             # a force that is not finite is reported by `solve`
             return Settled(answer.force, gap, rate, Inner(z, answer.state_rate), iteration)
         off = _largest(missing[:c] - answer.by_state @ missing[c:] if len(z) else missing)

@@ -209,7 +209,7 @@ def settled(
                 local[0, i] = local[8, i]
         sensed(places, give, given, k, sense, to_d, to_v, local, moved)
         respond(laws, constants, given, k, functions, half, local, tangent, states)
-        off = missed(laws, local, tangent, usual)
+        off = missed(laws, local, tangent, usual if iteration > _SHORT else 0.0)
         if off == 0.0 or (
             iteration > _SHORT and negligible(laws, places, give, given, k, sense, to_d, to_v, local, tangent, off)
         ):
