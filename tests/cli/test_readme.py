@@ -78,9 +78,9 @@ def test_lines_of_python(capsys):
 def test_what_is_said_of_speed_is_what_was_measured():
     measured = json.loads((ROOT / "docs/performance-peers.json").read_text(encoding="utf-8"))["solvers"]
     took = {one["title"].partition(" (")[0]: one.get("us_per_step") for one in measured}
-    said = "Exudyn's tuned solver is faster per step than flexcam's plain path, and slower than its machine code"
-    assert said in " ".join(README.split())
-    assert took["flexcam"] > took["Exudyn, tuned"] > took["flexcam, machine code"]
+    assert "flexcam is ahead of them there; Exudyn's tuned solver comes next" in " ".join(README.split())
+    others = {title: one for title, one in took.items() if one and not title.startswith("flexcam")}
+    assert took["flexcam"] < min(others.values()) == others["Exudyn, tuned"]
 
 
 def test_targets_stand_in_the_makefile():
