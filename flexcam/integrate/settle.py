@@ -6,22 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexcam.integrate.iteration import LEAST_PART, MOST_ITERATIONS, ROUNDING, TOLERANCE, WHOLE_STEPS
 from flexcam.integrate.local import LocalForces
 from flexcam.linalg import FloatArray
 from flexcam.system import Reaction
-
-_TOLERANCE = 1e-12
-"""Of the force: three digits above rounding, so that Newton's last quadratic step reaches it."""
-
-_ROUNDING = 16.0 * np.finfo(float).eps
-"""Of the terms a stiff law multiplies: the sensed scalars themselves carry a few eps."""
-
-_MOST_ITERATIONS = 60
-_WHOLE_STEPS = 8
-"""Iterations after which a step of Newton's must lessen what is missing, or is halved: contacts that open and close in
-turn would be gone back and forth between for ever."""
-
-_LEAST_PART = 1.0 / 64.0
 
 
 class NoConvergenceError(ArithmeticError):
@@ -124,19 +112,19 @@ def settle(
     c, part, last, usual = len(guess), 1.0, np.inf, _largest(guess)
     x = base = np.concatenate([guess, inner.state])
     change = missing = np.zeros(len(x))
-    for iteration in range(1, _MOST_ITERATIONS + 1):
+    for iteration in range(1, MOST_ITERATIONS + 1):
         f, z = x[:c], x[c:]
         gap, rate = within.at(f)
         answer = forces.respond(gap, rate, z, angle)
         travel = 0.5 * step * (inner.rate + answer.state_rate)
         missing = np.concatenate([f - answer.force, z - inner.state - travel])
         moved = _largest(np.abs(inner.state) + np.abs(travel))
-        late = usual if iteration > _WHOLE_STEPS else 0.0
+        late = usual if iteration > WHOLE_STEPS else 0.0
         if not np.isfinite(missing).all() or _settled(missing, within, answer, f, step, late, moved):
             # a force that is not finite is reported by `solve`
             return Settled(answer.force, gap, rate, Inner(z, answer.state_rate), iteration)
         off = _largest(missing[:c] - answer.by_state @ missing[c:] if len(z) else missing)
-        if iteration > _WHOLE_STEPS and off > last and part > _LEAST_PART:
+        if iteration > WHOLE_STEPS and off > last and part > LEAST_PART:
             part *= 0.5
         else:
             try:
@@ -168,14 +156,14 @@ def _settled(
     forces, on_gap, on_rate = np.abs(missing[:c]), np.abs(within.gap_by_force), np.abs(within.rate_by_force)
     gap, rate = np.abs(within.gap) + on_gap @ np.abs(f), np.abs(within.rate) + on_rate @ np.abs(f)
     rounding = _largest(np.abs(answer.by_gap) @ gap + np.abs(answer.by_rate) @ rate)
-    if _largest(forces) > _TOLERANCE * max(_largest(answer.force), usual) + _ROUNDING * rounding and not (
-        (on_gap @ forces <= _ROUNDING * gap).all() and (on_rate @ forces <= _ROUNDING * rate).all()
+    if _largest(forces) > TOLERANCE * max(_largest(answer.force), usual) + ROUNDING * rounding and not (
+        (on_gap @ forces <= ROUNDING * gap).all() and (on_rate @ forces <= ROUNDING * rate).all()
     ):
         return False
     if len(missing) == c:
         return True
     flow = np.abs(answer.state_rate_by_gap) @ gap + np.abs(answer.state_rate_by_rate) @ rate
-    return _largest(missing[c:]) <= _TOLERANCE * moved + _ROUNDING * 0.5 * step * _largest(flow)
+    return _largest(missing[c:]) <= TOLERANCE * moved + ROUNDING * 0.5 * step * _largest(flow)
 
 
 def _largest(values: FloatArray) -> float:

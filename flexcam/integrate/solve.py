@@ -60,16 +60,11 @@ def outline(system: System, *, channels: bool = True) -> Outline:
     names = system.carried.names if system.carried else system.names
     if not channels:
         return Outline(names, probes, ())
-    energies = tuple((f"energy.{part}", "J") for part in _parts_of(system))
+    energies = () if system.carried else tuple((f"energy.{part}", "J") for part in PARTS)
     states = [
         (f"{STATE}{force.name}.{i}", "1") for force in system.local_forces for i in range(len(force.law.start_state))
     ]
     return Outline(names, probes, (*((c.name, c.unit) for c in system.channels), *energies, *states))
-
-
-def _parts_of(system: System) -> tuple[str, ...]:
-    """Return the parts of the energy balance: a rigid model has no unknowns that would hold them."""
-    return () if system.carried else PARTS
 
 
 def solve(
@@ -289,11 +284,12 @@ class _Run:
         """Return channels, energies and internal states at the ends of steps."""
         schedule = self._forces.schedule(motion, track.ends)
         seen, carried = self._observed(track, motion, schedule)
-        energies = self._account.block(track, seen, carried, schedule)[:, : len(_parts_of(self._system))]
         between = (steps + 1) % self._save.field_every == 0  # at saved fields some ways take their state anew
         self._imbalance.look(track, seen, schedule, track.ends[between])
         each = [channel.value(seen) for channel in self._system.channels]
-        found = np.column_stack([*each, energies, seen.states])
+        if not self._system.carried:
+            each.append(self._account.block(track, seen, carried, schedule))
+        found = np.column_stack([*each, seen.states])
         return found[track.ends] if len(steps) < len(found) else found
 
     def _observed(self, track: Track, motion: CamMotion, schedule: Schedule) -> tuple[Observed, FloatArray]:

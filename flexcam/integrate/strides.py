@@ -92,10 +92,8 @@ class Stride:
             return None
         within, pulse, old = found[:, :, :3], found[:, :, 3], steps.old
         # By a steady push; the displacement that it balances would change it by as much less.
-        within[:, :, 0], change = (
-            np.cumsum(pulse, axis=1),
-            _repeated(steps.change(), length)[:, [3, 1, 2]].astype(float),
-        )
+        within[:, :, 0] = np.cumsum(pulse, axis=1)
+        change = _repeated(steps.change(), length)[:, [3, 1, 2]].astype(float)
         answer = (1.0 - old) * pulse
         answer[:, 1:] += old * pulse[:, :-1]  # a step is pushed by what acts at its begin too
         return cls(length, steps.stiff, change, within, answer)

@@ -8,12 +8,8 @@ from __future__ import annotations
 import math
 
 from flexcam.integrate.compiled.kernel import inner, respond
+from flexcam.integrate.iteration import LEAST_PART, MOST_ITERATIONS, ROUNDING, TOLERANCE, WHOLE_STEPS
 from flexcam.linalg import FloatArray, IntArray
-
-_TOLERANCE = 1e-12
-_ROUNDING = 16.0 * 2.220446049250313e-16
-_MOST_ITERATIONS, _WHOLE_STEPS, _LEAST_PART = 60, 8, 1.0 / 64.0
-"""As `flexcam.integrate.settle` has them."""
 
 _WEAK = 0.02
 """Change of a force by its own effect within a step, as a part of it, below which it is weak."""
@@ -157,7 +153,7 @@ def missed(laws: IntArray, local: FloatArray, tangent: FloatArray, usual: float)
                 size = force
             if own > rounding:
                 rounding = own
-    if worst <= _TOLERANCE * size + _ROUNDING * rounding or not math.isfinite(total):
+    if worst <= TOLERANCE * size + ROUNDING * rounding or not math.isfinite(total):
         return 0.0
     return worst
 
@@ -183,10 +179,10 @@ def negligible(
                 rate += on_rate * abs(local[0, j])
                 by_gap += on_gap * missing
                 by_rate += on_rate * missing
-            if by_gap > _ROUNDING * gap or by_rate > _ROUNDING * rate:
+            if by_gap > ROUNDING * gap or by_rate > ROUNDING * rate:
                 still = False
             rounding = max(rounding, abs(tangent[0, i, i - first]) * gap + abs(tangent[1, i, i - first]) * rate)
-    return still or off <= _ROUNDING * rounding
+    return still or off <= ROUNDING * rounding
 
 
 @inner
@@ -203,7 +199,7 @@ def settled(
     for i in range(c):
         usual = max(usual, abs(local[8, i]))
     functions = sense + 2 * give.shape[1] + give.shape[0] + 2 * c
-    for iteration in range(1, _SHORT + _MOST_ITERATIONS + 1):
+    for iteration in range(1, _SHORT + MOST_ITERATIONS + 1):
         if iteration == _SHORT + 1:
             for i in range(c):
                 local[0, i] = local[8, i]
@@ -214,11 +210,12 @@ def settled(
             iteration > _SHORT and negligible(laws, places, give, given, k, sense, to_d, to_v, local, tangent, off)
         ):
             for i in range(c):
-                local[0, i] = local[3, i]
+                if not math.isfinite(local[3, i]):
+                    local[0, i] = local[3, i]  # is reported; a finite answer is farther off than a force that settled
             return iteration
         if iteration <= _SHORT:
             corrected(laws, places, give, given, k, sense, to_d, to_v, iteration, local, tangent, stiff, matrix)
-        elif iteration > _SHORT + _WHOLE_STEPS and off > last and part > _LEAST_PART:
+        elif iteration > _SHORT + WHOLE_STEPS and off > last and part > LEAST_PART:
             part *= 0.5
             for i in range(c):
                 local[0, i] = local[8, i] - part * local[9, i]
