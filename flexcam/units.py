@@ -221,6 +221,22 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
     return si
 
 
+def shaft_name(turns: float) -> str:
+    """Return whose speed is counted, as it stands before ``rpm``.
+
+    Parameters
+    ----------
+    turns
+        Of the shaft that is counted, per turn of the camshaft: 2 for the crankshaft.
+
+    Returns
+    -------
+    str
+        ``crank`` or ``camshaft``.
+    """
+    return "crank" if turns == 2.0 else "camshaft"
+
+
 def shaft_speed(speed: float, turns: float) -> str:
     """Return a speed in words: that of the shaft that is counted, and of the crankshaft's that of the camshaft too.
 

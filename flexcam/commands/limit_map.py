@@ -14,13 +14,13 @@ from flexcam.checks import refuse
 from flexcam.commands.answers import write_answer
 from flexcam.commands.app import Overrides, free_picture
 from flexcam.console.limit_map import axis_words, told_limit_map
-from flexcam.console.words import shaft_name
 from flexcam.io import free_to_write
 from flexcam.limits import Search
 from flexcam.response import Status
 from flexcam.sweep import Axis, axis
 from flexcam.sweep.validate import validated
 from flexcam.terminal import counting
+from flexcam.units import shaft_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -22,14 +22,13 @@ from flexcam.commands.app import (
 from flexcam.console.limits import limits_json, limits_table
 from flexcam.console.parting import force_bands, parting_json, parting_table
 from flexcam.console.stability import dangers, growth_table, growths, stability_json, stability_table
-from flexcam.console.words import shaft_name
 from flexcam.limits import Search, find_limits
 from flexcam.parting import parting as compare_models
 from flexcam.response import Status
 from flexcam.stability import over_speeds
 from flexcam.stability import stability as find_causes
 from flexcam.terminal import counting, out, print_json
-from flexcam.units import parse
+from flexcam.units import parse, shaft_name
 
 
 @app.command(

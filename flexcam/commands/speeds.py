@@ -25,12 +25,12 @@ from flexcam.commands.app import (
 )
 from flexcam.console.campbell import campbell_json, campbell_table, crossing_table, ended_early
 from flexcam.console.orders import orders_csv, orders_json, orders_table
-from flexcam.console.words import shaft_name
 from flexcam.io import free_to_write, write_text
 from flexcam.orders import Signal, waterfall
 from flexcam.runner import prepare, scalar_probe
 from flexcam.stability import campbell as find_crossings
 from flexcam.terminal import counting, out, print_json
+from flexcam.units import shaft_name
 
 Lowest = Annotated[str | None, Parameter("--lowest", help="Lowest speed; half the case's by default.")]
 Highest = Annotated[str | None, Parameter("--highest", help="Highest speed; one and a half of the case's by default.")]

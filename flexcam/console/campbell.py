@@ -8,11 +8,12 @@ from dataclasses import asdict
 
 from rich.table import Table
 
-from flexcam.console.words import mm, shaft_name
+from flexcam.console.words import mm
 from flexcam.linalg import FloatArray
 from flexcam.response import Status
 from flexcam.stability import Campbell
 from flexcam.terminal import table
+from flexcam.units import shaft_name
 
 
 def campbell_table(found: Campbell, scale: float) -> Table:

@@ -6,9 +6,9 @@ import math
 
 from rich.table import Table
 
-from flexcam.console.words import shaft_name
 from flexcam.limits import Limits
 from flexcam.terminal import table
+from flexcam.units import shaft_name
 
 
 def limits_json(found: Limits, scale: float) -> dict[str, object]:

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from rich.table import Table
 
-from flexcam.console.words import NOISE, shaft_name
+from flexcam.console.words import NOISE
 from flexcam.linalg import FloatArray
 from flexcam.orders import Waterfall, ridges
 from flexcam.terminal import table
+from flexcam.units import shaft_name
 
 _SHOWN = 8
 """Orders in the table: those that grow largest."""

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from rich.table import Table
 
-from flexcam.console.words import fixed, shaft_name
+from flexcam.console.words import fixed
 from flexcam.linalg import FloatArray
 from flexcam.parting import MODELS, Forces, Speed, parts_at
 from flexcam.terminal import table
+from flexcam.units import shaft_name
 
 _PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
 

@@ -7,10 +7,10 @@ from dataclasses import asdict
 
 from rich.table import Table
 
-from flexcam.console.words import mm, shaft_name
+from flexcam.console.words import mm
 from flexcam.fidelity import Setting
 from flexcam.terminal import table
-from flexcam.units import RPM
+from flexcam.units import RPM, shaft_name
 
 _HEAD = ("k, kN/m", "x0, mm", "spp max", "spp min", "xpp max", "xpp min", "opens, mm", "lift lost")
 

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from flexcam.console.words import shaft_name
 from flexcam.linalg import FloatArray
 from flexcam.stability import Discrete, Resonance, Stability
 from flexcam.terminal import facts, table
-from flexcam.units import RPM, shaft_speed
+from flexcam.units import RPM, shaft_name, shaft_speed
 
 _SHOWN = 5
 

@@ -124,22 +124,6 @@ def degrees(angle: float) -> str:
     return f"{0.0 if abs(angle) < _NOTHING else math.degrees(angle):.4g}"
 
 
-def shaft_name(scale: float) -> str:
-    """Return whose speed is meant.
-
-    Parameters
-    ----------
-    scale
-        Turns of the shaft that is counted per turn of the camshaft: 2 for the crankshaft.
-
-    Returns
-    -------
-    str
-        ``crank`` or ``camshaft``.
-    """
-    return "crank" if scale == 2.0 else "camshaft"
-
-
 def told_apart(names: Sequence[str], beside: Sequence[str]) -> list[str]:
     """Return names that differ: as they are, with what stands beside them, or with a number.
 

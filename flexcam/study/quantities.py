@@ -32,7 +32,7 @@ from flexcam.sweep.evaluate import refused
 from flexcam.sweep.scalars import scalar_names
 from flexcam.sweep.table import unknown_scalar
 from flexcam.train import build_structure, model_modes
-from flexcam.units import RPM
+from flexcam.units import RPM, shaft_name
 
 _FREQUENCY = re.compile(r"frequency\.([1-9]\d{0,2})$")
 _CAM = re.compile(r"cams\.(.+)\.(area|velocity|acceleration|deceleration|jerk)$")
@@ -242,7 +242,7 @@ def _limits(case: Case, names: Sequence[str], search: Search | None) -> dict[str
     if unknown := [one for one in asked if one not in LIMITS]:
         allowed = ", ".join(_LIMIT + one for one in LIMITS)
         raise refuse("scalar", f"{_LIMIT}{unknown[0]}", allowed, "", did_you_mean(unknown[0], LIMITS))
-    scale, unit = case.turns, "crank rpm" if case.turns == 2.0 else "camshaft rpm"
+    scale, unit = case.turns, f"{shaft_name(case.turns)} rpm"
     where = search or Search(0.5 * case.speed, 2.0 * case.speed, 10.0 * RPM / scale)
     found = bracketed_limits(case, where, asked)
     if lacking := [one for one in asked if one not in found]:
