@@ -22,7 +22,7 @@ def measured(count: int = 0) -> dict[str, float]:
     speeds, case = count or SPEEDS, read_case(CASE)
     model = prepare(case).model
     each = (np.linspace(1000.0, 6000.0, speeds) * RPM).tolist()
-    evaluate(case, model=model, runs=speeds)  # the machine code is fetched once
+    evaluate(case, model=model, runs=speeds)  # what is imported and made once
     begun = time.perf_counter()
     for speed in each:
         assert evaluate(case.at_speed(speed), model=model, runs=speeds).status.ok

@@ -1,4 +1,4 @@
-"""flexcam in machine code, which long runs and many runs take by themselves."""
+"""flexcam in machine code, which a linear run without coupled damping takes only where it is asked for."""
 
 from __future__ import annotations
 

@@ -114,7 +114,8 @@ def test_times_have_a_unit_and_are_not_over_yet(flexcam, case, given):
     assert ended.code == 2
     (error,) = ended.json["errors"]
     assert error["where"] == "--time-limit"
-    assert TIMES[given] in ended.err + " ".join(("given", *error.values()))
+    assert error["given"] == (given or "nothing")
+    assert TIMES[given] in f"{error['why']}; {error['remedy']}"
     assert all(error.values()), "where, what was given, what is allowed, why, what to do"
 
 
