@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from flexcam.fem import Mesh
 from flexcam.integrate import Problem, integrated, outline
-from flexcam.integrate.paths import wanted_paths
+from flexcam.integrate.paths import MOST, wanted_paths
 from flexcam.integrate.solve import AT_ONCE, LEAST_AT_ONCE
 from flexcam.io import RECOVERED, VECTORS, points_drawn, result_bytes
 from flexcam.linalg import DENSE_LIMIT
@@ -19,8 +19,9 @@ from flexcam.response import SaveAt
 _NUMBER = 8
 """Bytes."""
 
-_DENSE = 12
-"""Square matrices of a small system: M, C, K as entries and dense, an operator, its inverse, natural motions."""
+_DENSE, _NATURAL = 12, 40
+"""Square matrices of a small system: M, C, K as entries and dense, an operator, its inverse; with natural motions, and
+what refines them."""
 
 _ENTRY = 250
 """Bytes per entry of M, C and K of a large system: triplets, rows, sums of them and a factor."""
@@ -103,20 +104,20 @@ def budget(problem: Problem, mesh: Mesh, save: SaveAt, *, kept: int | None = Non
     histories = (
         rows * row + 3 * unknowns * fields if kept is None else min(kept + save.block, rows) * row + 3 * unknowns
     )
-    inside = integrated(problem)
+    inside, paths = integrated(problem), wanted_paths(problem)
     return Budget(
-        machine=_ANY + (_COMPILER if "compiled" in wanted_paths(problem) else 0),
-        equations=_equations(problem, inside),
+        machine=_ANY + (_COMPILER if "compiled" in paths else 0),
+        equations=_equations(problem, inside, natural=len(paths) > 1 and inside <= MOST),
         blocks=_blocks(inside, mesh, save, min(save.block, rows), row, unknowns),
         histories=_COPIES * _NUMBER * histories,
         file=result_bytes(names, mesh, save, problem.steps),
     )
 
 
-def _equations(problem: Problem, inside: int) -> int:
+def _equations(problem: Problem, inside: int, *, natural: bool) -> int:
     system = problem.system
     entries = sum(len(matrix.values) for matrix in (system.mass, system.damping, system.stiffness))
-    small = _NUMBER * _DENSE * min(inside, DENSE_LIMIT) ** 2
+    small = _NUMBER * (_NATURAL * inside**2 if natural else _DENSE * min(inside, DENSE_LIMIT) ** 2)
     basis = _NUMBER * inside * system.size if problem.basis is not None else 0
     return small + basis + _ENTRY * entries
 

@@ -28,11 +28,11 @@ from flexcam.integrate.within import basis_of, within
 from flexcam.response import SaveAt
 from flexcam.system import Basis, Formulated, System
 
-_MOST = 200
-"""Unknowns up to which all natural motions are found within a fraction of a second."""
+MOST = 500
+"""Unknowns up to which all natural motions are found within half a second."""
 
-_WORTH = 1000
-"""Steps from which the natural motions are worth finding."""
+_WORTH, _SQUARED = 1000, 15
+"""Steps from which natural motions are worth finding: so many, and of more unknowns their square over so many."""
 
 _WORTH_COMPILING, _WORTH_COMPILING_LINEAR = 5_000, 100_000
 """Steps of all runs that cost more elsewhere than the compiler at its first use, with local forces and with damping."""
@@ -126,7 +126,7 @@ def wanted_paths(problem: Problem) -> tuple[Path, ...]:
     steps = problem.runs * problem.steps if available() else 0
     if problem.system.local_forces:
         return ("compiled", "general") if steps >= _WORTH_COMPILING else ("general",)
-    if problem.steps < _WORTH:
+    if problem.steps < max(_WORTH, problem.system.size**2 // _SQUARED):
         return ("general",)
     damped = bool(problem.system.damping.values.any())
     return ("modal", "compiled", "general") if damped and steps >= _WORTH_COMPILING_LINEAR else ("modal", "general")
@@ -143,8 +143,8 @@ def _natural(problem: Problem, method: Method, path: Path, *, exactly: bool) -> 
         raise _UnfitError("only newmark, hht and generalized-alpha go that way")
     if problem.adaptive is not None:
         raise _UnfitError("its steps adapt")
-    if not 0 < system.size <= _MOST:
-        raise _UnfitError(f"it has {system.size} unknowns, and all motions of 1 to {_MOST} are carried")
+    if not 0 < system.size <= MOST:
+        raise _UnfitError(f"it has {system.size} unknowns, and all motions of 1 to {MOST} are carried")
     if path == "modal" and system.local_forces:
         raise _UnfitError(f"{system.local_forces[0].name} depends on the motion")
     if path == "compiled":

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexcam.linalg.extended import LongArray, product, times
 from flexcam.linalg.groups import groups
 from flexcam.linalg.triplets import FloatArray, IntArray
-
-LongArray = NDArray[np.longdouble]
 
 _TWO = np.longdouble(2.0)
 
@@ -19,8 +17,8 @@ _PASSES = 6
 _SMALL = 1e-9
 """Correction whose square is rounding."""
 
-_REFINED = 200
-"""Size up to which the vectors are refined: products in extended precision cost some ns per term."""
+_REFINED = 500
+"""Size up to which the vectors are refined."""
 
 
 def natural(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -55,34 +53,38 @@ def natural(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
     if not (np.diag(M) > 0.0).all():
         message = "the mass is not positive"
         raise np.linalg.LinAlgError(message)
-    scale = 1.0 / np.sqrt(np.diag(M))
-    L = np.linalg.cholesky(scale[:, None] * M * scale)
-    half = np.linalg.solve(L, scale[:, None] * K * scale)
+    scale = np.exp2(-np.round(0.5 * np.log2(np.diag(M))))  # rounds nothing
+    heavy, stiff = (scale[:, None] * matrix * scale for matrix in (M, K))
+    L = np.linalg.cholesky(heavy)
+    half = np.linalg.solve(L, stiff)
     values, vectors = np.linalg.eigh(np.linalg.solve(L, half.T))
-    shapes = scale[:, None] * np.linalg.solve(L.T, vectors)
+    shapes: FloatArray = np.linalg.solve(L.T, vectors).astype(float)
     if len(M) <= _REFINED:
-        values, shapes = _refined(M, K, shapes)
-    return np.maximum(values, 0.0), shapes
+        values, shapes = _refined(heavy, stiff, shapes)
+    return np.maximum(values, 0.0), scale[:, None] * shapes
 
 
 def _refined(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    heavy, stiff, X = (one.astype(np.longdouble) for one in (M, K, vectors))
+    X = vectors.astype(np.longdouble)
     for _ in range(_PASSES):  # every pass squares the error
-        labels = _near(*_products(X, heavy, stiff))
-        X = _turned(X, labels, *_products(X, heavy, stiff))
-        mixed = _mixed(labels, *_products(X, heavy, stiff))
-        X = X + X @ mixed
-        X = X / np.sqrt(np.sum(X * (heavy @ X), axis=0))
+        heavy, stiff = _products(X, M, K)
+        labels = _near(heavy, stiff)
+        if (np.bincount(labels) > 1).any():
+            X = _turned(X, labels, heavy, stiff)
+            heavy, stiff = _products(X, M, K)
+        mixed = _mixed(labels, heavy, stiff).astype(float)
+        X = X + X.astype(float) @ mixed
+        X = X / np.sqrt(np.sum(X * times(M, X), axis=0))
         if np.abs(mixed).max(initial=0.0) < _SMALL:
             break
-    values = np.sum(X * (stiff @ X), axis=0)
+    values = np.sum(X * times(K, X), axis=0)
     order = np.argsort(values)
     return values[order].astype(float), X[:, order].astype(float)
 
 
-def _products(X: LongArray, M: LongArray, K: LongArray) -> tuple[LongArray, LongArray]:
+def _products(X: LongArray, M: FloatArray, K: FloatArray) -> tuple[LongArray, LongArray]:
     """Return what both matrices are between vectors, symmetric to the last bit: rounding then spoils no right angle."""
-    heavy, stiff = X.T @ (M @ X), X.T @ (K @ X)
+    heavy, stiff = (product(X.T, times(matrix, X)) for matrix in (M, K))
     return (heavy + heavy.T) / _TWO, (stiff + stiff.T) / _TWO
 
 

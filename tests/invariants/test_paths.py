@@ -157,6 +157,13 @@ def test_random_systems_that_damping_does_not_couple(seed, n, decades, free, cop
     assert_one_physics(Problem(system, ConstantSpeed(3.0), step_of(system), STEPS, start), SCHEMES[scheme])
 
 
+@pytest.mark.parametrize("kind", ["none", "Rayleigh"])
+def test_hundreds_of_unknowns(kind):
+    """Natural motions of which products in slices found the last digits."""
+    system, start = some_system(4, 120, 6.0, kind, copies=2)
+    assert_one_physics(Problem(system, ConstantSpeed(3.0), step_of(system), STEPS, start), SCHEMES["newmark"])
+
+
 @settings(max_examples=20, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 2**16), n=st.integers(2, 8), decades=st.floats(0.0, 6.0), massless=st.integers(0, 4),

@@ -75,9 +75,17 @@ def test_methods_that_go_the_general_way_alone(path, options, method, words):
 
 @pytest.mark.parametrize("path", FORCED)
 def test_sizes(path):
-    assert "201 unknowns" in refusal(problem_of(masses(201), path))
-    assert way_of(problem_of(masses(201), steps=5000), newmark(), EVERY).path == "general"
-    assert way_of(problem_of(masses(200), path), newmark(), EVERY).path == path
+    assert "501 unknowns" in refusal(problem_of(masses(501), path))
+    assert way_of(problem_of(masses(501), steps=100_000), newmark(), EVERY).path == "general"
+    assert way_of(problem_of(masses(250), path), newmark(), EVERY).path == path
+
+
+@pytest.mark.parametrize(("n", "steps", "path"), [
+    (100, 1000, "modal"), (200, 1000, "general"), (200, 3000, "modal"), (400, 3000, "general"), (400, 12_000, "modal"),
+])  # fmt: skip
+def test_what_a_size_makes_worthwhile(n, steps, path):
+    """Natural motions take the cube of the unknowns to find, and save a time per step that hardly depends on them."""
+    assert way_of(problem_of(masses(n), steps=steps), newmark(), EVERY).path == path
 
 
 def test_local_forces_and_damping():
