@@ -55,6 +55,8 @@ class _Stack:
             owner[i, first : first + len(term.vectors)] = 1.0
             first += len(term.vectors)
         functions = [function for t in terms for function in t.functions or (ONE,) * len(t.vectors)]
+        told = np.flatnonzero(vectors.any(axis=1))  # what is left of others is zero: nothing there moves
+        vectors, owner, functions = vectors[told], owner[:, told], [functions[i] for i in told.tolist()]
         still, moving = _sorted(functions)
         places = tuple((int(owner[:, i].argmax()), i) for i, _ in moving)
         rows = np.concatenate([(owner * still) @ vectors, vectors[[i for _, i in places]]])

@@ -27,7 +27,7 @@ class Kind(IntEnum):
     LEVER = 6
     """k, c, arm, driven arm, angle: a lever's end beyond its linear spring, of path and motion."""
     ARCH = 7
-    """EA/L, g by rows, y0, g y0: a shallow arch beyond its straight bar, of seven scalars."""
+    """EA/L, g by rows, y0, g y0: a shallow arch beyond its bar, of its stretch and three scalars per plane."""
 
 
 _DISSIPATION = {Kind.BILATERAL: 1, Kind.STOP: 1, Kind.HUNT_CROSSLEY: 1, Kind.LINE: 4, Kind.LEVER: 1}

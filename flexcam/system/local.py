@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from flexcam.linalg import FloatArray
+from flexcam.linalg import FloatArray, IntArray
 
 AngleFunction = Callable[[FloatArray, int], FloatArray]
 """A scalar function of the cam angle (rad) and of the order of its derivative."""
@@ -157,6 +157,15 @@ class Changing(Protocol):
 
     def changing(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
         """Return the energy without what every cam angle has alike, J, shape (m,), as `Storing.stored` is asked."""
+        ...
+
+
+@runtime_checkable
+class Idle(Protocol):
+    """A local law with scalars that nothing drives: while they are zero, no force is on them, and they cause none."""
+
+    def idle(self) -> tuple[IntArray, ...]:
+        """Return sets of such scalars: each is idle as long as all of its own are zero, whatever the others do."""
         ...
 
 

@@ -2,7 +2,8 @@
 
 M, C, K and the local forces couple unknowns. A group of coupled unknowns moves if a load pushes it that changes in
 time, a local force acts on it that changes with the cam angle, it begins with a velocity, or it begins out of balance.
-Every other group stays where it begins, also under its weight.
+Every other group stays where it begins, also under its weight. Scalars of a local force that nothing drives while they
+are zero (`Idle`), such as the bending of a straight strut, couple nothing until something moves them.
 
 An entry couples unless it is exactly zero. Entries of the size of rounding, such as those between the planes of a
 shaft a hair off the axis, are taken for what they say: a soft spring between stiff parts has entries as small, and
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from flexcam.linalg import FloatArray, IntArray, by_group, diagonal_scale, groups
 from flexcam.system.drive import CamMotion
 from flexcam.system.equations import System
-from flexcam.system.local import Constant, LocalForce, Reaction
+from flexcam.system.local import Constant, Idle, LocalForce, Reaction
 
 _SLOW = 1e-13
 """Part of the largest velocity of a start, as roots of energies, below which one is rounding of a difference."""
@@ -107,10 +108,15 @@ def reach(
     n = system.size
     d = np.zeros(n) if displacement is None else displacement
     v = np.zeros(n) if velocity is None else velocity
-    labels = _coupled(system)
-    moving = _any(_changing(system) | _started(v, system.mass.diagonal()), labels)
-    steady, moving = _resting(system, d, _states(system, inner), moving, labels)
-    moving |= _any(_unbalanced(system, d, steady, labels), labels)
+    idle, begun = _idle(system, d), _changing(system) | _started(v, system.mass.diagonal())
+    while True:
+        labels = _coupled(system, idle)
+        steady, moving = _resting(system, d, _states(system, inner), _any(begun, labels), labels)
+        moving |= _any(_unbalanced(system, d, steady, labels), labels)
+        asleep = [one for one in idle if not moving[one.unknowns].any()]
+        if len(asleep) == len(idle):
+            break
+        idle = asleep
     loads = np.abs(system.load_vectors()).sum(axis=0) + np.abs(steady).sum(axis=0)
     free = np.zeros(n) if system.free is None else np.abs(system.free).sum(axis=1)
     still = tuple(
@@ -121,21 +127,44 @@ def reach(
     return Reach(moving, still, np.where(moving, 0.0, d))
 
 
-def _coupled(system: System) -> IntArray:
+@dataclass(frozen=True, eq=False)
+class _Asleep:
+    """Scalars of a local force that begin idle, and the unknowns that they sense or act on."""
+
+    force: LocalForce
+    scalars: frozenset[int]
+    unknowns: NDArray[np.bool_]
+
+
+def _idle(system: System, d: FloatArray) -> list[_Asleep]:
+    """Return the sets of idle scalars that are zero at a start."""
+    found: list[_Asleep] = []
+    for force in system.local_forces:
+        for scalars in force.law.idle() if isinstance(force.law, Idle) else ():
+            held: list[int] = scalars.tolist()
+            if not any((force.sense[i].vectors @ d).any() or force.offset[i] != Constant(0.0) for i in held):
+                vectors = [one.vectors for i in held for one in (force.sense[i], force.act[i])]
+                found.append(_Asleep(force, frozenset(held), (np.concatenate(vectors) != 0.0).any(axis=0)))
+    return found
+
+
+def _coupled(system: System, idle: list[_Asleep]) -> IntArray:
     """Return the group of every unknown, by its lowest member."""
     pairs = [
         (m.rows[m.values != 0.0], m.cols[m.values != 0.0]) for m in (system.mass, system.damping, system.stiffness)
     ]
     for force in system.local_forces:
-        involved = np.flatnonzero(_involved(force, system.size))
+        asleep = frozenset[int]().union(*(one.scalars for one in idle if one.force is force))
+        involved = np.flatnonzero(_involved(force, system.size, asleep))
         pairs.append((np.repeat(involved[:1], len(involved)), involved))
     rows, cols = (np.concatenate(one) for one in zip(*pairs, strict=True))
     return groups(system.size, rows, cols)
 
 
-def _involved(force: LocalForce, size: int) -> NDArray[np.bool_]:
-    """Return which unknowns a local force senses or acts on."""
-    vectors = [np.zeros((1, size)), *(one.vectors for one in (*force.sense, *force.act))]
+def _involved(force: LocalForce, size: int, asleep: frozenset[int] = frozenset()) -> NDArray[np.bool_]:
+    """Return which unknowns a local force senses or acts on, but for scalars that are asleep."""
+    pairs = [pair for i, pair in enumerate(zip(force.sense, force.act, strict=True)) if i not in asleep]
+    vectors = [np.zeros((1, size)), *(one.vectors for pair in pairs for one in pair)]
     return (np.concatenate(vectors) != 0.0).any(axis=0)
 
 

@@ -50,6 +50,13 @@ class Bowing(Stateless):
         ]
         return tuple(Formula(Kind.ARCH, tuple(shape.tolist()), scalars=SCALARS) for shape in shapes)
 
+    def idle(self) -> tuple[IntArray, ...]:
+        """Return, by element and plane, the scalars of bending: a strut without a bow stays straight if left alone."""
+        planes = 1 + np.arange(SCALARS - 1).reshape(2, -1)
+        return tuple(
+            SCALARS * e + plane for e, bow in enumerate(self.arch.bow) for plane in planes if not bow[plane - 1].any()
+        )
+
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
         """Return the energy beyond that of the linear bar and its derivative, per instant."""
         forces = self.arch.forces(_by_element(gap))

@@ -90,24 +90,24 @@ def lever(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: Flo
 
 
 @inner
-def arch(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: FloatArray) -> None:
-    """Put the answer of a shallow arch, as `flexcam.fem.elements.shallow.Arch` has it."""
+def arch(constants: FloatArray, b: int, i: int, bent: int, local: FloatArray, tangent: FloatArray) -> None:
+    """Put the answer of a shallow arch, as `flexcam.fem.elements.shallow.Arch` has it, in one plane or in both."""
     axial, shortened = constants[b], 0.0
-    for r in range(6):
+    for r in range(bent):
         pull = 0.0
-        for s in range(6):
+        for s in range(bent):
             pull += constants[b + 1 + 6 * r + s] * (local[1, i + 1 + s] + constants[b + 37 + s])
         local[3, i + 1 + r] = pull
         shortened += local[1, i + 1 + r] * (pull + constants[b + 43 + r])
     beyond = 0.5 * axial * shortened
     N = axial * local[1, i] + beyond
     local[3, i] = beyond
-    for r in range(6):
+    for r in range(bent):
         across = axial * local[3, i + 1 + r]
         tangent[0, i, 1 + r], tangent[0, i + 1 + r, 0] = across, across
-        for s in range(6):
+        for s in range(bent):
             tangent[0, i + 1 + r, 1 + s] = N * constants[b + 1 + 6 * r + s] + across * local[3, i + 1 + s]
-    for r in range(6):
+    for r in range(bent):
         local[3, i + 1 + r] *= N
 
 
@@ -123,7 +123,7 @@ def respond(
         given = column + laws[law, 4]
         N, by_depth, by_speed = 0.0, 0.0, 0.0
         if kind == 7:
-            arch(constants, b, i, local, tangent)
+            arch(constants, b, i, laws[law, 2] - 1, local, tangent)
             continue
         if kind == 6:
             lever(constants, b, i, local, tangent)

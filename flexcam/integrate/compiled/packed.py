@@ -22,8 +22,8 @@ class PackedForces:
     Parameters
     ----------
     laws
-        Per formula: kind, first scalar, number of scalars, where its constants and its functions begin, its internal
-        state, and where the constants of its friction begin; shape (l, 7).
+        Per formula: kind, first scalar, number of scalars that are needed, where its constants and its functions begin,
+        its internal state, and where the constants of its friction begin; shape (l, 7).
     constants
         All of them.
     places
@@ -51,17 +51,18 @@ class PackedForces:
         constants: list[float] = []
         functions: list[AngleFunction] = []
         loosely: list[bool] = []
+        places = np.vstack([_begins(stack.owner) for stack in (forces.sense, forces.act)])
         first = 0
         for one, state in each:
             begin = len(constants)
             constants += [*one.constants, *(one.friction or ())]
-            rows.append((one.kind, first, one.scalars, begin, len(functions), state, begin + len(one.constants)))
+            scalars = _bent(places, first) if one.kind is Kind.ARCH else one.scalars
+            rows.append((one.kind, first, scalars, begin, len(functions), state, begin + len(one.constants)))
             functions += one.functions
             loosely += [one.kind is Kind.LINE and i == 0 for i in range(len(one.functions))]
             first += one.scalars
-        senses, acts = (_begins(stack.owner) for stack in (forces.sense, forces.act))
         laws = np.array(rows, dtype=np.intp).reshape(-1, 7)
-        return cls(laws, np.array(constants, dtype=float), np.vstack([senses, acts]), tuple(functions), tuple(loosely))
+        return cls(laws, np.array(constants, dtype=float), places, tuple(functions), tuple(loosely))
 
     def cam(self, schedule: Schedule) -> FloatArray:
         """Return what follows from the cam side by side, a row per instant.
@@ -89,6 +90,12 @@ class PackedForces:
         sensed, rates, acted, offsets, offset_rates, _ = (Weights.known(part) for part in np.split(cam, cuts, axis=1))
         owners = forces.sense.owner, forces.act.owner
         return Schedule(sensed, rates, acted, offsets, offset_rates, angle, *owners, Evaluated(angle))
+
+
+def _bent(places: IntArray, first: int) -> int:
+    """Return how many scalars of an arch are needed: the planes behind those in which something moves are left out."""
+    moved = [plane for plane in (1, 2) if (places[:, first + 3 * plane + 1] > places[:, first + 3 * plane - 2]).any()]
+    return 1 + 3 * max(moved, default=0)
 
 
 def _begins(owner: FloatArray) -> IntArray:

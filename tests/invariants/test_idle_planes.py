@@ -1,0 +1,155 @@
+"""A plane in which a strut is straight and nothing bends it is left out, until something does: no result changes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexcam import prepare, read_case
+from flexcam.integrate import State, equilibrium, solve
+from flexcam.integrate.compiled.packed import PackedForces
+from flexcam.integrate.local import LocalForces
+from flexcam.integrate.paths import way_of
+from flexcam.integrate.within import reached
+from flexcam.system import Load
+
+ROD = """
+format = 1
+[nodes]
+root = [0.0, 0.0, 0.0]
+mid = [0.2, 0.0, 0.0]
+tip = [0.4, 0.0, 0.0]
+[materials.steel]
+E = "207 GPa"
+nu = 0.29
+density = "7800 kg/m^3"
+[sections]
+tube = {{ shape = "tube", outer_diameter = "8 mm", inner_diameter = "5 mm" }}
+[members.rod]
+nodes = ["root", "mid", "tip"]
+material = "steel"
+section = "tube"
+elements = 2
+geometric_stiffness = true
+bow = {bow}
+[supports]
+root = ["ux", "uy", "uz", "rx"]
+tip = ["uy", "uz"]
+[loads.squeeze]
+at = "tip"
+direction = "ux"
+force = "-200 N"
+[run]
+speed = "3000 rpm"
+steps_per_revolution = 400
+revolutions = 1
+start = "equilibrium"
+[output]
+probes = ["mid", "tip"]
+"""
+PLANES = {"y": {"uy", "rz"}, "z": {"uz", "ry"}, "along": {"ux"}}
+
+
+@pytest.fixture
+def rod(tmp_path):
+    """Return what is to be solved of a tube that is squeezed, with a bow in its x-y plane and loads across it."""
+
+    def make(bow="0.2 mm", *across):
+        path = tmp_path / "rod.toml"
+        path.write_text(ROD.format(bow=f'"{bow}"'), encoding="utf-8")
+        ready = prepare(read_case(path))
+        pushes = [("tip.ux", -150.0), *((f"mid.{one}", size) for one, size in across)]
+        return replace(ready, problem=loaded(ready.problem, pushes, wave))
+
+    return make
+
+
+def wave(motion):
+    return np.sin(motion.angle)
+
+
+def loaded(problem, pushes, history, *, steady=False):
+    """Return a problem with loads on unknowns by name, N, over time."""
+    names = problem.system.names
+    loads = [Load(name, size * np.eye(len(names))[names.index(name)], history, steady) for name, size in pushes]
+    return replace(problem, system=replace(problem.system, loads=(*problem.system.loads, *loads)))
+
+
+def moving(problem):
+    """Return which kinds of unknowns can move."""
+    found = reached(problem).moving
+    return {name.rpartition(".")[2] for name, one in zip(problem.system.names, found, strict=True) if one}
+
+
+@pytest.mark.parametrize(("bow", "across", "planes"), [
+    ("0.2 mm", (), ("along", "y")), ("0 mm", (), ("along",)), ("0 mm", (("uz", 1.0),), ("along", "z")),
+    ("0 mm", (("uy", 1.0),), ("along", "y")), ("0.2 mm", (("uz", 1e-9),), ("along", "y", "z")),
+    ("0 mm", (("uy", 1.0), ("uz", 1.0)), ("along", "y", "z")),
+])  # fmt: skip
+def test_only_planes_that_something_bends_move(rod, bow, across, planes):
+    ready = rod(bow, *across)
+    assert moving(ready.problem) == set().union(*(PLANES[one] for one in planes))
+    whole, pruned = (
+        solve(replace(ready.problem, prune=prune), ready.scheme, save=ready.save) for prune in (False, True)
+    )
+    assert pruned.stats.unknowns < whole.stats.unknowns or len(planes) == 3
+    for kind in ("displacement", "velocity"):
+        one, other = (getattr(run.probes, kind) for run in (whole, pruned))
+        # rounding of a matrix whose axial entries are 1e4 times those of bending; a velocity has it by a step
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9 * np.abs(one).max())
+
+
+@pytest.mark.parametrize("kind", ["displacement", "velocity"])
+def test_a_start_across_wakes_a_plane(rod, kind):
+    problem = rod().problem
+    begun = np.zeros(problem.system.size)
+    begun[problem.system.names.index("mid.uz")] = 1e-6
+    start = problem.start or State.rest(problem.system.size)
+    assert moving(problem) == PLANES["along"] | PLANES["y"]
+    problem = replace(problem, start=replace(start, **{kind: getattr(start, kind) + begun}))
+    assert moving(problem) == PLANES["along"] | PLANES["y"] | PLANES["z"]
+
+
+def test_a_bow_bends_from_rest(rod):
+    """Nothing is bent at the start, but the squeeze bends it."""
+    problem = rod().problem
+    assert moving(replace(problem, start=State.rest(problem.system.size))) == PLANES["along"] | PLANES["y"]
+
+
+def test_bending_wakes_what_it_shortens(rod):
+    """What is pushed across alone bends, and its ends come nearer."""
+    plain = rod("0 mm").problem
+    plain = replace(plain, system=replace(plain.system, loads=plain.system.loads[:-1]))
+    assert moving(plain) == set()
+    assert moving(loaded(plain, [("mid.uz", 1.0)], wave)) == PLANES["along"] | PLANES["z"]
+
+
+def test_a_steady_push_across_wakes_a_plane(rod):
+    """It rests in balance while the squeeze is steady; what changes the squeeze changes the bending."""
+    pushed = loaded(rod("0 mm").problem, [("mid.uz", 1.0)], lambda motion: np.ones_like(motion.angle), steady=True)
+    resting = replace(pushed, start=equilibrium(pushed.system, pushed.drive))
+    assert np.abs(resting.start.displacement[resting.system.names.index("mid.uz")]) > 0.0
+    assert moving(resting) == PLANES["along"] | PLANES["z"]
+
+
+@pytest.mark.parametrize(("across", "scalars"), [((), 4), ((("uz", 1.0),), 7)])
+def test_machine_code_skips_the_plane_and_agrees(rod, across, scalars):
+    ready = rod("0.2 mm", *across)
+    general, compiled = (solve(replace(ready.problem, path=path), ready.scheme) for path in ("general", "compiled"))
+    way = way_of(replace(ready.problem, path="compiled"), ready.scheme, ready.save)
+    assert set(PackedForces.of(LocalForces(way.problem.system)).laws[:, 2].tolist()) == {scalars}
+    for kind in ("displacement", "velocity"):
+        one, other = (getattr(run.probes, kind) for run in (general, compiled))
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9 * np.abs(one).max())
+
+
+def test_machine_code_has_a_straight_strut(rod):
+    """Nothing bends it: its stretch alone is left of an element, and no force beyond that of a bar."""
+    ready = rod("0 mm")
+    way = way_of(replace(ready.problem, path="compiled"), ready.scheme, ready.save)
+    assert set(PackedForces.of(LocalForces(way.problem.system)).laws[:, 2].tolist()) == {1}
+    general, compiled = (solve(replace(ready.problem, path=path), ready.scheme) for path in ("general", "compiled"))
+    one, other = general.probes.displacement, compiled.probes.displacement
+    np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9 * np.abs(one).max())
