@@ -11,7 +11,7 @@ from flexcam.integrate.compiled.kernel import inner, respond
 from flexcam.integrate.iteration import LEAST_PART, MOST_ITERATIONS, ROUNDING, TOLERANCE, WHOLE_STEPS
 from flexcam.linalg import FloatArray, IntArray
 
-_WEAK = 0.02
+_WEAK = 2e-3
 """Change of a force by its own effect within a step, as a part of it, below which it is weak."""
 
 _SHORT = 12
