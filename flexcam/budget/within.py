@@ -15,6 +15,9 @@ _SPARED = 0.9
 _ELEMENT = 8000
 """Bytes that matrices, factor and start of a model take per element at least, measured from 3e3 to 2e5 elements."""
 
+_SMALL = 1_000_000
+"""Bytes of matrices for which nobody is asked: a run of a sweep takes little longer than to ask."""
+
 _UNITS = ("B", "kB", "MB", "GB", "TB", "PB")
 
 _LARGE = "or --allow-large to try it all the same"
@@ -59,7 +62,8 @@ def affordable_mesh(mesh: Mesh) -> None:
     InputError
         With what is needed and what is there.
     """
-    count, free = sum(len(line) - 1 for line in mesh.lines.values()), free_memory()
+    count = sum(len(line) - 1 for line in mesh.lines.values())
+    free = free_memory() if _ELEMENT * count > _SMALL else None
     if free is None or _ELEMENT * count <= _SPARED * free:
         return
     given = f"{count} elements, whose matrices take {size(_ELEMENT * count)}"

@@ -52,6 +52,7 @@ def folder() -> Path | None:
     return _folder()
 
 
+@lru_cache
 def available() -> bool:
     """Tell whether there is a compiler.
 
