@@ -21,7 +21,10 @@ in `flexcam.integrate.settle`: from the forces of the last instant, none of them
 
 @inner
 def eliminated(matrix: FloatArray, n: int, end: int) -> bool:
-    """Solve a system whose right sides are columns n up to an end, by Gauss with the largest pivot; tell whether."""
+    """Solve a system whose right sides are columns n up to an end, by Gauss with the largest pivot; tell whether.
+
+    Inner loops count from zero: where no index can count from an array's end, the compiler takes many at once.
+    """
     for i in range(n):
         p = i
         for r in range(i + 1, n):
@@ -30,22 +33,23 @@ def eliminated(matrix: FloatArray, n: int, end: int) -> bool:
         if matrix[p, i] == 0.0:
             return False
         if p != i:
-            for j in range(i, end):
-                kept = matrix[i, j]
-                matrix[i, j] = matrix[p, j]
-                matrix[p, j] = kept
+            for j in range(end - i):
+                kept = matrix[i, i + j]
+                matrix[i, i + j] = matrix[p, i + j]
+                matrix[p, i + j] = kept
         for r in range(i + 1, n):
             part = matrix[r, i] / matrix[i, i]
             if part != 0.0:
-                for j in range(i, end):
-                    matrix[r, j] -= part * matrix[i, j]
-    for i in range(n - 1, -1, -1):
-        for j in range(n, end):
-            matrix[i, j] /= matrix[i, i]
+                for j in range(end - i):
+                    matrix[r, i + j] -= part * matrix[i, i + j]
+    for back in range(n):
+        i = n - 1 - back
+        for j in range(end - n):
+            matrix[i, n + j] /= matrix[i, i]
         for r in range(i):
             part = matrix[r, i]
-            for j in range(n, end):
-                matrix[r, j] -= part * matrix[i, j]
+            for j in range(end - n):
+                matrix[r, n + j] -= part * matrix[i, n + j]
     return True
 
 
