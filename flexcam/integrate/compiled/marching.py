@@ -59,6 +59,13 @@ class Between:
         )  # fmt: skip
 
 
+def _placed(ends: IntArray, at_ends: FloatArray, places: IntArray, between: FloatArray) -> FloatArray:
+    """Return rows of two kinds at their places."""
+    found = np.empty((len(ends) + len(places), *at_ends.shape[1:]))
+    found[ends], found[places] = at_ends, between
+    return found
+
+
 def _row(one: Moment) -> FloatArray:
     """Return what a row of results has of an instant."""
     return np.concatenate([one.d, one.v, one.a, one.local, one.inner.state])
@@ -153,11 +160,12 @@ class Marching:
             impulse[row] = struck
         if any(len(one.rows) for one in between):
             instants = np.concatenate([one.rows for one in between])
-            order = np.argsort(np.concatenate([ends, instants[:, -1] - 0.5]), kind="stable")
-            time = np.concatenate([time, instants[:, -2]])[order]
-            found = np.concatenate([found, instants[:, :-2]])[order]
-            impulse = np.concatenate([impulse, *(one.impulse for one in between)])[order]
-            ends = np.flatnonzero(order < len(ends))
+            before = instants[:, -1].astype(np.intp)  # ascending: steps are marched in order
+            ends = ends + np.searchsorted(before, ends, side="right")
+            places = before + np.arange(len(before))
+            time = _placed(ends, time, places, instants[:, -2])
+            found = _placed(ends, found, places, instants[:, :-2])
+            impulse = _placed(ends, impulse, places, np.concatenate([one.impulse for one in between]))
         d, v, a, force, inner = np.split(found, [n, 2 * n, 3 * n, 3 * n + c], axis=1)
         return Track(time, d, v, a, force, inner, impulse, ends)
 

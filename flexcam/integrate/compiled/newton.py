@@ -70,26 +70,39 @@ def corrected(
     laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense: int, to_d: float, to_v: float,
     iteration: int, local: FloatArray, tangent: FloatArray, stiff: IntArray, matrix: FloatArray,
 ) -> bool:  # fmt: skip
-    """Correct the forces (row 0): by Newton's step where they react to themselves, by the laws' answer elsewhere."""
+    """Correct the forces (row 0): by Newton's step where they react to themselves, by the laws' answer elsewhere.
+
+    What those do to each other (matrices 1 and 2) holds for all iterations of a step as long as they are the same ones,
+    and so does what a force does to its own scalar (row 6).
+    """
     turn, act = sense + give.shape[1], sense + 2 * give.shape[1]
     n = act - act  # zero, as a number: a literal one would be compiled apart
     weak = _WEAK if iteration <= _SHORT else -1.0  # also those that react through others alone
+    same = iteration > 1
     for law in range(len(laws)):
         first, size = laws[law, 1], laws[law, 2]
-        strong = False
+        reacts, strong = False, weak < 0.0
+        for i in range(first, first + size):
+            for r in range(size):
+                reacts = reacts or tangent[0, i, r] != 0.0 or tangent[1, i, r] != 0.0
+        if reacts and local[6, first] < 0.0:
+            for i in range(first, first + size):
+                local[6, i] = math.sqrt(abs(moved_by(i, i, places, give, given, k, sense, act)))
         for i in range(first, first + size):
             reaction = 0.0
-            for r in range(size):
+            for r in range(size if reacts else 0):
                 reaction += (to_d * abs(tangent[0, i, r]) + to_v * abs(tangent[1, i, r])) * local[6, first + r]
-            if reaction * local[6, i] > weak:
-                strong = True
+            strong = strong or reaction * local[6, i] > weak
         for i in range(first, first + size):
             if strong:
+                same = same and stiff[0, n] == i
                 stiff[0, n], stiff[1, n] = i, law
                 n += 1
             else:
                 local[0, i] = local[3, i]
-    for row in range(n):
+    if n < stiff.shape[1]:
+        stiff[0, n] = -1  # one more the next time is another one
+    for row in range(0 if same else n):
         for column in range(n):
             moved = moved_by(stiff[0, row], stiff[0, column], places, give, given, k, sense, act)
             turned = moved_by(stiff[0, row], stiff[0, column], places, give, given, k, turn, act)

@@ -10,10 +10,8 @@ per step of loads, of what follows from the cam (`PackedForces.cam`) and of the 
 
 from __future__ import annotations
 
-import math
-
 from flexcam.integrate.compiled.kernel import inner
-from flexcam.integrate.compiled.newton import moved_by, settled
+from flexcam.integrate.compiled.newton import settled
 from flexcam.linalg import FloatArray, IntArray
 
 _GONE = 1e-150
@@ -54,11 +52,11 @@ def answered(
 ) -> int:  # fmt: skip
     """Find the local forces at a step's end; return the iterations, 0 if there are no such forces.
 
-    Before, what they sense without their own effect (rows 4 and 5), that effect's size (6), and a guess.
+    Before, what they sense without their own effect (rows 4 and 5), and a guess.
     """
     half, to_d, to_v = 0.5 * scheme[0], scheme[1] * scheme[0] * scheme[0], scheme[2] * scheme[0]
     n, c, senses = state.shape[1], local.shape[1], give.shape[1]
-    act, offset = n + 2 * senses, n + 2 * senses + give.shape[0]
+    offset = n + 2 * senses + give.shape[0]
     for i in range(n):
         state[8, i] = state[4, i] + to_d * state[7, i]
         state[9, i] = state[5, i] + to_v * state[7, i]
@@ -72,8 +70,7 @@ def answered(
             gap += given[k, n + b] * on_d
             rate += given[k, n + b] * on_v + given[k, n + senses + b] * on_d
         local[4, i], local[5, i], local[0, i] = gap, rate, forces[0, i] + forces[3, i]
-        local[8, i] = forces[0, i]
-        local[6, i] = math.sqrt(abs(moved_by(i, i, places, give, given, k, n, act)))
+        local[6, i], local[8, i] = -1.0, forces[0, i]
     for z in range(states.shape[1]):
         states[2, z] = states[0, z] + half * states[1, z]
     return settled(
