@@ -17,7 +17,7 @@ def smallest(monkeypatch):
     monkeypatch.setattr(bounds, "ORDER", 50)
     monkeypatch.setattr(linear, "SHAFTS", linear.SHAFTS[:2])
     monkeypatch.setattr(linear, "STEPS", 1200)
-    monkeypatch.setattr(contact, "CASES", ("petrescu/valve-spring",))
+    monkeypatch.setattr(contact, "CASES", (("petrescu/valve-spring", ()),))
     monkeypatch.setattr(contact, "REPEATS", 1)
     monkeypatch.setattr(sweep, "SPEEDS", 3)
     monkeypatch.setattr(assembly, "ELEMENTS", (10,))

@@ -199,8 +199,8 @@ def _bounds(tables: dict) -> list[str]:
 def _contact(tables: dict) -> list[str]:
     """Return whole trains in contact."""
     rows = [
-        f"| `cases/{row['case']}.toml` | {row['unknowns']} | {row['forces']} | {_path(row)} | {row['steps']} | {row['events']} | "
-        f"{row['iterations']:.2f} | {_cost(row)} |"
+        f"| `cases/{row['case']}.toml`{', straight' if row['overrides'] else ''} | {row['unknowns']} | {row['forces']} | "
+        f"{_path(row)} | {row['steps']} | {row['events']} | {row['iterations']:.2f} | {_number(row['us_probes'])} | {_cost(row)} |"
         for row in tables["contact"]
     ]
     return [
@@ -208,10 +208,12 @@ def _contact(tables: dict) -> list[str]:
         "",
         "Two camshaft revolutions of cases with contact, as they stand, from their start. Local forces are contacts, seats,",
         "lash, coils that touch, friction and the like; events are instants located within a step, where a contact opens or",
-        "closes; iterations are Newton's, of the local forces, per step. Paths as above.",
+        "closes; iterations are Newton's, of the local forces, per step. Time is that with the probes alone saved, and with",
+        "every channel, energy and field that the case asks for. Straight: the pushrod without its bow and what its load",
+        "does to its bending, which leaves contact, seat, lash and the spring of eight elements. Paths as above.",
         "",
-        "| case | unknowns | local forces | path | steps | events | iterations | us per step |",
-        "|---|---|---|---|---|---|---|---|",
+        "| case | unknowns | local forces | path | steps | events | iterations | us per step, probes | us per step, all |",
+        "|---|---|---|---|---|---|---|---|---|",
         *rows,
         "",
     ]
