@@ -158,9 +158,10 @@ class Walker:
         if not struck or moment.pressed is None:
             return [moment]
         after = self._starter.impact(moment, there, struck)
-        pressed = moment.pressed.copy()
+        pressed, gap = moment.pressed.copy(), after.gap.copy()
         pressed[struck] = self._forces.restitution[struck] == 0.0
-        return [moment, replace(after, pressed=pressed)]
+        gap[self._forces.switching[struck]] = 0.0  # what is left of it is rounding, which would say when it opens again
+        return [moment, replace(after, pressed=pressed, gap=gap)]
 
     def _gaps(self, moment: Moment) -> tuple[FloatArray, FloatArray]:
         """Return the switching scalars and their rates."""
