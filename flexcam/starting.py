@@ -13,7 +13,7 @@ import numpy as np
 
 from flexcam.case import Case
 from flexcam.case.tables.run import GivenStartRecord, ResultStartRecord
-from flexcam.checks import InputError, did_you_mean, refuse
+from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.integrate import Problem, State, carried_equilibrium, periodic, rest
 from flexcam.io import named_file, read_result
 from flexcam.linalg import FloatArray
@@ -117,8 +117,10 @@ def started(case: Case, model: Model, problem: Problem, *, until: float | None =
             drive = _from_angle(case, model, problem.drive, angle, state.time)
             return replace(problem, drive=drive, start=state)
         case GivenStartRecord(displacement=displacement, velocity=velocity):
-            moved = _given(case, system, displacement, "displacement")
-            return replace(problem, start=State(moved, _given(case, system, velocity, "velocity")))
+            given = {"displacement": displacement, "velocity": velocity}
+            if faults := [fault for kind, values in given.items() for fault in _misplaced(case, system, values, kind)]:
+                raise InputError(faults)
+            return replace(problem, start=State(_placed(system, displacement), _placed(system, velocity)))
 
 
 def _carried(problem: Problem) -> State:
@@ -161,12 +163,16 @@ def _periodic(case: Case, problem: Problem, until: float | None) -> Problem:
     return replace(problem, start=periodic(one, case.record.run.integrator.made(), until=until))
 
 
-def _given(case: Case, system: System, values: Mapping[str, float], kind: str) -> FloatArray:
+def _misplaced(case: Case, system: System, values: Mapping[str, float], kind: str) -> list[Fault]:
+    """Return the names of given values that are no unknowns; the rigid mechanism has none to place."""
+    wrong = [name for name in values if name not in system.names] if system.size else []
+    where, allowed = case.place(("run", "start", kind)), "a free component such as 'cam.uy'"
+    return [Fault(where, repr(name), allowed, "", did_you_mean(name, system.names)) for name in wrong]
+
+
+def _placed(system: System, values: Mapping[str, float]) -> FloatArray:
     row = np.zeros(system.size)
-    for name, value in values.items() if system.size else ():  # the rigid mechanism has no component to place
-        if name not in system.names:
-            where = case.place(("run", "start", kind))
-            raise refuse(where, repr(name), "a free component such as 'cam.uy'", "", did_you_mean(name, system.names))
+    for name, value in values.items() if system.size else ():
         row[system.names.index(name)] = value
     return row
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -13,7 +14,7 @@ from flexcam.case.records import CaseRecord
 from flexcam.case.tables import cams, contacts, members, parts
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Member, Mesh
-from flexcam.fem.frames import default_orientation
+from flexcam.fem.frames import default_orientation, triads
 from flexcam.linalg import FloatArray
 
 In = TypeVar("In")
@@ -55,13 +56,14 @@ def build_model(case: Case) -> train.Model:
         return made
 
     mesh = _mesh(case)
-    faults.extend([*_shared_trains(case, mesh), *_shared_points(case)])
+    faults.extend([*_shared_trains(case, mesh), *_shared_points(case), *_along_members(case, mesh)])
+    pairs = each("bearings", record.bearings, lambda one: _bearing(one, mesh))
     model = train.Model(
         mesh=mesh,
         members={name: _member(member, record) for name, member in record.members.items()},
         supports={point: tuple(held) for point, held in record.supports.items()},
         masses={name: one.made() for name, one in record.masses.items()},
-        springs={**{name: one.made() for name, one in record.springs.items()}, **_bearings(record, mesh)},
+        springs={**{name: one.made() for name, one in record.springs.items()}, **_bearings(pairs)},
         rockers=each("rockers", record.rockers, lambda one: _rocker(one, record, mesh)),
         cams={name: one.made() for name, one in record.cams.items()},
         contacts=each("contacts", record.contacts, lambda one: _contact(one, record, mesh)),
@@ -111,15 +113,33 @@ def _member(member: members.MemberRecord, case: CaseRecord) -> Member:
     )  # fmt: skip
 
 
-def _bearings(case: CaseRecord, mesh: Mesh) -> dict[str, train.Spring]:
-    """Return two springs per bearing, square to the shaft and to each other."""
-    springs: dict[str, train.Spring] = {}
-    for name, bearing in case.bearings.items():
-        axis = _tangent(mesh, mesh.node(bearing.at))
-        first = _across(default_orientation(axis), axis)
-        for which, along in (("first", first), ("second", np.cross(axis, first))):
-            springs[f"bearing {name}, {which} direction"] = train.Spring(bearing.at, _six(along), *bearing.made())
-    return springs
+def _along_members(case: Case, mesh: Mesh) -> list[Fault]:
+    """Return the orientations that are zero or along their member."""
+    faults: list[Fault] = []
+    for name, member in case.record.members.items():
+        span = np.diff(mesh.nodes[mesh.lines[name]], axis=0)
+        axes = span / np.linalg.norm(span, axis=1, keepdims=True)
+        try:
+            triads(axes, np.broadcast_to(member.orientation or default_orientation(axes), axes.shape))
+        except InputError as refusal:
+            where = case.place(("members", name, "orientation"))
+            faults.extend(replace(fault, where=where) for fault in refusal.faults)
+    return faults
+
+
+def _bearing(bearing: parts.BearingRecord, mesh: Mesh) -> tuple[train.Spring, ...]:
+    """Return two springs, square to the shaft and to each other."""
+    axis = _tangent(mesh, mesh.node(bearing.at))
+    first = _across(default_orientation(axis), axis)
+    return tuple(train.Spring(bearing.at, _six(along), *bearing.made()) for along in (first, np.cross(axis, first)))
+
+
+def _bearings(pairs: Mapping[str, tuple[train.Spring, ...]]) -> dict[str, train.Spring]:
+    return {
+        f"bearing {name}, {which} direction": spring
+        for name, pair in pairs.items()
+        for which, spring in zip(("first", "second"), pair, strict=True)
+    }
 
 
 def _shared_trains(case: Case, mesh: Mesh) -> list[Fault]:

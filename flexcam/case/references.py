@@ -33,7 +33,7 @@ class References:
 
     def faults(self) -> list[Fault]:
         """Return the references that lead nowhere, or to several nodes where one is meant."""
-        found = [*self._parts(), *self._lifts(), *self._member_nodes()]
+        found = [*self._parts(), *self._lifts(), *self._member_nodes(), *self._ends()]
         if self.mesh is not None:
             found += [*self._groups(self.mesh)]
         if self.mesh is not None or "nodes" in self.raw:
@@ -84,6 +84,16 @@ class References:
                 yield Fault(where, "no nodes", "the named nodes along it", why, 'add nodes = ["...", "..."]')
             for node in _listed(table.get("nodes")):
                 yield from self._known(("members", name, "nodes"), node, named, "a named node")
+
+    def _ends(self) -> Iterator[Fault]:
+        """Return the springs whose ends are one point: nothing stretches them."""
+        for name, table in self._each("springs"):
+            if "at" in table and table.get("to") == table["at"]:
+                where, why = (
+                    self.places.place(("springs", name, "to")),
+                    "a spring between a point and itself does nothing",
+                )
+                yield Fault(where, repr(table["to"]), "another point", why, "leave it out for a spring to ground")
 
     def _groups(self, mesh: Mesh) -> Iterator[Fault]:
         members = self._table("members")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any, cast, get_args
 
 from pydantic import BaseModel
@@ -44,8 +45,16 @@ def faults(errors: Iterable[ErrorDetails], places: Places, root: type[BaseModel]
     for error in errors:
         path = _path(error)
         fault = _fault(error, path, places, root)
-        found.setdefault((fault.where, fault.given), fault)
+        key = fault.where, fault.given
+        found[key] = _either(found[key], fault) if key in found else fault
     return list(found.values())
+
+
+def _either(first: Fault, second: Fault) -> Fault:
+    """Return the fault of a value that may be of one kind or of another, as a word or a quantity, and is of none."""
+    if second.allowed in first.allowed:
+        return first
+    return replace(first, allowed=f"{first.allowed}, or {second.allowed}", why=first.why or second.why)
 
 
 def _path(error: ErrorDetails) -> Path:
@@ -58,7 +67,7 @@ def _path(error: ErrorDetails) -> Path:
 def _inserted(steps: list[str], i: int) -> bool:
     heads = [t for t in _TAGGED if len(t) == i < len(steps)]
     tag = any(all(a in (b, "*") for a, b in zip(t, steps, strict=False)) for t in heads)
-    return tag or steps[i].startswith(("function-", "nullable", "tuple[")) or steps[i] == "[key]"
+    return tag or steps[i].startswith(("function-", "literal[", "nullable", "tuple[")) or steps[i] == "[key]"
 
 
 def _fault(error: ErrorDetails, path: Path, places: Places, root: type[BaseModel]) -> Fault:

@@ -99,6 +99,17 @@ MANY = {
         [("[contacts.intake]", '[contacts.other]\ncam = "intake"\nfollower = "tappet"\nmodel = "published-load"\n\n[contacts.intake]'),
          ('rear = ["180 mm"', 'rear = ["181 mm"')], ["contacts.intake.follower"],
     ),
+    "a range beside a missing key": (
+        [("density =", "densty ="), ("nu = 0.29", "nu = 0.6")], ["materials.steel.density", "materials.steel.nu"],
+    ),
+    "a spring between a point and itself beside a unit": (
+        [("[springs.valve]", '[springs.own]\nat = "cam"\nto = "cam"\ndirection = "rx"\nstiffness = "1 kN"\n[springs.valve]')],
+        ["springs.own.to", "springs.own.stiffness"],
+    ),
+    "geometry of members and bearings": (
+        [('camshaft = { nodes', 'camshaft = { orientation = [2, 0, 0], nodes'), ("[nodes]", '[bearings]\nlost = { at = "lost", stiffness = "1 MN/m" }\n[nodes]\nlost = [0, 0, 1]')],
+        ["members.camshaft.orientation (line ", "bearings.lost (line "],
+    ),
     "points of rockers": (
         [('to = "valve"', 'to = "cam"'), ('from = "pushrod-top"', 'from = "pushrodtop"')], ["rockers.rocker.to", "rockers.rocker.from"],
     ),
@@ -111,6 +122,25 @@ def test_all_faults_in_one_report(name, text, changed, faults_of):
     wheres = [fault.where for fault in faults_of(changed(text, *changes))]
     lacking = [key for key in keys if not any(where.startswith(key) for where in wheres)]
     assert not lacking, f"reported: {wheres}"
+
+
+def test_every_wrong_name_of_a_given_start_is_told(text, changed, faults_of):
+    given = '{ displacement = { "cam.uu" = 1, "drive.uy" = 2 }, velocity = { "can.uy" = 3 } }'
+    faults = faults_of(changed(text, ('start = "rest"', f"start = {given}")))
+    assert [fault.given for fault in faults] == ["'cam.uu'", "'drive.uy'", "'can.uy'"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "allowed"),
+    [
+        ('start = "rest"', 'start = { displacement = { "cam.uy" = "1 kg" } }', "a length"),
+        ('start = "rest"', "start = { velocities = {} }", "displacement"),
+        ('model = "published-load"', 'model = "unilateral"\nstiffness = "hertzz"', "'hertz', or a stiffness"),
+    ],
+)
+def test_what_may_be_of_several_kinds_and_is_of_none_is_one_fault(text, changed, faults_of, old, new, allowed):
+    (fault,) = faults_of(changed(text, (old, new)))
+    assert allowed in fault.allowed
 
 
 def test_no_place_is_reported_twice(text, changed, faults_of):

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from flexcam.case import quantity as q
 from flexcam.case.tables.base import Name, PartRecord, Record, Vector
 from flexcam.fem import Material, Section
 
 
+def _possible(nu: float) -> float:
+    if not -1.0 < nu <= 0.5:
+        raise q.refused("above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive")
+    return nu
+
+
 class MaterialRecord(PartRecord[Material]):
     """Isotropic material."""
 
     E: q.Stress = Field(description="Young's modulus")
-    nu: q.SignedNumber = Field(description="Poisson's ratio", gt=-1.0, le=0.5)
+    nu: Annotated[q.SignedNumber, AfterValidator(_possible)] = Field(description="Poisson's ratio")
     density: Annotated[float, q.Unit("density")] = Field(description="mass per volume")
     ultimate_strength: q.Stress | None = Field(None, description="for the margin against fatigue")
     endurance_limit: q.Stress | None = Field(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self, cast
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from flexcam import integrate
 from flexcam.case import quantity as q
@@ -138,6 +138,22 @@ class GivenStartRecord(Record):
         }
 
 
+def _kind_of_start(value: object) -> str:
+    """Return which kind of start a value, or a record, is meant to be: told by one fault if it is none."""
+    if isinstance(value, dict):
+        return "result" if "result" in value else "given"
+    kinds = {ResultStartRecord: "result", GivenStartRecord: "given"}
+    return kinds.get(type(value), "named")
+
+
+StartRecord = Annotated[
+    Annotated[Literal["rest", "equilibrium", "periodic"], Tag("named")]
+    | Annotated[ResultStartRecord, Tag("result")]
+    | Annotated[GivenStartRecord, Tag("given")],
+    Discriminator(_kind_of_start),
+]
+
+
 class FluctuationRecord(Record):
     """Swing of the camshaft's speed about its mean, in orders of its rotation."""
 
@@ -197,10 +213,9 @@ class RunRecord(Record):
     adaptive: AdaptiveRecord | None = Field(None, description="dividing the steps by their error; fixed by default")
     fluctuation: FluctuationRecord | None = Field(None, description="swing of the speed about its mean")
     free_running: FreeRunningRecord | None = Field(None, description="speed as the cam's own inertia has it")
-    start: Literal["rest", "equilibrium", "periodic"] | ResultStartRecord | GivenStartRecord = Field(
+    start: StartRecord = Field(
         "rest",
         description="at rest as installed, in static equilibrium, in the periodic state, or from a given state",
-        union_mode="left_to_right",
     )
     gravity: Gravity = Field(
         (0.0, 0.0, 0.0), description="acceleration, global axes; masses and springs at a rocker's point are left out"
