@@ -142,8 +142,9 @@ def _kind_of_start(value: object) -> str:
     """Return which kind of start a value, or a record, is meant to be: told by one fault if it is none."""
     if isinstance(value, dict):
         return "result" if "result" in value else "given"
-    kinds = {ResultStartRecord: "result", GivenStartRecord: "given"}
-    return kinds.get(type(value), "named")
+    if isinstance(value, ResultStartRecord):
+        return "result"
+    return "given" if isinstance(value, GivenStartRecord) else "named"
 
 
 StartRecord = Annotated[
