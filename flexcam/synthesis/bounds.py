@@ -12,7 +12,8 @@ def bound_over_all(weights: Mapping[str, float], limits: Mapping[str, float], *,
     C_v >= 1 (the mean velocity), C_a >= 4 (the parabola), C_j >= 32 (three stretches of constant jerk; 12, the 2-3
     polynomial's, where the acceleration may step at the ends), rms of s'' at least sqrt(12) (the 2-3 polynomial),
     C_m >= 9/4 (s'^2 rises and falls linearly). With a bound J on the jerk, C_a is at least that of the law whose
-    acceleration is a trapezoid of slopes J, as bang-bang control has it.
+    acceleration is a trapezoid of slopes J, as bang-bang control has it; with one on C_a, C_j is. Bounds on C_v and C_a
+    raise each other: no law goes farther than one whose velocity is a trapezoid, V - V^2/A = 1.
 
     Parameters
     ----------
@@ -38,9 +39,40 @@ def bound_over_all(weights: Mapping[str, float], limits: Mapping[str, float], *,
     least = {"Cv": 1.0, "Ca": 4.0, "Cj": 12.0 if free_ends else 32.0, "rms": math.sqrt(12.0), "Cm": 2.25}
     if "Cj" in limits:
         least["Ca"] = least_acceleration(limits["Cj"], free_ends=free_ends)
+    if 1.0 < limits.get("Cv", 2.0) < 2.0:
+        least["Ca"] = max(least["Ca"], limits["Cv"] ** 2 / (limits["Cv"] - 1.0))
+    if "Ca" in limits:
+        least["Cv"] = 2.0 / (1.0 + math.sqrt(max(1.0 - 4.0 / limits["Ca"], 0.0)))
+        least["Cj"] = max(least["Cj"], least_jerk(limits["Ca"], free_ends=free_ends))
     if any(name not in least for name in weights):
         return None
     return sum(weight * least[name] for name, weight in weights.items())
+
+
+def least_jerk(acceleration: float, *, free_ends: bool) -> float:
+    """Return the least C_j under a bound on C_a.
+
+    Parameters
+    ----------
+    acceleration
+        The bound A.
+    free_ends
+        Whether the acceleration may step at the ends, as in `least_acceleration`, which is solved for J here.
+
+    Returns
+    -------
+    float
+        Zero where the bound does not tell: at 4 and below, where no law is, and from 8 (6 with free ends) on.
+
+    Examples
+    --------
+    >>> round(least_jerk(4.9234, free_ends=False), 1), round(least_jerk(4.0317, free_ends=True), 1)
+    (52.5, 52.5)
+    """
+    if not 4.0 < acceleration < (6.0 if free_ends else 8.0):
+        return 0.0
+    above = acceleration - 4.0
+    return math.sqrt(4.0 * acceleration**3 / (3.0 * above)) if free_ends else 2.0 * acceleration**2 / above
 
 
 def least_acceleration(jerk: float, *, free_ends: bool) -> float:

@@ -29,6 +29,16 @@ def test_bound_over_all_with_one_free_end():
     assert found.bound_all is None or found.objective >= found.bound_all * (1 - 1e-9)
 
 
+@pytest.mark.parametrize(
+    ("least", "bounds", "rest", "pieces"),
+    [("Cv", {"Ca": 7.0}, 2, 96), ("Ca", {"Cv": 1.3}, 1, 24), ("Cj", {"Ca": 5.0}, 2, 96), ("Cj", {"Ca": 4.3}, 1, 24)],
+)
+def test_splines_come_down_to_the_bound_over_all_laws(least, bounds, rest, pieces):
+    """Velocity, or acceleration, as a trapezoid; within 2 %, because splines round off its corners."""
+    found = minimax(SplineFamily(degree=5, pieces=pieces, rest=rest), {least: 1.0}, bounds=bounds)
+    assert 1.0 <= found.objective / found.bound_all <= 1.02
+
+
 @pytest.mark.parametrize("pieces", [48, pytest.param(72, marks=pytest.mark.slow)])
 def test_moment_of_many_pieces(pieces):
     """Splines of 24 pieces are among those of 72; and of these the moment is 2.55 at most."""
