@@ -20,6 +20,7 @@ from flexcam.commands.app import (
 from flexcam.console.cases import (
     left_out,
     mac_table,
+    mac_words,
     mode_table,
     model_table,
     resolved,
@@ -115,10 +116,10 @@ def modes(
         raise refuse("--count", count, "a whole number from 1")
     read = load(case, overrides)
     found = case_modes(read, count, prestress=prestress)
-    likeness = None
+    likeness, compared = None, 0
     if mac is not None:
         other = read_case(mac)
-        likeness = mode_likeness(read, found, other, case_modes(other, count, prestress=prestress))
+        likeness, compared = mode_likeness(read, found, other, case_modes(other, count, prestress=prestress))
     files: list[Path] = []
     if folder is not None:
         path = made_folder(folder) / f"{read.name}-modes.vtkhdf"
@@ -130,7 +131,8 @@ def modes(
             "effective_masses": found.effective.tolist(), "lost": found.modes.lost,
             "rounding": found.modes.rounding.tolist(), "warnings": doubts(found),
             "moves": [found.words(i) for i in range(len(found.shares))],
-            "mac": None if likeness is None else likeness.tolist(), "files": [str(path) for path in files],
+            "mac": None if likeness is None else likeness.tolist(), "mac_nodes": compared,
+            "files": [str(path) for path in files],
         })  # fmt: skip
         return
     out().print(mode_table(found))
@@ -139,5 +141,6 @@ def modes(
     if likeness is not None:
         out().print()
         out().print(mac_table(likeness))
+        out().print("\n" + mac_words(likeness, compared))
     if files:
         out().print(f"\n{files[0]}: pick a mode in Warp By Vector and press play; {files[1]} holds the still shapes")

@@ -190,6 +190,26 @@ def mac_table(likeness: FloatArray) -> Table:
     return table("Modal assurance criterion", ("here / there", *map(str, range(1, likeness.shape[1] + 1))), rows)
 
 
+def mac_words(likeness: FloatArray, nodes: int) -> str:
+    """Return at how many nodes shapes were compared, in words.
+
+    Parameters
+    ----------
+    likeness
+        Shape (modes here, modes there).
+    nodes
+        How many nodes that move are at the same places in both.
+
+    Returns
+    -------
+    str
+        A sentence.
+    """
+    few = nodes < max(likeness.shape)
+    doubt = "; fewer than modes: different shapes may look alike, refine both in the same places" if few else ""
+    return f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}."
+
+
 def mode_table(modes: ModelModes) -> Table:
     """Return frequencies, effective masses and what moves.
 

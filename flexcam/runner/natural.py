@@ -59,7 +59,7 @@ def modes(
     return model_modes(build_structure(ready.model), count, loaded=state.displacement)
 
 
-def mode_likeness(case: Case, found: ModelModes, other: Case, others: ModelModes) -> FloatArray:
+def mode_likeness(case: Case, found: ModelModes, other: Case, others: ModelModes) -> tuple[FloatArray, int]:
     """Compare the modes of two cases by the modal assurance criterion.
 
     Parameters
@@ -71,8 +71,10 @@ def mode_likeness(case: Case, found: ModelModes, other: Case, others: ModelModes
 
     Returns
     -------
-    ndarray
+    likeness
         Shape (modes of `case`, modes of `other`), 0 to 1.
+    nodes
+        How many of the nodes compared move in a shape of `case`.
 
     Raises
     ------
@@ -88,5 +90,6 @@ def mode_likeness(case: Case, found: ModelModes, other: Case, others: ModelModes
     common = [place for place in shapes[0] if place in shapes[1]]
     if not common:
         raise refuse("--mac", str(other.path), "a model with nodes at the same places", "shapes are compared there")
+    moving = sum(bool(shapes[0][place].any()) for place in common)
     columns = [np.concatenate([one[place] for place in common], axis=1).T for one in shapes]
-    return mac(columns[0], columns[1])
+    return mac(columns[0], columns[1]), moving

@@ -204,6 +204,16 @@ def test_mac_with_itself(flexcam, column):
     assert np.abs(found - np.eye(4)).max() <= 1e-9  # sums of sines over equal parts, rounding of the shapes
 
 
+def test_mac_says_at_how_many_nodes_it_compares(flexcam, column, tmp_path):
+    """Elements of other lengths share few nodes; there, shapes of one plane look alike."""
+    text = (tmp_path / (name := column(0.0001))).read_text(encoding="utf-8")
+    finer = re.sub(r"elements = (\d+)", lambda found: f"elements = {int(found[1]) + 1}", text)
+    assert finer != text
+    (tmp_path / "finer.toml").write_text(finer, encoding="utf-8")
+    assert "fewer than modes" in flexcam("modes", name, "--count", "4", "--mac", "finer.toml").out
+    assert "fewer than modes" not in flexcam("modes", name, "--count", "4", "--mac", name).out
+
+
 def test_version_names_what_computes(flexcam):
     told = flexcam("--version").out
     assert [one for one in ("numpy", "scipy", "h5py") if f"{one} {version(one)}" not in told] == []
