@@ -1,4 +1,4 @@
-"""What stands open or loose before a cam turns: contacts that no spring closes, members that nothing touches.
+"""What is open, loose or idle before a cam turns: contacts no spring closes, members nothing touches, loads on nothing.
 
 May import what stands below `starting`.
 """
@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+
+import numpy as np
 
 from flexcam.integrate import Method, Problem, solve
 from flexcam.response import Response, RunFailedError
@@ -57,6 +59,29 @@ def _told(name: str) -> str:
 
 _LIFTED = 1e-9
 """Part of its lift from which a cam counts as off its base circle."""
+
+
+def idle_loads(model: Model, problem: Problem) -> list[str]:
+    """Return the loads that push nothing that can move, in words.
+
+    Parameters
+    ----------
+    model
+        The model.
+    problem
+        Of its run; a rigid one moves as the cam has it, whatever pushes.
+
+    Returns
+    -------
+    list
+        A sentence per load.
+    """
+    vectors = {load.name: load.vector for load in problem.system.loads} if problem.system.size else {}
+    return [
+        f"Warning: loads.{name}: it pushes nothing: a support holds what it acts on, or no member and no mass is there"
+        for name, load in model.loads.items()
+        if load.size and not vectors.get(f"loads.{name}", np.ones(1)).any()
+    ]
 
 
 def loose(model: Model) -> list[str]:

@@ -8,7 +8,7 @@ from flexcam.case import unusual
 from flexcam.console.lobes import lobe_doubts
 from flexcam.console.mishaps import mishaps
 from flexcam.console.watched import Watched
-from flexcam.held import loose, unheld
+from flexcam.held import idle_loads, loose, unheld
 from flexcam.linalg import share_lost
 from flexcam.memory import Extremes
 from flexcam.response import Stats
@@ -85,7 +85,8 @@ def input_doubts(ready: Prepared) -> list[str]:
         Sentences; none where everything is usual.
     """
     standing = unheld(ready.model, ready.problem, ready.scheme)
-    return [*unusual(ready.case), *lobe_doubts(ready.model), *loose(ready.model), *standing, *coarse_steps(ready)]
+    idle = [*loose(ready.model), *idle_loads(ready.model, ready.problem)]
+    return [*unusual(ready.case), *lobe_doubts(ready.model), *idle, *standing, *coarse_steps(ready)]
 
 
 def run_doubts(ready: Prepared, watched: Watched, figures: list[Figure], stats: Stats) -> list[str]:

@@ -127,6 +127,14 @@ def test_a_spring_on_what_a_support_holds(tried):
     tried("planted", "a spring on a component that a support holds", 1, "told")
 
 
+def test_loads_that_push_nothing():
+    loads = [f'loads.{name}={{ at = "{at}", direction = "uy", force = {size} }}' for name, at, size in (
+        ("lost", "lost", 3), ("borne", "front", -3), ("meant", "cam", 3), ("none", "front", 0))]  # fmt: skip
+    ready = prepare(read_case(CASE, ["nodes.lost=[0, 0, 1]", *loads]))
+    told = [sentence for sentence in input_doubts(ready) if "pushes nothing" in sentence]
+    assert [sentence.split(":")[1].strip() for sentence in told] == ["loads.lost", "loads.borne"]
+
+
 def test_a_member_that_nothing_touches(tmp_path, tried):
     alone = 'alone = { nodes = ["a", "b"], material = "steel", section = "tube" }\n[supports]'
     text = CASE.read_text(encoding="utf-8").replace("[supports]", alone)
