@@ -25,7 +25,7 @@ from flexcam.train.lever import lever_joints
 from flexcam.train.loads import constant_loads
 from flexcam.train.model import Adjuster, CamContact, Contact, Lash, Model, PublishedLoad, Seat
 from flexcam.train.published import couple
-from flexcam.train.shaft import shafts
+from flexcam.train.shaft import shafts, with_cams_at_ends
 from flexcam.train.springs import inner_name
 from flexcam.train.structure import Structure, find_node
 
@@ -65,7 +65,7 @@ def build_system(model: Model, speed: float) -> System:
         loads=(*(load for c in couplings for load in c.loads), *constant_loads(structure)),
         local_forces=tuple(force for c in couplings for force in c.forces),
         probes=probes,
-        channels=tuple(_numbered(couplings)),
+        channels=with_cams_at_ends(structure, _numbered(couplings)),
         free=structure.free,
     )
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
 import numpy as np
 
 from flexcam.fem.elements import beam
 from flexcam.linalg import FloatArray, IntArray
-from flexcam.system import Channel, Load, Observable, Observed, row_of
+from flexcam.system import Channel, Load, Observable, Observed, row_of, total
 from flexcam.train.coupling import Coupling
+from flexcam.train.model import PublishedLoad
 from flexcam.train.structure import Structure
 
 _ALONG = 0.9
@@ -30,7 +34,6 @@ def shafts(structure: Structure) -> Coupling:
     """
     model = structure.model
     channels: list[Channel] = []
-    driven: dict[int, FloatArray] = {}
     for contact in model.driven.values():
         at = model.cams[contact.cam].at
         axis = _turning(contact.shaft_axis)
@@ -39,15 +42,49 @@ def shafts(structure: Structure) -> Coupling:
                 Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(at, axis))),
                 Channel(f"cams.{contact.cam}.deflection", "m", row_of(structure.row(at, contact.direction))),
             ]
-        driven |= dict.fromkeys(model.mesh.connected(model.mesh.node(at)).tolist(), contact.shaft_axis)
+    channels += [Channel(name, "N m", _torque(structure, *end)) for name, end in _held_ends(structure)]
+    return Coupling(_inertias(structure), (), tuple(channels))
+
+
+def with_cams_at_ends(structure: Structure, channels: Iterable[Channel]) -> tuple[Channel, ...]:
+    """Add to the torque of a held end that of the cams which stand there themselves: no element passes it on.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    channels
+        Of the whole system, each shown its own part.
+
+    Returns
+    -------
+    tuple
+        As many, in their order.
+    """
+    found, model = {one.name: one for one in channels}, structure.model
+    for name, (node, _) in _held_ends(structure):
+        for contact, driven in model.driven.items():
+            felt = driven.cam_torque if isinstance(driven, PublishedLoad) else True
+            if felt and model.mesh.node(model.cams[driven.cam].at) == node:
+                both = total(found[name].value, found[f"contacts.{contact}.torque"].value)
+                found[name] = replace(found[name], value=both)
+    return tuple(found.values())
+
+
+def _held_ends(structure: Structure) -> Iterator[tuple[str, tuple[int, FloatArray]]]:
+    """Yield the channel, the node and the axis of every place where a shaft's rotation is held."""
+    model = structure.model
+    driven: dict[int, FloatArray] = {}
+    for contact in model.driven.values():
+        nodes = model.mesh.connected(model.mesh.node(model.cams[contact.cam].at))
+        driven |= dict.fromkeys(nodes.tolist(), contact.shaft_axis)
     for point, held in model.supports.items():
         for node in model.mesh.select(point).tolist():
             along = driven.get(node, np.zeros(3))
             axis = int(np.argmax(np.abs(along)))
             if abs(float(along[axis])) > _ALONG and ("rx", "ry", "rz")[axis] in held:
                 name = point if len(model.mesh.select(point)) == 1 else model.mesh.node_name(node)
-                channels.append(Channel(f"supports.{name}.torque", "N m", _torque(structure, node, along)))
-    return Coupling(_inertias(structure), (), tuple(channels))
+                yield f"supports.{name}.torque", (node, along)
 
 
 def _bodies(structure: Structure) -> list[tuple[int, FloatArray]]:

@@ -7,6 +7,7 @@ follower's acceleration is s'' w^2 + s' w': F. Y. Chen, Mechanics and Design of 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from flexcam.system import FluctuatingSpeed, SpeedByAngle
 from flexcam.train import free_running
 
 SOURCE = "Drives of the camshaft"
+INLINE = Path(__file__).parents[1] / "data/inline.toml"
 SWING = FluctuatingSpeed(120.0, (1.0, 2.0, 0.5), (0.05, 0.1, 0.02), (0.3, -1.0, 2.0), start=0.7)
 TIMES = np.linspace(0.0, 0.21, 41)
 
@@ -199,6 +201,16 @@ def test_inertia_of_a_flywheel_under_swinging_speed(case):
     np.testing.assert_allclose(
         torque[behind], inertia * motion.rate[behind], atol=0.1 * inertia * np.abs(motion.rate).max()
     )
+
+
+@pytest.mark.parametrize("felt", [True, False])
+def test_a_cam_at_the_end_that_is_driven(felt):
+    """No element passes its torque on: the drive bears it, unless the published load is said not to twist the shaft."""
+    end = ["cams.intake.at=drive", "nodes.tappet=[0, 0.018, 0]", "nodes.pushrod-top=[0, 0.268, 0]"]
+    response = run(read_case(INLINE, [*end, f"contacts.intake.cam_torque={str(felt).lower()}"]))
+    asked, given = response.channels["contacts.intake.torque"], response.channels["supports.drive.torque"]
+    assert np.abs(asked).max() > 0.5
+    np.testing.assert_allclose(given, asked if felt else 0.0, atol=1e-9 * np.abs(asked).max())
 
 
 def continued(case, tmp_path, lines, *, speed):
