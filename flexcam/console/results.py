@@ -68,7 +68,7 @@ def operation_table(figures: Sequence[Figure]) -> Table:
     for figure in figures:
         factor, unit = shown(figure.unit)
         words = figure.name.replace(".", " ").replace("_", " ")
-        rows.append((words, f"{factor * figure.value:.4g} {unit}".rstrip()))
+        rows.append((words, f"{factor * figure.value + 0.0:.4g} {unit}".rstrip()))  # + 0.0: a zero without a sign
     return facts("The train in the last revolution", rows)
 
 

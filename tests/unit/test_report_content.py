@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flexcam.console.results import operation_table
 from flexcam.fem import Mesh, Section, beams
 from flexcam.fem.deflection import deflection
 from flexcam.fem.member import Member
@@ -18,6 +19,7 @@ from flexcam.report.html import embedded, page
 from flexcam.report.sheets import sheet
 from flexcam.response import Outline, Response, Series
 from flexcam.terminal import facts, table
+from flexcam.train import Figure
 
 EVIL = """</script></title><script>alert("1")</script><img src=x onerror='alert(2)'> & "quoted" 'single' {{ 7 * 7 }}"""
 
@@ -238,3 +240,8 @@ def test_numbers_too_large_for_single_precision_arrive():
     assert _numbers(np.array([1e300, -1e300]))["dtype"] == "f8"
     assert _numbers(np.array([3.6e6, 3.6e6 + 0.1]))["dtype"] == "f8"
     assert _numbers(np.array([0.0, 720.0]))["dtype"] == "f4"
+
+
+def test_a_zero_of_the_train_has_no_sign():
+    made = operation_table([Figure("members.rod.compression", -0.0, "N")])
+    assert list(made.columns[1].cells) == ["0 N"]
