@@ -103,7 +103,7 @@ def strength_table(members: Mapping[str, MemberStrength]) -> Table:
     """
     rows = [
         (name, f"{one.von_mises / 1e6:.4g}", f"{one.mean / 1e6:.4g}", f"{one.alternating / 1e6:.4g}",
-         "not stated" if one.safety is None else f"{one.safety:.3g}", one.place)
+         f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "not stated", one.place)
         for name, one in members.items()
     ]  # fmt: skip
     head = ("stress, MPa", "von Mises", "mean", "alternating", "fatigue safety", "at")

@@ -26,9 +26,12 @@ class MemberStrength:
     mean, alternating
         Mean and amplitude at the place of the least safety, Pa, torsion counted in as the equivalent stress does.
     safety
-        Goodman's factor, ``1/(alternating/endurance + mean/ultimate)``; None where the material states no strength.
+        Goodman's factor, ``1/(alternating/endurance + mean/ultimate)``; None where the material states no strength, and
+        where nothing pulls and nothing alternates.
     place
         Name of the node there.
+    rated
+        Whether the material states its strengths.
     """
 
     von_mises: float
@@ -36,6 +39,7 @@ class MemberStrength:
     alternating: float
     safety: float | None
     place: str
+    rated: bool
 
 
 class StrengthSink:
@@ -97,19 +101,20 @@ class StrengthSink:
         model: Model = self._structure.model
         material = model.members[name].material
         m, a = mean[part], alternating[part]
+        rated = bool(material.ultimate_strength and material.endurance_limit)
+        use = np.zeros_like(m)
         if material.ultimate_strength and material.endurance_limit:
             use = a / material.endurance_limit + pulled[part] / material.ultimate_strength
-        else:
-            use = a + np.abs(m)
-        element, end, fibre = np.unravel_index(int(np.argmax(use)), use.shape)
-        worst = float(use[element, end, fibre])
-        rated = bool(material.ultimate_strength and material.endurance_limit) and worst > 0.0
+        worst = float(use.max())
+        ranked = use if worst > 0.0 else a + np.abs(m)
+        element, end, fibre = np.unravel_index(int(np.argmax(ranked)), ranked.shape)
         return MemberStrength(
             von_mises=float(self._von_mises[part].max()),
             mean=float(m[element, end, fibre]),
             alternating=float(a[element, end, fibre]),
-            safety=1.0 / worst if rated else None,
+            safety=1.0 / worst if worst > 0.0 else None,
             place=model.mesh.node_name(int(model.mesh.lines[name][element + end])),
+            rated=rated,
         )
 
 

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from flexcam import prepare, read_case
+from flexcam.console.results import strength_table
 from flexcam.fem import COMPONENTS, Material, Member, PointMass, Section, beams, dof_map, stiffness
 from flexcam.fem.generate import chain
 from flexcam.fem.loads import element_weight, gathered, spread_force
@@ -27,6 +29,23 @@ STATICS = "Statics of the part beyond a cut"
 UNEQUAL = Section(A=4e-4, Iy=2e-8, Iz=7e-9, J=1e-8)
 LENGTH = 0.8
 AXES = {"along z": np.array([0.0, 0.0, 1.0]), "skew": np.array([2.0, -1.0, 2.0]) / 3.0}
+PRESSED = """
+format = 1
+nodes = { foot = [0, 0, 0], middle = [0, 0.025, 0], top = [0, 0.05, 0] }
+materials.steel = { E = 2e11, nu = 0.3, density = 7800, ultimate_strength = 6e8, endurance_limit = 2.5e8 }
+sections.rod = { shape = "circle", diameter = "3 mm" }
+supports = { foot = ["ux", "uy", "uz", "ry"], top = ["ux", "uz"] }
+loads.push = { at = "top", direction = "-uy", force = "300 N" }
+run = { speed = "600 rpm", revolutions = 0.01, start = "equilibrium" }
+
+[members.rod]
+nodes = ["foot", "middle", "top"]
+elements = 2
+material = "steel"
+section = "rod"
+geometric_stiffness = true
+bow = "20 um"
+"""
 STEEL = Material(2e11, 0.3, 7800.0, ultimate_strength=6e8, endurance_limit=2.5e8)
 
 
@@ -223,6 +242,18 @@ def test_no_compression_hides_torsion(mean):
     found = strength_under(STEEL, mean + 5e7 * np.sin(np.arange(81) * math.pi / 40.0), torsion=2e8)
     expected = 1.0 / (5e7 / STEEL.endurance_limit + math.sqrt(3.0) * 2e8 / STEEL.ultimate_strength)
     assert found.safety == pytest.approx(expected, rel=1e-9)
+
+
+def test_steady_compression_never_tires(tmp_path):
+    """Goodman's line knows no limit there; the place told is the most stressed all the same: half way up."""
+    (tmp_path / "rod.toml").write_text(PRESSED, encoding="utf-8")
+    ready = prepare(read_case(tmp_path / "rod.toml"))
+    sink = StrengthSink(build_structure(ready.model))
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
+    found = sink.members()["rod"]
+    assert (found.safety, found.rated, found.place) == (None, True, "middle")
+    assert found.mean == pytest.approx(-found.von_mises, rel=1e-9)
+    assert "unlimited" in [*strength_table({"rod": found}).columns[4].cells]
 
 
 def test_no_factor_without_strengths():
