@@ -38,7 +38,7 @@ class Places:
         """Return the lines of every table and key of a TOML document; keys inside inline tables are not listed."""
         notes: dict[Path, str] = {}
         table: Path = ()
-        for number, line in enumerate(text.splitlines(), start=1):
+        for number, line in enumerate(text.split("\n"), start=1):  # no other character ends a line of TOML
             if header := _TABLE.match(line):
                 table = _parts(header[1])
                 notes.setdefault(table, f"line {number}")

@@ -38,7 +38,7 @@ def toml(text: str) -> dict[str, Any]:
     """
     if len(text) > _LONGEST:
         raise ValueError(f"{len(text)} characters, more than {_LONGEST}")
-    if any(map(_far_too_dotted, text.splitlines())):
+    if any(map(_far_too_dotted, text.split("\n"))):
         raise ValueError(_TOO_DEEP)
     try:
         tables = tomllib.loads(text)

@@ -12,6 +12,7 @@ import pytest
 
 from flexcam import InputError
 from flexcam.case.read import CaseFile
+from flexcam.case.toml import toml
 
 # changes, and the key paths of which each must have its fault in the one report
 MANY = {
@@ -168,3 +169,18 @@ def test_faults_stand_in_the_order_of_the_file():
     lines = [int(re.search(r"\(line (\d+)\)", fault.where)[1]) for fault in refusal.value.faults]
     assert lines == sorted(lines)
     assert len(set(lines)) < len(lines)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_only_what_ends_a_line_of_toml_is_counted(end, text, changed, faults_of):
+    """Other characters that end lines elsewhere may stand in comments and texts, and editors count none of them."""
+    odd = '# next line \x85, line \u2028 and paragraph \u2029\ntitle = "a\u2028b"'
+    whole = changed(text, ('title = "Nodes in the file"', odd), ("nu = 0.29", "nu = true")).replace("\n", end)
+    number = whole.split("\n").index("nu = true" + end[:-1]) + 1
+    assert [fault.where for fault in faults_of(whole)] == [f"materials.steel.nu (line {number})"]
+
+
+def test_a_key_of_thousands_of_parts_is_refused_whatever_stands_in_it():
+    key = ".".join(['"\u2028"'] * 3000)
+    with pytest.raises(ValueError, match="nested more than"):
+        toml(f"{key} = 1")
