@@ -44,7 +44,8 @@ def stability_table(found: Stability, scale: float) -> Table:
         ("integrator", _integrated(found.discrete)),
         ("periodic motion", _grows(found)),
         ("off the cam", f"{math.degrees(found.open_on_the_lift):.3g} deg of the lift"),
-        *((f"harmonic {one.harmonic}", _met(one, scale)) for one in found.resonances[:_SHOWN]),
+        ("resonances", _counted(found, scale)),
+        *((f"harmonic {one.harmonic}", _met(one, scale)) for one in found.within[:_SHOWN]),
         ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in found.verdict) or _calm(found)),
     ]  # fmt: skip
     return facts(f"Stability at {shaft_speed(found.rpm * RPM, scale)}", rows)
@@ -68,6 +69,18 @@ def _met(one: Resonance, scale: float) -> str:
     return f"{scale * one.rpm:.5g} {shaft_name(scale)} rpm, {one.frequency:.5g} Hz, {sizes}: {one.words}"
 
 
+def _counted(found: Stability, scale: float) -> str:
+    """Return how many resonances there are up to the highest speed that is asked for, and above."""
+    count = len(found.within)
+    rpm = f"{shaft_name(scale)} rpm"
+    words = f"{count or 'none'} up to {scale * found.highest:.5g} {rpm}"
+    if count > _SHOWN:
+        words += f", of which the nearest {_SHOWN} are listed"
+    if not found.beyond:
+        return words
+    return f"{words}; {len(found.beyond)} above, the lowest at {scale * found.beyond[0].rpm:.6g} {rpm}"
+
+
 def _grows(found: Stability) -> str:
     if found.floquet is None:
         return f"not looked at: {found.why_not}"
@@ -89,7 +102,7 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
     Returns
     -------
     dict
-        With the verdict as a list.
+        With the verdict as a list; of resonances at most twenty, up to twice the speed.
     """
     multipliers = [] if found.floquet is None else [[one.real, one.imag] for one in found.floquet.multipliers.tolist()]
     return {
@@ -102,8 +115,11 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
         "resonances": [
             {"rpm": scale * one.rpm, "harmonic": one.harmonic, "amplitude_m": one.amplitude,
              "load_n": one.load, "frequency_hz": one.frequency, "moves": one.words}
-            for one in found.resonances[: 4 * _SHOWN]
+            for one in found.within[: 4 * _SHOWN]
         ],
+        "resonances_up_to_rpm": scale * found.highest, "resonances_within": len(found.within),
+        "resonances_above": len(found.beyond),
+        "next_resonance_rpm": scale * found.beyond[0].rpm if found.beyond else None,
         "verdict": list(found.verdict),
     }  # fmt: skip
 

@@ -39,8 +39,9 @@ class ReachedModes:
 
     @property
     def modes(self) -> list[int]:
-        """Positions of the modes that the contact reaches."""
-        return np.flatnonzero(self.push > _REACHED * self.push.max(initial=0.0)).tolist()
+        """Positions of the modes that the contact reaches; a free motion meets no harmonic."""
+        reached = np.flatnonzero(self.push > _REACHED * self.push.max(initial=0.0))
+        return reached[reached >= self.found.modes.rigid].tolist()
 
     @property
     def felt(self) -> list[int]:

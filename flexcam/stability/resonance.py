@@ -84,7 +84,7 @@ def resonances(ready: Prepared, response: Response) -> tuple[Resonance, ...]:
                 frequency, words = float(reached.found.modes.frequencies[i]), reached.found.words(i)
                 met.append(Resonance(60.0 * frequency / n, n, amplitude, float(loads[n - 1]), i, frequency, words))
     rpm = ready.case.speed / RPM
-    return tuple(sorted(met, key=lambda one: abs(math.log(one.rpm / rpm)) if one.rpm > 0.0 else math.inf))
+    return tuple(sorted(met, key=lambda one: abs(math.log(one.rpm / rpm))))
 
 
 def lift_harmonics(event: Event, count: int) -> dict[int, float]:

@@ -22,6 +22,9 @@ from flexcam.units import RPM
 _NEAR = 0.03
 """Distance of a harmonic from a mode, as a part of its frequency, that counts as resonance."""
 
+_REACH = 2.0
+"""Times the case's speed up to which resonances are told one by one."""
+
 _RETURNS = 1e-3
 """Part of the motion by which one that repeats may miss its beginning."""
 
@@ -62,6 +65,21 @@ class Stability:
     def resonant(self) -> tuple[Resonance, ...]:
         """Resonances that the case's speed meets."""
         return tuple(one for one in self.resonances if abs(one.rpm / self.rpm - 1.0) <= _NEAR)
+
+    @property
+    def highest(self) -> float:
+        """Camshaft speed up to which resonances are told one by one, rpm: twice the case's own."""
+        return _REACH * self.rpm
+
+    @property
+    def within(self) -> tuple[Resonance, ...]:
+        """Resonances up to the highest such speed, nearest to the case's speed first."""
+        return tuple(one for one in self.resonances if one.rpm <= self.highest)
+
+    @property
+    def beyond(self) -> tuple[Resonance, ...]:
+        """Resonances above it, the lowest speed first."""
+        return tuple(sorted((one for one in self.resonances if one.rpm > self.highest), key=lambda one: one.rpm))
 
     @property
     def chatters(self) -> bool:
