@@ -165,9 +165,10 @@ def balances(extremes: Extremes, stats: Stats) -> str:
     str
         Empty where channels were not computed, and of a rigid model, which has no energies.
     """
-    if stats.imbalance < 0.0 or not extremes.energies:
+    if not extremes.energies:
         return ""
-    return f"energy within {lost_energy(extremes):.1e} of the work, forces within {stats.imbalance:.1e} of the largest"
+    forces = f"forces within {stats.imbalance:.1e} of the largest" if stats.imbalance >= 0.0 else "forces not looked at"
+    return f"energy within {lost_energy(extremes):.1e} of the work, {forces}"
 
 
 def _bodies(ready: Prepared) -> bool:

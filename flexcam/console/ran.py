@@ -11,7 +11,7 @@ from rich.table import Table
 from flexcam.console.cases import couplings
 from flexcam.console.doubts import balances, lost_energy
 from flexcam.console.fidelity import choice_json, choice_words, error_table
-from flexcam.console.results import operation_table, periodicity, run_table, strength_table, unknowns
+from flexcam.console.results import imbalance, operation_table, periodicity, run_table, strength_table, unknowns
 from flexcam.console.watched import Watched
 from flexcam.fidelity import Choice, Error
 from flexcam.response import Response
@@ -73,7 +73,7 @@ def ran_json(ran: Ran) -> dict[str, object]:
         "result": str(ran.result), "steps": response.stats.steps, "dof": ran.ready.problem.system.size,
         "integrated": response.stats.unknowns, "seconds": response.stats.seconds,
         "events": response.stats.events, "periodicity": periodicity(response),
-        "energy_lost": lost_energy(ran.watched.extremes), "imbalance": response.stats.imbalance,
+        "energy_lost": lost_energy(ran.watched.extremes), "imbalance": imbalance(response),
         "warnings": list(ran.warnings),
         "train": {figure.name: figure.value for figure in ran.figures},
         "errors": [asdict(one) for one in ran.errors],

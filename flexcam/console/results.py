@@ -88,6 +88,22 @@ def periodicity(response: Response) -> float | None:
     return response.stats.periodicity if response.stats.periodicity >= 0.0 else None
 
 
+def imbalance(response: Response) -> float | None:
+    """Return the largest force out of balance, as a part of the largest force; None where it was not looked at.
+
+    Parameters
+    ----------
+    response
+        Of the run.
+
+    Returns
+    -------
+    float
+        1.
+    """
+    return response.stats.imbalance if response.stats.imbalance >= 0.0 else None
+
+
 def strength_table(members: Mapping[str, MemberStrength]) -> Table:
     """Return the most stressed place of every member.
 

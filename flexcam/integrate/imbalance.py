@@ -1,7 +1,7 @@
 """By how much the forces of a run are out of balance: what the equation of motion lacks, computed from its parts.
 
 The time integration balances forces by its own operators; here they are put together anew, from the matrices, the loads
-and the local forces, between the saved fields, where some ways through time take their state anew.
+and the local forces: between saved fields, where some ways through time take their state anew, and at the last step.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ class Imbalance:
         self._matrices = [operator(one) for one in (system.mass, system.damping, system.stiffness)]
         stiff = np.abs(system.stiffness.diagonal()) + np.abs(system.mass.diagonal()) / step**2
         self._weights = np.divide(1.0, np.sqrt(stiff), out=np.zeros_like(stiff), where=stiff > 0.0)
-        self._largest = np.zeros(2)
+        self._largest = np.full(2, -1.0)
 
     @property
     def share(self) -> float:
-        """The largest so far, 1; zero where nothing acts."""
+        """The largest so far, 1; zero where nothing acts, negative where no instant was looked at."""
         lacking, acting = self._largest
-        return float(lacking / acting) if acting > 0.0 else 0.0
+        return float(lacking / acting if acting > 0.0 else acting)
 
     def look(self, track: Track, seen: Observed, schedule: Schedule, rows: IntArray) -> None:
         """Take some instants into account."""

@@ -285,8 +285,9 @@ class _Run:
         """Return channels, energies and internal states at the ends of steps."""
         schedule = self._forces.schedule(motion, track.ends)
         seen, carried = self._observed(track, motion, schedule)
+        last = steps == self._problem.steps  # of a short run nothing else may be looked at
         between = (steps + 1) % self._save.field_every == 0  # at saved fields some ways take their state anew
-        self._imbalance.look(track, seen, schedule, track.ends[between])
+        self._imbalance.look(track, seen, schedule, track.ends[between | last])
         each = [channel.value(seen) for channel in self._system.channels]
         if not self._system.carried:
             each.append(self._account.block(track, seen, carried, schedule))

@@ -113,7 +113,8 @@ class Stats:
     periodicity
         By how much the start misses returning after a revolution, as a part of the motion; negative if not asked for.
     imbalance
-        Largest force out of balance, as a part of the largest force; negative where channels were not computed.
+        Largest force out of balance, as a part of the largest force; negative where it was not looked at: without
+        channels, without unknowns, or in a run that broke off before the first saved field.
     seconds
         Time spent in the step loop, s; negative where a run was killed before it could say.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 import flexcam
 from flexcam.console.doubts import balances, lost_energy, run_doubts
+from flexcam.console.results import imbalance
 from flexcam.console.watched import Watched
 from flexcam.integrate import Problem, State, hht, newmark, solve
 from flexcam.integrate.imbalance import Imbalance
@@ -161,7 +163,38 @@ def test_what_is_out_of_balance_is_told():
         )
     ]
     assert "forces within" in balances(seen.extremes, response.stats)
-    assert balances(seen.extremes, Stats()) == ""
+    assert balances(seen.extremes, Stats()).endswith("forces not looked at")
+
+
+@pytest.mark.parametrize("path", ["general", "modal", "compiled"])
+@pytest.mark.parametrize("steps", [1, 5, 19])
+def test_a_run_shorter_than_a_field_is_looked_at(path, steps, monkeypatch):
+    """At its last step; with the loads left out, which are most of what acts so early, it shows."""
+    ready = prepare(flexcam.read_case(CASE, [f"run.path={path}"]))
+    short = replace(ready.problem, steps=steps)
+    assert 0.0 < solve(short, ready.scheme).stats.imbalance < 1e-10
+    look = Imbalance.look
+
+    def blind(self, track, seen, schedule, rows):
+        look(self, track, replace(seen, histories=0.0 * seen.histories), schedule, rows)
+
+    monkeypatch.setattr(Imbalance, "look", blind)
+    assert solve(short, ready.scheme).stats.imbalance > 0.1
+
+
+def test_what_was_not_looked_at_is_not_told_as_zero(tmp_path):
+    """A run that is stopped before the first saved field."""
+    asked = count()
+    ready = prepare(flexcam.read_case(CASE, ["run.path=general"]))
+    seen, sink = Watched.of(ready), result_file(ready, tmp_path)
+    sinks = [*seen.sinks, sink]
+    response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, stop=lambda: next(asked) > 3)
+    assert response.stats.imbalance < 0.0
+    assert imbalance(response) is None
+    assert balances(seen.extremes, response.stats).endswith("forces not looked at")
+    assert run_doubts(ready, seen, [], response.stats) == []
+    (left,) = tmp_path.glob("*.vtkhdf")
+    assert imbalance(flexcam.read_result(left).response) is None
 
 
 def test_warnings_are_kept_with_the_result(tmp_path):
