@@ -7,7 +7,7 @@ close on the way.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,8 +24,8 @@ from flexcam.linalg import (
     null_space,
     share_lost,
 )
-from flexcam.response import BUCKLED, TOO_FINE, Cause, RunFailedError, Status
-from flexcam.system import CamMotion, System
+from flexcam.response import TOO_FINE, Cause, RunFailedError, Status, gives_way
+from flexcam.system import CamMotion, Reaction, System
 
 _MOST_ITERATIONS = 300
 _TOLERANCE = 1e-9
@@ -88,24 +88,25 @@ def balanced(
         if done or (stalled and most <= potential.rounding(u)):  # gets no better
             if not close and share_lost(system.stiffness, u) > TOO_MUCH:
                 raise RunFailedError(TOO_FINE)
-            _refuse_buckled(tangent, system)
+            _refuse_unstable(potential, u, tangent)
             return u
         step = factorize_held(tangent, free, hold).solve(missing)
         part, energy = potential.shortened(u, step, missing, energy)
         u, before = u + part * step, most
     missing, _, tangent = potential.at(u)
-    _refuse_buckled(tangent, system)
+    _refuse_unstable(potential, u, tangent)
     raise _unbalanced(system, missing, free)
 
 
-def _refuse_buckled(tangent: Triplets, system: System) -> None:
+def _refuse_unstable(potential: _Potential, u: FloatArray, tangent: Triplets) -> None:
     """Refuse a balance from which the smallest push leads away: the least of the energy lies elsewhere.
 
     Raises
     ------
     RunFailedError
-        That names what buckles.
+        That names what gives way.
     """
+    system = potential.system
     if system.size > 2 * DENSE_LIMIT or not system.local_forces:
         return
     scale = diagonal_scale(tangent)
@@ -119,10 +120,7 @@ def _refuse_buckled(tangent: Triplets, system: System) -> None:
         return
     if values[0] >= -_NEGATIVE:
         return
-    motion = np.abs(scale * vectors[:, 0])
-    order: list[int] = np.argsort(-motion).tolist()
-    moving = ", ".join(system.names[i] for i in order[:3])
-    raise RunFailedError(replace(BUCKLED, text=f"{BUCKLED.text}; it gives way along {moving}"))
+    raise RunFailedError(gives_way(system.names, scale * vectors[:, 0], potential.parts(u)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +129,8 @@ class _Touching:
 
     Parameters
     ----------
+    name
+        Of the local force.
     scalars
         Its place among the sensed scalars.
     touched
@@ -139,6 +139,7 @@ class _Touching:
         Derivatives by them of what it acts along and of what it senses, shape (c, t).
     """
 
+    name: str
     scalars: slice
     touched: IntArray
     act: FloatArray
@@ -169,21 +170,28 @@ class _Potential:
         act = schedule.acting(0) @ forces.act.vectors
         sense = schedule.sensing(0) @ forces.sense.vectors
         each: list[_Touching] = []
-        for _, part, _ in forces.laws:
+        for one, (_, part, _) in zip(system.local_forces, forces.laws, strict=True):
             at = np.flatnonzero((act[part] != 0.0).any(axis=0) | (sense[part] != 0.0).any(axis=0))
-            each.append(_Touching(part, at, act[part, at], sense[part, at]))
+            each.append(_Touching(one.name, part, at, act[part, at], sense[part, at]))
         return cls(system, forces, schedule.angle, schedule.offset[0], act, sense, tuple(each), load)
 
     def at(self, u: FloatArray) -> tuple[FloatArray, float, Triplets]:
         """Return the forces out of balance (n,), the size of the forces, and the tangent."""
-        still, states = np.zeros(self.forces.count), self.forces.start_state
-        reaction = self.forces.respond(self._gap(u), still, states, float(self.angle[0]))
-        stiffness = self.system.stiffness
+        reaction, stiffness = self._reaction(u), self.system.stiffness
         strain, pushed = stiffness.times(u), reaction.force @ self.act
         local = [one.tangent(reaction.by_gap, stiffness.size) for one in self.touching]
         size = max(float(np.abs(part).max(initial=0.0)) for part in (self.load, strain, pushed))
         missing = self.load + pushed - strain
         return missing, max(size, np.finfo(float).tiny), Triplets.joined([stiffness, *local])
+
+    def parts(self, u: FloatArray) -> list[tuple[str, Triplets]]:
+        """Return name and stiffness of each local force."""
+        reaction = self._reaction(u)
+        return [(one.name, one.tangent(reaction.by_gap, self.system.size)) for one in self.touching]
+
+    def _reaction(self, u: FloatArray) -> Reaction:
+        still, states = np.zeros(self.forces.count), self.forces.start_state
+        return self.forces.respond(self._gap(u), still, states, float(self.angle[0]))
 
     def _gap(self, u: FloatArray) -> FloatArray:
         return self.sense @ u + self.offset

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from flexcam.integrate.local import LocalForces
 from flexcam.linalg import FloatArray
-from flexcam.system import CamMotion, System
+from flexcam.system import CamMotion, Reaction, System
 
 
 class Tangents:
@@ -41,14 +43,27 @@ class Tangents:
 
     def at(self, i: int) -> tuple[FloatArray, FloatArray]:
         """Return damping and stiffness at an instant, shape (n, n) each."""
-        forces, schedule = self._forces, self._schedule
-        if not forces.count:
+        if not self._forces.count:
             return self._C, self._K
+        answer, act, sense, turning = self._answer(i)
+        by_rate = act.T @ answer.by_rate
+        return self._C - by_rate @ sense, self._K - act.T @ answer.by_gap @ sense - by_rate @ turning
+
+    def parts(self, i: int) -> Iterator[tuple[str, FloatArray]]:
+        """Yield the name of each local force and the stiffness it adds at an instant, shape (n, n)."""
+        if not self._forces.count:
+            return
+        answer, act, sense, turning = self._answer(i)
+        for _, own, _ in self._forces.laws:
+            by_gap = answer.by_gap[own, own] @ sense[own] + answer.by_rate[own, own] @ turning[own]
+            yield self._forces.names[own.start], -act[own].T @ by_gap
+
+    def _answer(self, i: int) -> tuple[Reaction, FloatArray, FloatArray, FloatArray]:
+        """Return the reaction at an instant, and along which rows it acts and senses, and how fast the latter turn."""
+        forces, schedule = self._forces, self._schedule
         gap, rate, _ = (one[0] for one in forces.sensed(self._d[i : i + 1], self._v[i : i + 1], schedule.row(i)))
         state = forces.start_state if self._inner is None else self._inner[i]
         answer = forces.respond(gap, rate, state, float(schedule.angle[i]))
         act = schedule.acting(i) @ forces.act.vectors
         sense = schedule.sensing(i) @ forces.sense.vectors
-        turning = schedule.turning(i) @ forces.sense.vectors
-        by_rate = act.T @ answer.by_rate
-        return self._C - by_rate @ sense, self._K - act.T @ answer.by_gap @ sense - by_rate @ turning
+        return answer, act, sense, schedule.turning(i) @ forces.sense.vectors

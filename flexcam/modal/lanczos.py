@@ -21,7 +21,7 @@ from flexcam.linalg import (
     factorize,
     pins,
 )
-from flexcam.response import BUCKLED, Cause, RunFailedError, Status
+from flexcam.response import Cause, NotPositiveError, RunFailedError, Status
 
 LOST = 1e-6
 """Relative error of an eigenvalue above which a mode is left out rather than shown wrong."""
@@ -50,8 +50,10 @@ def lanczos(
 
     Raises
     ------
+    NotPositiveError
+        If the stiffness drives a motion.
     RunFailedError
-        If the stiffness is not positive, or the iteration does not converge.
+        If the iteration does not converge.
     """
     wanted = min(max((count or _DEFAULT_COUNT) - rigid.shape[1], 1), mass.size - 2)
     solve = _flexibility(stiffness, rigid, mass.times_all(rigid))
@@ -63,7 +65,7 @@ def lanczos(
     largest = float(np.abs(inverse_squares).max(initial=0.0))
     rounding = np.sqrt(mass.size) * np.finfo(float).eps * largest
     if inverse_squares.min(initial=0.0) < -rounding / LOST:
-        raise RunFailedError(BUCKLED)
+        raise NotPositiveError(shapes[:, int(np.argmin(inverse_squares))])
     # Fewer masses than modes asked for leave zeros, that is rounding of either sign.
     good = min(int(np.argmax(np.append(inverse_squares * LOST <= rounding, True))), wanted)
     lost = min(int(np.count_nonzero(inverse_squares > rounding)), wanted) - good
@@ -114,7 +116,7 @@ def _flexibility(stiffness: Triplets, rigid: FloatArray, heavy: FloatArray) -> S
     try:
         factor = factorize(stiffness.part(kept))
     except SingularMatrixError:
-        raise RunFailedError(BUCKLED) from None
+        raise NotPositiveError from None
 
     def solve(load: FloatArray) -> FloatArray:
         load = np.asarray(load, dtype=float).ravel()

@@ -22,7 +22,7 @@ from flexcam.linalg import (
     null_space,
 )
 from flexcam.modal.lanczos import LOST, lanczos
-from flexcam.response import BUCKLED, TOO_FINE, Cause, RunFailedError, Status
+from flexcam.response import TOO_FINE, Cause, NotPositiveError, RunFailedError, Status
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +96,10 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
     Raises
     ------
     RunFailedError
-        If a free motion has no mass, the stiffness is not positive (a load beyond buckling), rounding in it spoils a
-        mode, or the search for the modes of a large model does not converge.
+        If a free motion has no mass, rounding in the stiffness spoils a mode, or the search for the modes of a large
+        model does not converge.
+    NotPositiveError
+        If the stiffness drives a motion, as of a member beyond buckling.
 
     Examples
     --------
@@ -186,7 +188,7 @@ def _by_stiffness(
     M, K = scale[:, None] * M * scale, scale[:, None] * K * scale
     free = rigid / scale[:, None]
     held = M @ free
-    L = _cholesky(K + held @ held.T / max(1.0, float(np.abs(held).max(initial=0.0)) ** 2))
+    L = _cholesky(K + held @ held.T / max(1.0, float(np.abs(held).max(initial=0.0)) ** 2), scale)
     inverse = np.linalg.solve(L, np.linalg.solve(L, M).T)
     known = np.linalg.qr(L.T @ free)[0]
     inverse -= known @ (known.T @ inverse)
@@ -218,11 +220,11 @@ def _with_errors(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     return positive, len(values) * eps * largest / positive
 
 
-def _cholesky(K: FloatArray) -> FloatArray:
+def _cholesky(K: FloatArray, scale: FloatArray) -> FloatArray:
     try:
         return np.linalg.cholesky(K).astype(float, copy=False)
     except np.linalg.LinAlgError:
-        raise RunFailedError(BUCKLED) from None
+        raise NotPositiveError(scale * np.linalg.eigh(K)[1][:, 0]) from None
 
 
 def _signed(shapes: FloatArray) -> FloatArray:

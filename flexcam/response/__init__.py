@@ -8,16 +8,18 @@ from flexcam.response.blocks import Block, SaveAt, Sink
 from flexcam.response.counting import Advance, Thing, counted
 from flexcam.response.histories import STATE, History, Outline, Response
 from flexcam.response.series import Series
-from flexcam.response.status import BUCKLED, TOO_FINE, Cause, RunFailedError, Stats, Status, heed
+from flexcam.response.status import TOO_FINE, Cause, RunFailedError, Stats, Status, heed
+from flexcam.response.unstable import NOT_POSITIVE, NotPositiveError, gives_way
 
 __all__ = [
-    "BUCKLED",
+    "NOT_POSITIVE",
     "STATE",
     "TOO_FINE",
     "Advance",
     "Block",
     "Cause",
     "History",
+    "NotPositiveError",
     "Outline",
     "Response",
     "RunFailedError",
@@ -28,5 +30,6 @@ __all__ = [
     "Status",
     "Thing",
     "counted",
+    "gives_way",
     "heed",
 ]

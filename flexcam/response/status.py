@@ -59,12 +59,6 @@ class Status:
         return f"{self.cause}: {self.text}" + (f"; {self.remedy}" if self.remedy else "")
 
 
-BUCKLED = Status(
-    Cause.SINGULAR, "the stiffness is not positive: an axial load is beyond buckling", "lower the compressive force"
-)
-"""How a computation ends whose stiffness is not positive."""
-
-
 TOO_FINE = Status(
     Cause.ROUNDING,
     "rounding in the stiffness takes too much of the answer: a member is cut into too many elements, or stiffnesses "

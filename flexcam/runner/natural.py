@@ -46,7 +46,7 @@ def modes(
     InputError
         If parts do not fit together.
     RunFailedError
-        If a free motion has no mass, or the prestress is beyond buckling.
+        If a free motion has no mass, or a member buckles under the prestress, which is named.
 
     Examples
     --------

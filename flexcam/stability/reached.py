@@ -77,7 +77,7 @@ def reached_modes(ready: Prepared, response: Response, contact: str, structure: 
     Raises
     ------
     RunFailedError
-        If the train has no modes there: an axial load is beyond buckling.
+        If the train has no modes there: a member or a lever gives way, which is named.
     """
     part = ready.model.driven[contact]
     cam = ready.model.cams[part.cam]
@@ -86,17 +86,16 @@ def reached_modes(ready: Prepared, response: Response, contact: str, structure: 
     return ReachedModes(found, np.abs(push @ found.modes.shapes))
 
 
-def _held(ready: Prepared, response: Response, event: Event) -> Triplets | None:
-    """Return the stiffness of what is closed at the saved instant of the largest lift."""
+def _held(ready: Prepared, response: Response, event: Event) -> list[tuple[str, Triplets]]:
+    """Return the stiffness of each local force at the saved instant of the largest lift."""
     system = ready.problem.system
     late = response.field_time > response.field_time[-1:] - ready.revolution
     if not late.any() or not system.local_forces or system.size > MOST:
-        return None
+        return []
     at = np.flatnonzero(late)[[int(np.argmax(event(response.field_angle[late], 0)))]]
     motion = ready.problem.drive.at(response.field_time[at])
     tangents = Tangents(system, motion, response.fields.displacement[at], response.fields.velocity[at])
-    more = tangents.at(0)[1] - system.stiffness.dense()
-    return Triplets.from_dense(0.5 * (more + more.T))
+    return [(name, Triplets.from_dense(0.5 * (part + part.T))) for name, part in tangents.parts(0)]
 
 
 def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:

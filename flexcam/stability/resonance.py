@@ -71,7 +71,7 @@ def resonances(ready: Prepared, response: Response) -> tuple[Resonance, ...]:
     Raises
     ------
     RunFailedError
-        If the train has no modes at full lift: an axial load is beyond buckling.
+        If the train has no modes at full lift: a member or a lever gives way.
     """
     met: list[Resonance] = []
     structure = build_structure(ready.model)

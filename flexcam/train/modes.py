@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from flexcam.fem import COMPONENTS, beam
 from flexcam.fem.recovery import section_forces
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.modal import Modes
+from flexcam.response import NotPositiveError, RunFailedError, gives_way
 from flexcam.train.springs import spring_parts
 from flexcam.train.structure import Structure
 
@@ -46,8 +48,9 @@ class ModelModes:
 
 
 def model_modes(
-    structure: Structure, count: int | None = None, *, loaded: FloatArray | None = None, held: Triplets | None = None
-) -> ModelModes:
+    structure: Structure, count: int | None = None, *, loaded: FloatArray | None = None,
+    held: Sequence[tuple[str, Triplets]] = (),
+) -> ModelModes:  # fmt: skip
     """Return the lowest modes of a model.
 
     Parameters
@@ -60,7 +63,7 @@ def model_modes(
         Displacement of a static state, shape (n,), whose axial forces stiffen (tension) or soften (compression) the
         members; None for the unloaded structure.
     held
-        Stiffness of what is not of the structure itself, such as closed contacts, n unknowns.
+        Name and stiffness of what is not of the structure itself, such as closed contacts, n unknowns.
 
     Returns
     -------
@@ -70,19 +73,33 @@ def model_modes(
     Raises
     ------
     RunFailedError
-        If a free motion has no mass, or the state is beyond buckling.
+        If a free motion has no mass, or something gives way, which is named.
     """
     stiffness, free = structure.stiffness, structure.free
-    if held is not None:
-        stiffness, free = stiffness + held, _unstressed(free, held, stiffness)
-    if loaded is not None:
-        force = section_forces(structure.beams, structure.dofs.nodal(loaded))[:, 0, 0]
+    force = None if loaded is None else section_forces(structure.beams, structure.dofs.nodal(loaded))[:, 0, 0]
+    if held:
+        closed = Triplets.joined([part for _, part in held])
+        stiffness, free = stiffness + closed, _unstressed(free, closed, stiffness)
+    if force is not None:
         geometric = fem.geometric(structure.beams, force, structure.dofs)
         stiffness, free = stiffness + geometric, _unstressed(free, geometric, stiffness)
-    found = modal.modes(structure.mass, stiffness, count, free=free)
+    try:
+        found = modal.modes(structure.mass, stiffness, count, free=free)
+    except NotPositiveError as failure:
+        if failure.motion is None:
+            raise
+        parts = [*held, *(() if force is None else _pressed(structure, force))]
+        raise RunFailedError(gives_way(structure.dofs.names, failure.motion, parts)) from None
     motions = np.array([structure.dofs.rigid_motion(structure.model.mesh, unit) for unit in np.eye(6)])
     effective = modal.effective_masses(found, structure.mass, motions)
     return ModelModes(found, effective, _shares(structure, found.shapes.T))
+
+
+def _pressed(structure: Structure, force: FloatArray) -> Iterator[tuple[str, Triplets]]:
+    """Yield the name of each member and the stiffness by its axial forces, N, tension positive, shape (e,)."""
+    for name, its in structure.model.mesh.element_ranges().items():
+        elements = np.arange(len(structure.beams))[its]
+        yield f"members.{name}", fem.geometric(structure.beams.part(elements), force[elements], structure.dofs)
 
 
 def _unstressed(free: FloatArray, geometric: Triplets, stiffness: Triplets) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexcam import read_case
-from flexcam.response import BUCKLED, RunFailedError
+from flexcam.response import NOT_POSITIVE, RunFailedError
 from flexcam.stability import campbell
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -66,14 +66,14 @@ def test_a_speed_at_which_the_train_stands_unstable_leaves_the_others(monkeypatc
     def reached(*given):
         calls.append(given)
         if len(calls) == 2:
-            raise RunFailedError(BUCKLED)
+            raise RunFailedError(NOT_POSITIVE)
         return real(*given)
 
     monkeypatch.setattr(module, "reached_modes", reached)
     case = read_case(PUBLISHED, ["run.steps_per_revolution=360"])
     found = campbell(case, [200.0, 300.0, 400.0], orders=[1])
     assert [one.ok for one in found.statuses] == [True, False, True]
-    assert found.statuses[1] is BUCKLED
+    assert found.statuses[1] is NOT_POSITIVE
     assert np.isnan(found.frequencies).tolist() == [[False] * 8, [True] * 8, [False] * 8]
 
 

@@ -13,8 +13,11 @@ import math
 import numpy as np
 import pytest
 
-from flexcam import build_model, read_case, run
+from flexcam import build_model, prepare, read_case, run
 from flexcam.checks import InputError
+from flexcam.linalg import Triplets
+from flexcam.response import RunFailedError
+from flexcam.train import build_structure, model_modes
 
 SOURCE = "Levers and finger followers"
 CASE = """
@@ -259,3 +262,32 @@ def test_damping_of_the_arms(record, pushed):
 def test_a_profile_for_another_arm_is_refused(fingered):
     with pytest.raises(InputError, match="that of the rocker"):
         run(fingered((0.1, -0.15), cam=SWING.replace('arm = "30 mm"', 'arm = "28 mm"')))
+
+
+@pytest.mark.parametrize(("angle", "folds"), [(1.2, True), (-1.2, False)])
+def test_a_lever_that_folds_over_is_named(fingered, angle, folds):
+    """A valve force F on an arm at angle b takes F a sin b from the stiffness of the turn, or adds it."""
+    case = fingered((0.0, angle))
+    force, spring, contact = 4e3, 40e3, 5e3
+    turning = spring * (ARMS[1] * math.cos(angle)) ** 2 + contact * ARMS[0] ** 2 - force * ARMS[1] * math.sin(angle)
+    assert (turning < 0.0) == folds
+    soft = [f"contacts.intake.stiffness={contact}", f"springs.valve.installed_force={force}", "cams.intake.lift=1e-3"]
+    soft = read_case(case.path, soft)
+    if not folds:
+        assert prepare(soft).problem.start.displacement.any()
+        return
+    with pytest.raises(RunFailedError) as refusal:
+        prepare(soft)
+    told = refusal.value.status
+    assert told.text.startswith("the stiffness is not positive: what gives way is rockers.rocker.to, along valve, pad")
+
+
+def test_modes_name_what_gives_way(fingered):
+    """Of all that is closed, what takes stiffness is named, and not what adds some."""
+    case = fingered()
+    structure = build_structure(build_model(case))
+    turn = structure.row("pad", np.zeros(6))
+    held = [(name, Triplets.outer(turn, turn, size)) for name, size in (("seat", 1e5), ("arm", -1e9), ("tip", -1e7))]
+    with pytest.raises(RunFailedError, match="what gives way is arm, along"):
+        model_modes(structure, held=held)
+    assert model_modes(structure, held=held[:1]).modes.omegas[0] > 0.0
