@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 
 from flexcam import __version__
 from flexcam.checks import positive, refuse
-from flexcam.commands.app import Json, Overrides, Overwrite, Picture, app, load, quantity
+from flexcam.commands.app import Json, Overrides, Overwrite, Picture, app, free_picture, load, quantity
 from flexcam.commands.cams import CamName
 from flexcam.console.synthesis import (
     LEGEND,
@@ -75,6 +75,7 @@ def synthesize_law(
 ) -> None:  # fmt: skip
     """Find the law of a family with the least peak values under conditions, and prove how good it is."""
     _only_with("--count", count, "--pareto", against is not None)
+    free_picture(plot, overwrite)
     where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
     weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
     fixed = [_condition(one) for one in condition or []]
@@ -91,7 +92,8 @@ def synthesize_law(
         )
     else:
         front = [minimax(where, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
-    files = _law_files(front, output, plot, overwrite=overwrite)
+    goals = None if against is None else (next(iter(weights)), against)
+    files = _law_files(front, goals, output, plot, overwrite=overwrite)
     if as_json:
         print_json(
             {
@@ -148,7 +150,10 @@ def _condition(text: str) -> tuple[float, int, float]:
         raise refuse("--condition", repr(text), allowed) from None
 
 
-def _law_files(front: list[Synthesized], output: Path | None, plot: Path | None, *, overwrite: bool) -> list[Path]:
+def _law_files(
+    front: list[Synthesized], goals: tuple[str, str] | None, output: Path | None, plot: Path | None, *, overwrite: bool
+) -> list[Path]:
+    """Write what is asked for of a law, or of a front of two criteria, the goals."""
     files: list[Path] = []
     for i, found in enumerate(front, start=1):
         if output is None:
@@ -157,10 +162,10 @@ def _law_files(front: list[Synthesized], output: Path | None, plot: Path | None,
         about = {"flexcam": __version__, **{k: v for k, v in synthesis_json(found).items() if v is not None}}
         files.append(write_law(found.law, made_folder(path.parent) / path.name, about=about, overwrite=overwrite))
     if plot is not None:
-        from flexcam.view import law_figure, save_figure
+        from flexcam.view import law_figure, law_front_figure, save_figure
 
-        laws = {f"{i}" if len(front) > 1 else found.family: found.law for i, found in enumerate(front, start=1)}
-        files.append(save_figure(law_figure(laws), plot, overwrite=overwrite))
+        figure = law_front_figure(front, *goals) if goals else law_figure({front[0].family: front[0].law})
+        files.append(save_figure(figure, plot, overwrite=overwrite))
     return files
 
 

@@ -24,6 +24,7 @@ from flexcam.view.histories import (
     energy_figure,
     motion_figure,
 )
+from flexcam.view.law_front import draw_front, law_front_figure
 from flexcam.view.methods import method_figure
 from flexcam.view.modes import draw_mode, mode_figure
 from flexcam.view.orders import waterfall_figure
@@ -40,6 +41,7 @@ __all__ = [
     "contact_forces",
     "draw_channel",
     "draw_energy",
+    "draw_front",
     "draw_mode",
     "draw_motion",
     "energy_figure",
@@ -48,6 +50,7 @@ __all__ = [
     "front_figure",
     "growth_figure",
     "law_figure",
+    "law_front_figure",
     "lift_figure",
     "map_figure",
     "method_figure",

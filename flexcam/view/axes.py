@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 
 from flexcam.checks import refuse
 from flexcam.io import free_to_write, made_folder
@@ -150,16 +150,34 @@ def stacked(labels: Sequence[str], below: str, *, height: float = 1.6) -> tuple[
         Figure and axes.
     """
     figure = Figure(figsize=(7.0, 1.2 + height * len(labels)), layout="constrained")
+    return figure, stack(figure, labels, below)
+
+
+def stack(figure: FigureBase, labels: Sequence[str], below: str) -> list[Axes]:
+    """Return axes above each other, of a figure or a part of one.
+
+    Parameters
+    ----------
+    figure
+        Where they stand.
+    labels, below
+        As for `stacked`.
+
+    Returns
+    -------
+    list
+        From above.
+    """
     axes = list(np.atleast_1d(np.asarray(figure.subplots(len(labels), sharex=True))))
     for one, label in zip(axes, labels, strict=True):
         one.set_ylabel(label)
         one.grid(alpha=0.3)
     axes[-1].set_xlabel(below)
     figure.align_ylabels(axes)
-    return figure, axes
+    return axes
 
 
-def legend(figure: Figure, axes: Axes, count: int) -> None:
+def legend(figure: FigureBase, axes: Axes, count: int, *, columns: int = 4) -> None:
     """Put the names of several curves above the axes, where they cover none.
 
     Parameters
@@ -168,7 +186,9 @@ def legend(figure: Figure, axes: Axes, count: int) -> None:
         Where they are.
     count
         How many curves there are; one needs no name.
+    columns
+        Names beside each other, at most.
     """
     if count > 1:
         lines, names = axes.get_legend_handles_labels()
-        figure.legend(lines, names, loc="outside upper center", fontsize="small", ncols=min(count, 4))
+        figure.legend(lines, names, loc="outside upper center", fontsize="small", ncols=min(count, columns))

@@ -17,6 +17,12 @@ from flexcam.linalg import ComplexArray, FloatArray
 from flexcam.motion import Event, Law, joints, residual_spectrum
 from flexcam.view.axes import COLOURS, legend, looks, stacked, titled
 
+LAW_LABELS = ("s", "s'", "s''", "s'''")
+"""What the axes of laws show, from above."""
+
+LAW_POSITION = "z, part of the rise"
+"""What laws are drawn over."""
+
 _POINTS = 1441
 _RATIOS = np.linspace(0.05, 6.0, 600)
 
@@ -34,13 +40,26 @@ def law_figure(laws: Mapping[str, Law]) -> Figure:
     Figure
         Four axes, one above the other.
     """
+    figure, axes = stacked(LAW_LABELS, LAW_POSITION)
+    draw_laws(axes, laws)
+    legend(figure, axes[0], len(laws))
+    return titled(figure, _only(laws))
+
+
+def draw_laws(axes: Sequence[Axes], laws: Mapping[str, Law]) -> None:
+    """Draw lift, velocity, acceleration and jerk of laws.
+
+    Parameters
+    ----------
+    axes
+        Four of them.
+    laws
+        By name.
+    """
     z = np.linspace(0.0, 1.0, _POINTS)
-    figure, axes = stacked(["s", "s'", "s''", "s'''"], "z, part of the rise")
     for (name, law), (color, dashes) in zip(laws.items(), looks(), strict=False):
         for order, one in enumerate(axes):
             one.plot(*_broken(z, law.breaks, law(z, order)), label=name, color=color, linestyle=dashes)
-    legend(figure, axes[0], len(laws))
-    return titled(figure, _only(laws))
 
 
 def lift_figure(events: Mapping[str, Event]) -> Figure:

@@ -215,6 +215,18 @@ def test_a_front(told, tmp_path):
     assert 'law = "front-4.toml"' in told(*POLYNOMIAL, "--pareto=Cj", "--count=4", "-o=front.toml", "--overwrite").out
 
 
+def test_a_front_is_drawn(told, tmp_path):
+    """The front itself, criterion over criterion, with its laws; a picture that is there is refused before any law."""
+    words = (*POLYNOMIAL, "--pareto", "Cj", "--count", "3", "--plot", "front.svg")
+    assert facts(told, *words)["files"] == ["front.svg"]
+    drawn = (tmp_path / "front.svg").read_text(encoding="utf-8")
+    titles = ("Pareto front of polynomials of degree 11", "Its laws, lift 1 over angle 1")
+    axes = ("C_a, largest acceleration, lift 1 over angle 1", "C_j, largest jerk, lift 1 over angle 1")
+    assert all(f"<!-- {one} -->" in drawn for one in (*titles, *axes))
+    assert told(*words, "-o", "law.toml").code == 2
+    assert not list(tmp_path.glob("law-*.toml"))
+
+
 @pytest.mark.parametrize("words", [POLYNOMIAL, POLYDYNE, HARMONIC], ids=["law", "polydyne", "harmonic"])
 def test_output(words, told, tmp_path):
     (tmp_path / "x.toml").write_text("mine")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET  # the files are our own
 
+import matplotlib.colors
+import matplotlib.figure
 import matplotlib.image
 import numpy as np
 import pytest
@@ -12,7 +14,17 @@ import pytest
 from flexcam.cam import FlatFollower, RollerFollower, SwingFlatFollower, SwingRollerFollower, cam_profile
 from flexcam.checks import InputError
 from flexcam.motion import LAWS, HarmonicLift, LiftEvent, residual_spectrum
-from flexcam.view import law_figure, lift_figure, pressure_figure, profile_figure, save_figure, spectrum_figure
+from flexcam.synthesis import HarmonicFamily, pareto
+from flexcam.view import (
+    draw_front,
+    law_figure,
+    law_front_figure,
+    lift_figure,
+    pressure_figure,
+    profile_figure,
+    save_figure,
+    spectrum_figure,
+)
 
 EVENT = LiftEvent(LAWS["shm"], lift=0.006, rise=1.5, fall=1.4, dwell=0.2, phase=0.7)
 SMOOTH = HarmonicLift(0.003, (-0.003,), (0.0,))
@@ -55,6 +67,28 @@ def test_laws(names):
     figure.draw_without_rendering()
     top = max(axes.get_window_extent().y1 for axes in figure.axes)
     assert [legend for legend in figure.legends if legend.get_window_extent().y0 < top] == [], "it covers no curve"
+
+
+def test_a_front_of_laws():
+    """One criterion over the other, from end to end; a law has the same look there and among the curves."""
+    front = pareto(HarmonicFamily((1, 2, 3)), "Ca", "Cj", count=4)
+    figure = law_front_figure(front, "Ca", "Cj")
+    first, *curves = figure.get_axes()
+    assert first.lines[0].get_xydata() == pytest.approx(np.array([[one.criteria.Ca, one.criteria.Cj] for one in front]))
+    assert [text.get_text() for text in first.texts] == ["1", "2", "3", "4"]
+    for order, axes in enumerate(curves):
+        for one, line, dot in zip(front, axes.lines, first.collections, strict=True):
+            assert dot.get_edgecolor()[0] == pytest.approx(matplotlib.colors.to_rgba(line.get_color()))
+            x, y, _ = drawn(line)
+            assert y == pytest.approx(one.law(x, order), abs=1e-9)
+
+
+def test_what_is_not_sure_of_a_front():
+    """What did not converge is a ring; what has no bound is left out; laws at one place share a label."""
+    axes = matplotlib.figure.Figure().add_subplot()
+    draw_front(axes, np.array([[1.0, 9.0], [1.00001, 9.0], [2.0, 4.0], [3.0, math.nan]]), [True, True, False, True])
+    assert [text.get_text() for text in axes.texts] == ["1, 2", "3 not converged"]
+    assert [len(dot.get_facecolor()) for dot in axes.collections] == [1, 1, 0]
 
 
 def test_lifts():
