@@ -8,6 +8,7 @@ from flexcam.io.csv import write_csv, write_text
 from flexcam.io.geometry import RECOVERED, Geometry
 from flexcam.io.guard import guarded
 from flexcam.io.lift_file import LiftColumns, read_lift, write_lift_table
+from flexcam.io.lock import hold
 from flexcam.io.mesh_file import read_mesh, write_mesh
 from flexcam.io.modes_file import write_modes
 from flexcam.io.motion_file import write_law, write_lift
@@ -39,6 +40,7 @@ __all__ = [
     "file_beside",
     "free_to_write",
     "guarded",
+    "hold",
     "macro_of",
     "made_folder",
     "named_file",

@@ -16,6 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from flexcam.checks import refuse, said
+from flexcam.io.lock import hold
 
 _SHARE = 0.02
 """Part of the time of a run that copies may take."""
@@ -143,7 +144,7 @@ def _locked(path: Path) -> int:
     while True:
         held = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
-            _lock(held)
+            hold(held)
             with suppress(FileNotFoundError):
                 if os.path.samestat(os.fstat(held), path.stat()):
                     return held
@@ -151,19 +152,6 @@ def _locked(path: Path) -> int:
             os.close(held)
             raise
         os.close(held)  # its process gave it a name meanwhile; ours is another file
-
-
-def _lock(held: int) -> None:
-    try:
-        import fcntl
-    except ImportError:  # no such locks on Windows, where a file that is open cannot be written over anyway
-        return
-    try:
-        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise
-    except OSError:  # some network drives have no locks
-        return
 
 
 @contextmanager

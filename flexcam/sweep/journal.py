@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from flexcam.checks import InputError, refuse, said
-from flexcam.io import made_folder
+from flexcam.io import hold, made_folder
 from flexcam.response import Cause, Status
 from flexcam.sweep.evaluate import Row
 
@@ -98,13 +97,9 @@ class Journal:
 
 def _lock(file: int, path: Path) -> None:
     """Refuse a journal that another sweep writes; the lock ends with the process, whatever ends it."""
-    if sys.platform == "win32":
-        return
-    import fcntl
-
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+        hold(file)
+    except BlockingIOError:
         raise refuse(
             "journal", str(path), "one that nobody writes", "another sweep is running here", "wait for it"
         ) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import multiprocessing
 import os
@@ -256,6 +257,22 @@ def test_a_journal_of_another_sweep_or_in_use_is_refused_and_left_alone(tmp_path
         Journal(path, HEAD, resume=True)
     path.write_bytes(whole)
     assert json.loads(path.read_bytes().splitlines()[0]) == HEAD
+
+
+def no_locks(*_):
+    raise OSError(errno.ENOLCK, "No locks available")
+
+
+def no_module(monkeypatch):
+    monkeypatch.setitem(sys.modules, "fcntl", None)
+
+
+@pytest.mark.parametrize("without", [lambda patch: patch.setattr("fcntl.flock", no_locks), no_module])
+def test_where_there_are_no_locks_a_sweep_goes_on(without, tmp_path, monkeypatch):
+    """Some network drives have none; that nobody else may be kept out is no reason to refuse the sweep."""
+    without(monkeypatch)
+    kept(tmp_path / "j.jsonl", [0])
+    assert kept(tmp_path / "j.jsonl", [], resume=True) == {0: ROWS}
 
 
 def test_a_refused_journal_leaves_no_file(tmp_path):
