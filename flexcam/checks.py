@@ -6,14 +6,17 @@ import difflib
 from dataclasses import asdict, dataclass
 from datetime import date, time
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
     from numpy.typing import ArrayLike, NDArray
+
+Read = TypeVar("Read")
+"""What is read of a text."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,38 @@ def refuse(where: str, given: object, allowed: str, why: str = "", remedy: str =
     """
     shown = given if isinstance(given, str) else told(given)
     return InputError([Fault(where, shown, allowed, why, remedy)])
+
+
+def gathered(read: Callable[[str], Read], given: Iterable[str]) -> tuple[list[Read], list[Fault]]:
+    """Return what is read of texts, and the faults of all those that cannot be read.
+
+    Parameters
+    ----------
+    read
+        Reads one; raises `InputError` for what it cannot.
+    given
+        The texts.
+
+    Returns
+    -------
+    tuple
+        What was read, in the order given, and the faults, which the caller raises together.
+
+    Examples
+    --------
+    >>> def read(text):
+    ...     return positive("length", float(text), "m")
+    >>> found, faults = gathered(read, ["1", "-2", "3"])
+    >>> found, [fault.given for fault in faults]
+    ([1.0, 3.0], ['-2 m'])
+    """
+    found, faults = list[Read](), list[Fault]()
+    for one in given:
+        try:
+            found.append(read(one))
+        except InputError as refusal:
+            faults += refusal.faults
+    return found, faults
 
 
 def told(value: object) -> str:

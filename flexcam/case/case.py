@@ -9,6 +9,7 @@ from pathlib import Path
 from flexcam.case.lines import Path as KeyPath
 from flexcam.case.lines import Places
 from flexcam.case.records import CaseRecord
+from flexcam.case.tables.base import Record
 from flexcam.case.tables.run import NewmarkRecord
 from flexcam.fem import Mesh
 from flexcam.units import shaft_speed
@@ -116,8 +117,7 @@ class Case:
         Case
             Its text and overrides are those it was read from.
         """
-        run = self.record.run.model_copy(update=dict(changed))
-        return replace(self, record=self.record.model_copy(update={"run": run}))
+        return self._with("run", self.record.run, changed)
 
     def with_fidelity(self, changed: Mapping[str, object]) -> Case:
         """Return the same case with other keys of its fidelity.
@@ -132,8 +132,11 @@ class Case:
         Case
             Its text and overrides are those it was read from.
         """
-        fidelity = self.record.fidelity.model_copy(update=dict(changed))
-        return replace(self, record=self.record.model_copy(update={"fidelity": fidelity}))
+        return self._with("fidelity", self.record.fidelity, changed)
+
+    def _with(self, name: str, table: Record, changed: Mapping[str, object]) -> Case:
+        made = table.model_copy(update=dict(changed))
+        return replace(self, record=self.record.model_copy(update={name: made}))
 
     def place(self, path: KeyPath) -> str:
         """Return a key path with the line or override it was given by.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -59,8 +60,29 @@ def spline_rows(angle: FloatArray, knots: int, order: int = 0) -> tuple[IntArray
     return (interval[:, None] + np.arange(DEGREE + 1)) % knots, weight
 
 
+class _Seamless(ABC):
+    """A lift without joints; its height is looked for once."""
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Cam angles where a derivative up to the fourth may jump: none."""
+        return ()
+
+    @cached_property
+    def _height(self) -> float:
+        return highest(self)
+
+    @property
+    def height(self) -> float:
+        """Largest lift, m."""
+        return self._height
+
+    @abstractmethod
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray: ...
+
+
 @dataclass(frozen=True, eq=False)
-class PeriodicSpline:
+class PeriodicSpline(_Seamless):
     """Lift over a revolution as a spline of degree 5 on even knots; its fourth derivative is continuous.
 
     Parameters
@@ -88,20 +110,6 @@ class PeriodicSpline:
             raise refuse("coefficients", f"{len(values)} values", f"{2 * (DEGREE + 1)} or more")
         object.__setattr__(self, "coefficients", values)
 
-    @property
-    def joints(self) -> tuple[float, ...]:
-        """Cam angles where a derivative up to the fourth may jump: none."""
-        return ()
-
-    @cached_property
-    def _height(self) -> float:
-        return highest(self)
-
-    @property
-    def height(self) -> float:
-        """Largest lift, m."""
-        return self._height
-
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order (0 to 4) by the cam angle, m/rad^order, shape as `angle`."""
         angle = np.asarray(angle, dtype=float)
@@ -110,7 +118,7 @@ class PeriodicSpline:
 
 
 @dataclass(frozen=True)
-class HarmonicLift:
+class HarmonicLift(_Seamless):
     """Lift as a mean and a few harmonics of the cam angle: it excites nothing above the last of them.
 
     C. Li, Cam motion simulation and optimization (2014), eq. 5.
@@ -143,20 +151,6 @@ class HarmonicLift:
             raise refuse("cosine, sine", given, "as many of both, one or more")
         if not np.isfinite([self.mean, *self.cosine, *self.sine]).all():
             raise refuse("mean, cosine, sine", "numbers that are not finite", "finite numbers")
-
-    @property
-    def joints(self) -> tuple[float, ...]:
-        """Cam angles where a derivative may jump: none."""
-        return ()
-
-    @cached_property
-    def _height(self) -> float:
-        return highest(self)
-
-    @property
-    def height(self) -> float:
-        """Largest lift, m."""
-        return self._height
 
     @cached_property
     def _amplitudes(self) -> tuple[FloatArray, ComplexArray]:

@@ -155,8 +155,7 @@ def shaft_nodes(model: Model) -> set[int]:
     set
         Node numbers.
     """
-    cams = {model.mesh.node(cam.at) for cam in model.cams.values()}
-    return {node for line in model.mesh.lines.values() if cams.intersection(line.tolist()) for node in line.tolist()}
+    return {node for name in shafts(model) for node in model.mesh.lines[name].tolist()}
 
 
 def shafts(model: Model) -> list[str]:

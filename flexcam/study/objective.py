@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.checks import Fault, InputError, refuse
+from flexcam.checks import InputError, gathered, refuse
 from flexcam.linalg import FloatArray
 from flexcam.sweep import Row
 from flexcam.units import DIMENSIONS, RPM, parse
@@ -150,12 +150,7 @@ def constraints_of(texts: Sequence[str]) -> tuple[Constraint, ...]:
     InputError
         With all faults at once.
     """
-    found, faults = list[Constraint](), list[Fault]()
-    for text in texts:
-        try:
-            found.append(constraint(text))
-        except InputError as refusal:
-            faults += refusal.faults
+    found, faults = gathered(constraint, texts)
     if faults:
         raise InputError(faults)
     return tuple(found)

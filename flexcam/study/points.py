@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from flexcam.case import Case, CaseFile, read_case
-from flexcam.checks import Fault, InputError, refuse
+from flexcam.checks import Fault, InputError, gathered, refuse
 from flexcam.limits import Search
 from flexcam.linalg import FloatArray
 from flexcam.response import Advance, counted
@@ -74,12 +74,7 @@ def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Vari
     InputError
         With all faults at once: unknown keys, intervals that do not rise.
     """
-    found, faults = list[Variable](), list[Fault]()
-    for setting in settings:
-        try:
-            found.append(_variable(case, setting, f"{option} {setting}"))
-        except InputError as refusal:
-            faults += refusal.faults
+    found, faults = gathered(lambda setting: _variable(case, setting, f"{option} {setting}"), settings)
     keys = [one.key for one in found]
     faults += [
         Fault(option, repr(key), "every key once", "it is given twice", "") for key in keys if keys.count(key) > 1

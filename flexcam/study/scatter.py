@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from flexcam.case import Case
-from flexcam.checks import Fault, InputError, refuse
+from flexcam.checks import InputError, gathered, refuse
 from flexcam.linalg import FloatArray
 from flexcam.study.keys import number_of
 from flexcam.study.points import number_at
@@ -85,12 +85,7 @@ def scatters_of(case: Case, settings: Sequence[str], option: str = "--tolerance"
     InputError
         With all faults at once.
     """
-    found, faults = list[Scatter](), list[Fault]()
-    for setting in settings:
-        try:
-            found.append(_scatter(case, setting, f"{option} {setting}"))
-        except InputError as refusal:
-            faults += refusal.faults
+    found, faults = gathered(lambda setting: _scatter(case, setting, f"{option} {setting}"), settings)
     if faults:
         raise InputError(faults)
     return tuple(found)

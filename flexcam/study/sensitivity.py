@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.case import Case, CaseFile, build_model
-from flexcam.checks import Fault, InputError, refuse
+from flexcam.checks import InputError, gathered, refuse
 from flexcam.study.differences import STEPS, Derivative, central, logarithmic
 from flexcam.study.frequencies import Pair, frequency_derivatives
 from flexcam.study.keys import Number, number_of, overrides_of
@@ -80,12 +80,7 @@ def numbers_of(case: Case, keys: Sequence[str], option: str = "--to") -> list[Nu
     InputError
         With all faults at once: unknown keys, no numbers, and zeros, of which no part can be taken.
     """
-    found, faults = list[Number](), list[Fault]()
-    for key in dict.fromkeys(keys):
-        try:
-            found.append(_not_zero(number_of(case, key, option), option))
-        except InputError as refusal:
-            faults += refusal.faults
+    found, faults = gathered(lambda key: _not_zero(number_of(case, key, option), option), dict.fromkeys(keys))
     if faults:
         raise InputError(faults)
     return found
