@@ -82,6 +82,13 @@ def flexcam(tmp_path, monkeypatch, capsys):
 
 
 @pytest.fixture
+def told(flexcam, monkeypatch):
+    """Run the command in this process, on a wide screen."""
+    monkeypatch.setenv("COLUMNS", "200")
+    return flexcam
+
+
+@pytest.fixture
 def stopped(tmp_path):
     """Start a run that would take hours, send a signal once its file has grown, and return how it ended."""
 

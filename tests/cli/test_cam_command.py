@@ -6,16 +6,13 @@ from __future__ import annotations
 
 import json
 import math
-import signal
 import xml.etree.ElementTree as ET  # the files are our own
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from flexcam.cam import RollerFollower, cam_profile
-from flexcam.cli import main
 from flexcam.motion import CompoundCycloid, LiftEvent, Ramp
 
 ROOT, DEG = Path(__file__).parents[2], math.pi / 180
@@ -26,20 +23,9 @@ PROFILE = ["base_radius", "convex_radius", "convex_radius_at", "hollow_radius", 
 
 
 @pytest.fixture
-def told(capsys, monkeypatch, tmp_path):
-    """Run the command in this process, in a folder of its own, and let the signals be."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-
-    def run(name, *words):
-        with pytest.raises(SystemExit) as ended:
-            main(["cam", str(FILES.get(name, name)), *map(str, words)])
-        out, err = capsys.readouterr()
-        assert "Traceback" not in out + err
-        return SimpleNamespace(code=ended.value.code, out=out, err=err)
-
-    return run
+def told(told):
+    """Run `flexcam cam` on one of the files, or on another."""
+    return lambda name, *words: told("cam", FILES.get(name, name), *words)
 
 
 def facts(told, *words):

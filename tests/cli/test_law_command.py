@@ -7,13 +7,10 @@ from __future__ import annotations
 import inspect
 import json
 import math
-import signal
 import xml.etree.ElementTree as ET  # the files are our own
-from types import SimpleNamespace
 
 import pytest
 
-from flexcam.cli import main
 from flexcam.motion import KINDS, LAWS, criteria, residual_spectrum
 
 PI, NEAR = math.pi, math.sin(1.25 * math.pi)
@@ -39,23 +36,6 @@ GOOD = {  # parameters of every kind, as --with takes them, and the law of a nam
     "bspline": ({"coefficients": "[0, 0, 0, 1, 1, 1]", "degree": "5"}, "3-4-5"),
     "table": ({"z": "[0, 0.5, 1]", "s": "[0, 0.5, 1]"}, "3-4-5"),  # the only quintic through them, at rest
 }
-
-
-@pytest.fixture
-def told(capsys, monkeypatch, tmp_path):
-    """Run the command in this process, in a folder of its own, and let the signals be."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-
-    def run(*words):
-        with pytest.raises(SystemExit) as ended:
-            main([str(word) for word in words])
-        out, err = capsys.readouterr()
-        assert "Traceback" not in out + err
-        return SimpleNamespace(code=ended.value.code, out=out, err=err)
-
-    return run
 
 
 def facts(told, *words):

@@ -4,39 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-import signal
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from flexcam.cam import FlatFollower, RollerFollower, cam_profile
 from flexcam.case import read_cams
-from flexcam.cli import main
 from flexcam.motion import HarmonicLift
 
 ROOT = Path(__file__).parents[2]
 FB2 = ROOT / "cases/cams/li-fb2.toml"
 ROLLER = ("--follower", '{ type = "roller", radius = "10 mm" }', "--base-radius", "20 mm")
 FLAT = ("--follower", '{ type = "flat" }', "--base-radius", "18 mm")
-
-
-@pytest.fixture
-def told(capsys, monkeypatch, tmp_path):
-    """Run the command in this process, in a folder of its own, and let the signals be."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-
-    def run(*words):
-        with pytest.raises(SystemExit) as ended:
-            main(list(map(str, words)))
-        out, err = capsys.readouterr()
-        assert "Traceback" not in out + err
-        return SimpleNamespace(code=ended.value.code, out=out, err=err)
-
-    return run
 
 
 def written(tmp_path, event, follower, head="x [mm], y [mm]"):

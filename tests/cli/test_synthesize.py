@@ -8,12 +8,10 @@ import io
 import json
 import math
 import re
-import signal
 import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +19,6 @@ from rich.console import Console
 
 from flexcam import read_case, run
 from flexcam.case import build_model, law_file
-from flexcam.cli import main
 from flexcam.console.synthesis import synthesis_table
 from flexcam.synthesis import SplineFamily, minimax
 
@@ -49,23 +46,6 @@ LAW = [
     "not_converged",
 ]
 ANGLE = np.linspace(0.0, 2 * math.pi, 7201)
-
-
-@pytest.fixture
-def told(capsys, monkeypatch, tmp_path):
-    """Run the command in this process, in a folder of its own, and let the signals be."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-
-    def call(*words):
-        with pytest.raises(SystemExit) as ended:
-            main([str(word) for word in words])
-        out, err = capsys.readouterr()
-        assert "Traceback" not in out + err
-        return SimpleNamespace(code=ended.value.code, out=out, err=err)
-
-    return call
 
 
 def facts(told, *words):
