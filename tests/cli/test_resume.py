@@ -17,6 +17,7 @@ from flexcam import run as flexcam_run
 from flexcam.integrate import solve
 from flexcam.response import Cause, Status
 from flexcam.runner import prepare, result_file, unfinished
+from tests.sinks import Cut
 
 DATA = Path(__file__).parents[1] / "data"
 WALKED = ("--set", "run.path=general", "--set", "run.revolutions=12")
@@ -79,21 +80,6 @@ def test_after_kill_and_terminate(flexcam, case, tried, tmp_path):
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["case.vtkhdf"]
     assert flexcam("info", tmp_path / "out/case.vtkhdf", "--verify").code == 0
     tried("killed", "kill -9, --resume, SIGTERM, --resume", 2, "the result and the summary of the run left alone")
-
-
-class Cut:
-    """A sink whose write is interrupted after so many blocks."""
-
-    def __init__(self, after):
-        self.left = after
-
-    def write(self, block):
-        self.left -= 1
-        if self.left < 0:
-            raise KeyboardInterrupt
-
-    def close(self, status, stats):
-        pass
 
 
 @pytest.fixture

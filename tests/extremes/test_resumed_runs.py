@@ -18,6 +18,7 @@ from flexcam import prepare, read_case
 from flexcam.integrate import SaveAt, solve
 from flexcam.response import Cause
 from flexcam.runner import result_file, unfinished
+from tests.sinks import Cut
 
 ROOT = Path(__file__).parents[2]
 LINEAR = ROOT / "tests/data/inline.toml"
@@ -57,21 +58,6 @@ WAYS = {
     "periodic start": (SHAFT, "run.start=periodic"),
     "speed that swings": (LINEAR, "run.fluctuation={ orders = [2], amplitudes = [0.05], phases = ['0 deg'] }"),
 }  # fmt: skip
-
-
-class Cut:
-    """A sink whose write is interrupted after so many blocks."""
-
-    def __init__(self, after):
-        self.left = after
-
-    def write(self, block):
-        self.left -= 1
-        if self.left < 0:
-            raise KeyboardInterrupt
-
-    def close(self, status, stats):
-        pass
 
 
 def prepared(way, *, steps=STEPS, save=SAVE):

@@ -13,24 +13,10 @@ import pytest
 from flexcam import ConstantSpeed, InputError, Problem, RunFailedError, newmark, read_result, solve
 from flexcam.io.growing import Growing
 from flexcam.response import Cause
+from tests.sinks import Cut
 
 CALLS = 50
 """A block is appended in fewer pieces than this."""
-
-
-class Cut:
-    """A sink whose n-th write is interrupted."""
-
-    def __init__(self, after):
-        self.left = after
-
-    def write(self, block):
-        self.left -= 1
-        if self.left < 0:
-            raise KeyboardInterrupt
-
-    def close(self, status, stats):
-        pass
 
 
 @pytest.fixture
