@@ -5,7 +5,7 @@ moves away. A flat follower is touched s' beside its axis: the cam's twist lifts
 and the follower's tilt lets it sink. Under a roller the force is inclined by the pressure angle, so that the cam feels
 it sideways as well; a roller may tilt. The normal of a swinging follower turns with its arm, and a swinging flat face
 is touched at another distance from its pivot than that of its lift. Friction acts along the face, against the velocity
-at which the cam's surface slides.
+at which the cam's surface slides; where a swinging face lies off its pivot, friction has a moment about that.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling
     torque: Observable = force_sum(0, factor=derivative(cam.event))
     if contact.friction:
         force = _rubbing(structure, name, contact, cam, force)
-        torque = total(torque, force_sum(1, factor=_slide(cam)))
+        torque = total(torque, force_sum(1, factor=_rub(cam)))
     return Coupling((), (force,), (
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.torque", "N m", torque),
@@ -147,10 +147,14 @@ def _turning(axis: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros(3), axis])
 
 
+def _right(contact: CamContact, cam: Cam) -> FloatArray:
+    """Return the direction to the right of the lift in the profile's drawing, shape (6,)."""
+    return np.concatenate([cam.turn * np.cross(contact.direction[:3], contact.shaft_axis), np.zeros(3)])
+
+
 def _sideways(structure: Structure, contact: CamContact, cam: Cam) -> FloatArray:
     """Return the row of what the cam moves to the right of the follower, in the profile's drawing."""
-    right = cam.turn * np.cross(contact.direction[:3], contact.shaft_axis)
-    along = np.concatenate([right, np.zeros(3)])
+    along = _right(contact, cam)
     own = structure.row(contact.follower, along) if structure.is_node(contact.follower) else 0.0
     return structure.row(cam.at, along) - own
 
@@ -208,15 +212,54 @@ def _slide(cam: Cam) -> AngleFunction:
 
 
 @lru_cache(maxsize=8)
+def _lightened(cam: Cam) -> AngleFunction:
+    """Return the force along the normal per force along the lift."""
+    return _OfProfile(cam, lambda made: 1.0 / made.touch.reach, lambda made: _by_reach_rate(made, 1.0, 0.0))
+
+
+@lru_cache(maxsize=8)
+def _rub(cam: Cam) -> AngleFunction:
+    """Return the path per cam angle, m, of the cam's surface alone along a flat face, by the reach."""
+    off = _off_pivot(cam)
+    return _OfProfile(
+        cam,
+        lambda made: (made.touch.sliding + off * made.velocity) / made.touch.reach,
+        lambda made: _by_reach_rate(
+            made, made.touch.sliding + off * made.velocity, made.touch.sliding_rate + off * made.acceleration
+        ),
+    )
+
+
+def _by_reach_rate(made: CamProfile, value: FloatArray | float, rate: FloatArray | float) -> FloatArray:
+    """Return the derivative of a value by the reach."""
+    return (rate - value * made.touch.reach_rate / made.touch.reach) / made.touch.reach
+
+
+def _off_pivot(cam: Cam) -> float:
+    """Return the path to the right of a swinging flat face along itself, per lift."""
+    one = cam.follower
+    return one.side * one.face / one.arm if isinstance(one, SwingFlatFollower) else 0.0
+
+
+@lru_cache(maxsize=8)
 def _travelled(cam: Cam) -> AngleFunction:
-    """Return the path that has slid past since cam angle zero, m."""
-    return _Travelled(_slide(cam))
+    """Return the path that has slid past since cam angle zero, by the reach, m."""
+    slid = _OfProfile(
+        cam,
+        lambda made: made.touch.sliding / made.touch.reach,
+        lambda made: _by_reach_rate(made, made.touch.sliding, made.touch.sliding_rate),
+    )
+    return _Travelled(slid, cam, _off_pivot(cam))
 
 
 class _Travelled(Following):
-    """The path that has slid past since cam angle zero, m; `path` is its derivative."""
+    """The path that has slid past since cam angle zero, m; `path` is its derivative.
 
-    def __init__(self, path: AngleFunction) -> None:
+    What the face itself has moved, `off` of the lift, is added: it counts with the motion of the follower.
+    """
+
+    def __init__(self, path: AngleFunction, cam: Cam, off: float) -> None:
+        self._cam, self._off = cam, off
         width = _ANGLES[1]
         x, w = np.polynomial.legendre.leggauss(4)
         within = path((_ANGLES[:-1, None] + 0.5 * width * (1.0 + x)).ravel(), 0).reshape(-1, 4)
@@ -224,10 +267,17 @@ class _Travelled(Following):
         self._sums = np.concatenate([[0.0], np.cumsum(0.5 * width * (within @ w))])
 
     def of(self, cam: Evaluated, order: int) -> FloatArray:
+        slid = cam(self._path, order - 1) if order else self._slid(cam.angle)
+        if not self._off:
+            return slid
+        made = _touched(self._cam, cam)
         if order:
-            return cam(self._path, order - 1)
+            return slid + self._off * _by_reach_rate(made, made.lift, made.velocity)
+        return slid + self._off * made.lift / made.touch.reach
+
+    def _slid(self, angle: FloatArray) -> FloatArray:
         width, sums, slopes = _ANGLES[1], self._sums, self._slopes
-        turns, rest = np.divmod(cam.angle, 2.0 * np.pi)
+        turns, rest = np.divmod(angle, 2.0 * np.pi)
         i = np.minimum((rest / width).astype(int), len(_ANGLES) - 2)
         z = (rest - _ANGLES[i]) / width
         y = 1.0 - z
@@ -245,15 +295,43 @@ def _rubbing(structure: Structure, name: str, contact: CamContact, cam: Cam, for
     if np.isfinite(cam.follower.roller_radius):
         why = "a roller takes the sliding up by turning"
         raise refuse(where, contact.friction, "a follower with a flat face", why, "leave friction out")
-    path = _slide(cam)
-    rows = np.array([_sideways(structure, contact, cam), structure.row(cam.at, _turning(contact.shaft_axis))])
-    along = AngleVector(rows, (constant(1.0), path))
-    acting = AngleVector(-rows, along.functions)
+    along = _rubbed(structure, contact, cam)
+    acting = AngleVector(-along.vectors, along.functions)
     law = Sliding(force.law, contact.friction, contact.friction_speed)
     offset = (*force.offset, _travelled(cam))
     return LocalForce(
         force.name, (*force.sense, along), (*force.act, acting), law, offset, force.switching, force.restitution
     )  # fmt: skip
+
+
+def _rubbed(structure: Structure, contact: CamContact, cam: Cam) -> AngleVector:
+    """Return the derivative of the path along the face by the unknowns, per force along the normal.
+
+    By virtual work (C. Lanczos, The Variational Principles of Mechanics, 4th ed., ch. III) the friction T does
+    T times the path of the cam's surface less that of the face. A swinging face at the distance e from its pivot moves
+    along itself by e per angle, lift by arm: that is the moment T e of friction about the pivot. With the force f along
+    the lift, T is mu f over the reach, by which every path is divided here.
+    """
+    twist, right = structure.row(cam.at, _turning(contact.shaft_axis)), _right(contact, cam)
+    if not isinstance(cam.follower, SwingFlatFollower):
+        return AngleVector(np.array([_sideways(structure, contact, cam), twist]), (constant(1.0), _rub(cam)))
+    rows = [structure.row(cam.at, right), -structure.row(cam.at, contact.direction), twist]
+    rows.append(-_drawn(structure, contact, cam, cam.follower))
+    return AngleVector(np.array(rows), (_along(cam), _beside(cam), _rub(cam), _lightened(cam)))
+
+
+def _drawn(structure: Structure, contact: CamContact, cam: Cam, face: SwingFlatFollower) -> FloatArray:
+    """Return the row of how far a swinging face moves along itself, to the right."""
+    along = _off_pivot(cam) * structure.row(contact.follower, contact.direction)
+    if not structure.is_node(contact.follower):
+        return along
+    own, turned = (structure.row(contact.follower, d) for d in (_right(contact, cam), _turning(contact.shaft_axis)))
+    if not turned.any():
+        return own + along
+    mesh = structure.model.mesh
+    node, centre = (mesh.nodes[mesh.node(one)] for one in (contact.follower, cam.at))
+    height = face.base_radius - float((node - centre) @ contact.direction[:3])  # of the face above its node
+    return own - cam.turn * height * turned
 
 
 def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> LocalLaw:
@@ -336,7 +414,7 @@ def _profile_channels(structure: Structure, name: str, contact: CamContact, cam:
     if not np.isfinite(follower.roller_radius):
         channels.append(Channel(f"{where}.sliding", "m/s", _per_time(_slide(cam))))
     if contact.friction:
-        channels.append(Channel(f"{where}.friction", "N", force_sum(1)))
+        channels.append(Channel(f"{where}.friction", "N", force_sum(1, factor=_lightened(cam))))
     return channels
 
 
