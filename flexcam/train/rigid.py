@@ -8,7 +8,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from flexcam.fem.damping import modal_damping
 from flexcam.linalg import FloatArray, Triplets
+from flexcam.modal import modes
 from flexcam.motion import Event
 from flexcam.system import (
     AngleFunction,
@@ -50,7 +52,7 @@ class RigidTrain:
     coordinates
         One per motion.
     mass, damping, stiffness
-        Of these motions, shape (b, b): springs, dampers and Rayleigh's damping (that of modes is of elastic motions).
+        Of these motions, shape (b, b): springs, dampers, Rayleigh's damping and that of the modes left to rigid trains.
     force
         Of the installed springs, the weight and the given loads along them, N, shape (b,).
     """
@@ -96,16 +98,32 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
         Motions and what belongs to them.
     """
     train = follower_train(structure, contact, where)
-    motions, coordinates = _split(structure, train)
+    motions, coordinates, bodies = _split(structure, train)
     mass = motions @ structure.mass.times_all(motions.T)
     damping, stiffness = _stretched(structure, motions)
     given = structure.model.damping
     force = -motions @ steady_load(structure)
     if isinstance(contact, PublishedLoad):
         force[0] += preload(structure, contact, train, structure.model.cams[contact.cam], speed)
-    return RigidTrain(
-        motions, coordinates, mass, damping + given.alpha * mass + given.beta * stiffness, stiffness, force
-    )
+    damping += given.alpha * mass + given.beta * stiffness + _modal(mass, stiffness, bodies, given.modal)
+    return RigidTrain(motions, coordinates, mass, damping, stiffness, force)
+
+
+def _modal(mass: FloatArray, stiffness: FloatArray, bodies: FloatArray, ratio: float) -> FloatArray:
+    """Return the modal damping along motions, shape (b, b), in the limit of members without give.
+
+    Their own modes go, as a share of (w/w_e)^3 in the damping of a motion; what stays are the modes of the bodies on
+    their springs (contacts are no part of them, as in the flexible model), and ``C = M Phi diag(2 zeta w) Phi^T M`` of
+    these: for a train in proportion to the lift ``2 zeta sqrt(k m)``. R. W. Clough and J. Penzien, Dynamics of
+    Structures, 3rd ed. (2003), eq. 12-56.
+    """
+    if ratio == 0.0:
+        return np.zeros_like(mass)
+    moved = bodies[np.einsum("gb,bc,gc->g", bodies, mass, bodies) > 0.0]
+    own, held = (Triplets.from_dense(moved @ one @ moved.T) for one in (mass, stiffness))
+    found = modes(own, held)
+    damping = modal_damping(Triplets.from_dense(mass), moved.T @ found.shapes, found.omegas, ratio)
+    return damping.dense()
 
 
 def _stretched(structure: Structure, motions: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -119,38 +137,47 @@ def _stretched(structure: Structure, motions: FloatArray) -> tuple[FloatArray, F
     return damping, stiffness
 
 
-def _split(structure: Structure, train: FollowerTrain) -> tuple[FloatArray, tuple[Coordinate, ...]]:
-    """Return the motions of a train: what is in proportion to the lift, what a play holds back, both ends of levers."""
-    base, names, model = train.motion.copy(), structure.dofs.names, structure.model
-    motions: list[FloatArray] = []
-    coordinates: list[Coordinate] = []
+def _split(structure: Structure, train: FollowerTrain) -> tuple[FloatArray, tuple[Coordinate, ...], FloatArray]:
+    """Return the motions of a train: what is in proportion to the lift, what a play holds back, both ends of levers.
 
-    def add(moved: FloatArray, coordinate: Coordinate) -> None:
-        for one in [base, *motions]:
+    With them come the bodies that no play divides: how their motions go with each other as installed, shape (g, b).
+    """
+    base, names, model = train.motion.copy(), structure.dofs.names, structure.model
+    motions: list[FloatArray] = [base]
+    coordinates: list[Coordinate] = [_proportional]
+    belongs, slopes = [0], [1.0]
+
+    def add(moved: FloatArray, coordinate: Coordinate, gap: float, driver: FloatArray, *, apart: bool = True) -> None:
+        drives = next((i for i, one in enumerate(motions) if float(driver @ one) != 0.0), 0)
+        for one in motions:
             one[moved != 0.0] = 0.0
+        belongs.append(max(belongs) + 1 if apart else belongs[drives])
+        slopes.append(float(coordinate(np.zeros(1))[1][0]))
         motions.append(moved)
-        coordinates.append(coordinate)
+        coordinates.append(_held_back(coordinate, gap))
 
     for play in model.plays:
-        driven = float(structure.row(play.ends[0], play.direction) @ train.motion)
+        row = structure.row(play.ends[0], play.direction)
+        driven = float(row @ train.motion)
         if driven != 0.0:
             behind = completed(structure, driven * shifted(structure, model.mesh.node(play.ends[1]), play.direction))
-            add(behind, _held_back(_proportional, play.gap / driven))
+            add(behind, _proportional, play.gap / driven, row)
     for name, rocker in model.rockers.items():
-        driven = float(structure.row(rocker.start, rocker.direction) @ train.motion)
+        row, play = structure.row(rocker.start, rocker.direction), model.lash_of(name) is not None
+        driven = float(row @ train.motion)
         if driven == 0.0:
             continue
         gap = _gap_before(model, rocker.point)
         if isinstance(rocker, Lever):
-            add(_units(structure, [path_name(name)]), _turned(rocker, 0, driven))
-            add(_units(structure, [tip_name(name)]), _turned(rocker, 1, driven))
-            add(_units(structure, [rocker.point]), _held_back(_turned(rocker, 1, driven), gap))
+            add(_units(structure, [path_name(name)]), _turned(rocker, 0, driven), 0.0, row, apart=False)
+            add(_units(structure, [tip_name(name)]), _turned(rocker, 1, driven), 0.0, row, apart=False)
+            add(_units(structure, [rocker.point]), _turned(rocker, 1, driven), gap, row, apart=play)
         elif rocker.point in names:
             share = rocker.ratio * driven
-            add(share * _units(structure, [rocker.point]), _held_back(_proportional, gap / share))
+            add(share * _units(structure, [rocker.point]), _proportional, gap / share, row, apart=play)
     # Springs stretch evenly between their ends, whatever moves these.
-    every = [with_springs(structure, one) for one in [base, *motions]]
-    return np.array(every), (_proportional, *coordinates)
+    bodies = np.array(slopes) * (np.arange(max(belongs) + 1)[:, None] == np.array(belongs))
+    return np.array([with_springs(structure, one) for one in motions]), tuple(coordinates), bodies
 
 
 def _units(structure: Structure, names: list[str]) -> FloatArray:

@@ -191,6 +191,54 @@ def test_the_rigid_model_itself(train, model):
     np.testing.assert_allclose(response["tappet.uy"].acceleration, acceleration, atol=1e-9 * speed**2)
 
 
+@pytest.mark.parametrize("rigid", [False, True], ids=["stiff", "rigid"])
+def test_modal_damping_of_a_train_on_its_spring(record, train, rigid):
+    """The mode that is left as members stiffen is the train on its spring: the cam works against 2 zeta sqrt(k m) v."""
+    speed = 10.0 * math.pi
+    case, event = train(speed, "run.damping={ modal = 0.2 }")
+    response = run(case, rigid=rigid)
+    damped = 0.4 * math.sqrt(SPRING * M) * event(response.angle, 1) * speed
+    expected = needed(event, response.angle, speed) + damped
+    record(source=SOURCE, case=f"modal damping of 20 %, {'rigid' if rigid else 'stiff'} train",
+           quantity="largest error of the contact force", unit="N", reference=0.0,
+           computed=np.abs(response.channels["contacts.intake.force"] - expected).max(),
+           tolerance=1e-3 * damped.max(), absolute=True,
+           reason="the follower's own depression at its contact; damping is 3.5 % of the force")  # fmt: skip
+
+
+ROCKERS = {"ratio": "lumped'", "lever": "lever', stiffness = '1 GN/m'"}
+
+
+@pytest.mark.parametrize("play", [None, 0.0, 2e-4])
+@pytest.mark.parametrize("rocker", ROCKERS.values(), ids=ROCKERS)
+def test_modal_damping_on_both_sides_of_a_play(train, rocker, play):
+    """Contacts are in no mode: a valve behind a play has its own. Without play train and valve share one.
+
+    A lever of 30 and 45 mm moves the valve by 1.5 of the lift s, itself by asin(s/30 mm); the mode has it as installed.
+    """
+    inertia, valve, back, ratio, speed = 0.1, 0.2, 30e3, 1.5, 10.0 * math.pi
+    more = [
+        f"rockers.rocker={{ from = 'top', to = 'valve', direction = 'uy', arms = [0.03, 0.045], model = '{rocker} }}",
+        f"rockers.rocker.inertia={inertia * 0.03**2}",
+        f"masses.valve={{ at = 'valve', mass = {valve} }}",
+        f"springs.back={{ at = 'valve', stiffness = {back}, installed_force = 100.0, direction = 'uy' }}",
+    ]
+    if play is not None:
+        more.append(f"contacts.lash={{ at = 'rocker', model = 'lash', gap = {play}, stiffness = '1 GN/m' }}")
+    cases, event = [train(speed, *more, f"run.damping={{ modal = {one} }}")[0] for one in (0.0, 0.2)], train(1.0)[1]
+    free, damped = (run(one, rigid=True) for one in cases)
+    s, slope = (event(free.angle, order) for order in (0, 1))
+    turned = 1.0 / np.sqrt(1.0 - (s / 0.03) ** 2) if "lever" in rocker else np.ones_like(s)
+    behind = np.where(ratio * s > (play or 0.0), ratio**2, 0.0)
+    moved, whole, stiffness, beyond = M + inertia * turned, M + inertia, SPRING, math.sqrt(back * valve) * behind
+    if play is None:
+        moved, whole, beyond = moved + behind * valve, whole + ratio**2 * valve, 0.0
+        stiffness += ratio**2 * back
+    expected = 0.4 * (math.sqrt(stiffness * whole) * (moved / whole) ** 2 + beyond) * slope * speed
+    added = damped.channels["contacts.intake.force"] - free.channels["contacts.intake.force"]
+    np.testing.assert_allclose(added, expected, atol=1e-9 * expected.max())
+
+
 def test_limits_names_the_rigid_speed(record, train):
     """`flexcam limits` finds no loss of contact 2 % below the speed of the rigid train, and one 6 % above."""
     event = train(1.0)[1]
