@@ -203,11 +203,14 @@ class Play:
         In which it pushes, shape (6,).
     gap
         m.
+    plunger_force
+        With which an adjuster pushes both apart, N.
     """
 
     ends: tuple[str, str]
     direction: FloatArray
     gap: float
+    plunger_force: float
 
 
 Contact = PublishedLoad | CamContact | Seat | Lash | Adjuster

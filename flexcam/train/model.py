@@ -104,7 +104,9 @@ class Model:
         """Plays and adjusters between nodes."""
         parts = [one for one in self.contacts.values() if isinstance(one, Lash | Adjuster)]
         return [
-            Play(one.ends, one.direction, one.gap if isinstance(one, Lash) else 0.0)
+            Play(one.ends, one.direction, one.gap, 0.0)
+            if isinstance(one, Lash)
+            else Play(one.ends, one.direction, 0.0, one.plunger_force)
             for one in parts
             if one.ends is not None and one.direction is not None
         ]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.fem.damping import modal_damping
 from flexcam.linalg import FloatArray, Triplets
@@ -32,10 +33,12 @@ from flexcam.train.build import probe_of
 from flexcam.train.following import completed, shifted, with_springs
 from flexcam.train.lever import refuse_far_turns
 from flexcam.train.loads import steady_load
-from flexcam.train.model import CamContact, Lash, Lever, Model, PublishedLoad, path_name, tip_name
+from flexcam.train.model import Adjuster, CamContact, Lash, Lever, Model, PublishedLoad, Seat, path_name, tip_name
 from flexcam.train.published import FollowerTrain, follower_train, preload
 from flexcam.train.springs import spring_parts
 from flexcam.train.structure import Structure
+
+Bools = NDArray[np.bool_]
 
 Coordinate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """A path of the rigid train over the lift, m, with its first two derivatives."""
@@ -55,6 +58,10 @@ class RigidTrain:
         Of these motions, shape (b, b): springs, dampers, Rayleigh's damping and that of the modes left to rigid trains.
     force
         Of the installed springs, the weight and the given loads along them, N, shape (b,).
+    bodies
+        What no play divides: how its motions go with each other as installed, shape (g, b).
+    rest
+        Force at the follower that a body passes on while its seat bears it, N, shape (g,); infinite without a seat.
     """
 
     motions: FloatArray
@@ -63,9 +70,15 @@ class RigidTrain:
     damping: FloatArray
     stiffness: FloatArray
     force: FloatArray
+    bodies: FloatArray
+    rest: FloatArray
 
     def contact_force(self, event: Event) -> Callable[[CamMotion], FloatArray]:
-        """Return the force at the follower by virtual work, N: ``h'.(M (h' s.. + h'' s.^2) + C h' s. + K h + f)``."""
+        """Return the force at the follower by virtual work, N: ``h'.(M (h' s.. + h'' s.^2) + C h' s. + K h + f)``.
+
+        While the cam does not lift, a body on its seat leaves its share to it, but for what an adjuster pushes: the
+        balance of a valve that its spring holds shut is ``seat = spring - plunger``, and a seat only pushes.
+        """
 
         def history(motion: CamMotion) -> FloatArray:
             s, slope, bend = (event(motion.angle, order) for order in range(3))
@@ -73,9 +86,15 @@ class RigidTrain:
             h, h1, h2 = (np.stack(one, axis=-1) for one in zip(*(c(s) for c in self.coordinates), strict=True))
             inertia = (h1 * rate[..., None] + h2 * speed[..., None] ** 2) @ self.mass
             damped = (h1 * speed[..., None]) @ self.damping
-            return np.sum(h1 * (inertia + damped + h @ self.stiffness + self.force), axis=-1)
+            felt = (h1 * (inertia + damped + h @ self.stiffness + self.force)) @ (self.bodies != 0.0).T
+            shut = np.asarray(s <= _SHUT * event.height)[..., None]
+            return np.sum(np.where(shut, np.minimum(felt, self.rest), felt), axis=-1)
 
         return history
+
+
+_SHUT = 1e-9
+"""Part of its lift up to which a cam counts as not lifting."""
 
 
 def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where: str, speed: float) -> RigidTrain:
@@ -98,7 +117,7 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
         Motions and what belongs to them.
     """
     train = follower_train(structure, contact, where)
-    motions, coordinates, bodies = _split(structure, train)
+    motions, coordinates, bodies, pushes = _split(structure, train)
     mass = motions @ structure.mass.times_all(motions.T)
     damping, stiffness = _stretched(structure, motions)
     given = structure.model.damping
@@ -106,7 +125,17 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     if isinstance(contact, PublishedLoad):
         force[0] += preload(structure, contact, train, structure.model.cams[contact.cam], speed)
     damping += given.alpha * mass + given.beta * stiffness + _modal(mass, stiffness, bodies, given.modal)
-    return RigidTrain(motions, coordinates, mass, damping, stiffness, force)
+    seated = isinstance(contact, CamContact) & _seated(structure, bodies @ motions)
+    rest = np.where(seated, pushes, np.inf)
+    return RigidTrain(motions, coordinates, mass, damping, stiffness, force, bodies, rest)
+
+
+def _seated(structure: Structure, moved: FloatArray) -> Bools:
+    """Tell which of some motions, shape (g, n), go off a seat, shape (g,)."""
+    seats = [one for one in structure.model.contacts.values() if isinstance(one, Seat)]
+    return np.any(
+        [moved @ structure.row(one.at, one.direction) > 0.0 for one in seats] or [np.zeros(len(moved))], axis=0
+    )
 
 
 def _modal(mass: FloatArray, stiffness: FloatArray, bodies: FloatArray, ratio: float) -> FloatArray:
@@ -137,22 +166,29 @@ def _stretched(structure: Structure, motions: FloatArray) -> tuple[FloatArray, F
     return damping, stiffness
 
 
-def _split(structure: Structure, train: FollowerTrain) -> tuple[FloatArray, tuple[Coordinate, ...], FloatArray]:
+def _split(
+    structure: Structure, train: FollowerTrain
+) -> tuple[FloatArray, tuple[Coordinate, ...], FloatArray, FloatArray]:
     """Return the motions of a train: what is in proportion to the lift, what a play holds back, both ends of levers.
 
-    With them come the bodies that no play divides: how their motions go with each other as installed, shape (g, b).
+    With them come the bodies that no play divides, and what adjusters push these with, at the follower, shape (g,).
     """
     base, names, model = train.motion.copy(), structure.dofs.names, structure.model
     motions: list[FloatArray] = [base]
     coordinates: list[Coordinate] = [_proportional]
-    belongs, slopes = [0], [1.0]
+    belongs, slopes, pushes = [0], [1.0], [0.0]
 
-    def add(moved: FloatArray, coordinate: Coordinate, gap: float, driver: FloatArray, *, apart: bool = True) -> None:
+    def add(
+        moved: FloatArray, coordinate: Coordinate, driver: FloatArray, gap: float = 0.0, push: float | None = None
+    ) -> None:
+        """Add what moves along a coordinate; behind a play, `push` is what its adjuster pushes with."""
         drives = next((i for i, one in enumerate(motions) if float(driver @ one) != 0.0), 0)
         for one in motions:
             one[moved != 0.0] = 0.0
-        belongs.append(max(belongs) + 1 if apart else belongs[drives])
-        slopes.append(float(coordinate(np.zeros(1))[1][0]))
+        slope = float(coordinate(np.zeros(1))[1][0])
+        slopes.append(slope)
+        belongs.append(belongs[drives] if push is None else len(pushes))
+        pushes.extend([] if push is None else [push * slope])
         motions.append(moved)
         coordinates.append(_held_back(coordinate, gap))
 
@@ -161,23 +197,32 @@ def _split(structure: Structure, train: FollowerTrain) -> tuple[FloatArray, tupl
         driven = float(row @ train.motion)
         if driven != 0.0:
             behind = completed(structure, driven * shifted(structure, model.mesh.node(play.ends[1]), play.direction))
-            add(behind, _proportional, play.gap / driven, row)
+            add(behind, _proportional, row, play.gap / driven, play.plunger_force * driven)
     for name, rocker in model.rockers.items():
-        row, play = structure.row(rocker.start, rocker.direction), model.lash_of(name) is not None
+        row = structure.row(rocker.start, rocker.direction)
         driven = float(row @ train.motion)
         if driven == 0.0:
             continue
-        gap = _gap_before(model, rocker.point)
+        gap, push = _gap_before(model, rocker.point), _push(model.lash_of(name))
         if isinstance(rocker, Lever):
-            add(_units(structure, [path_name(name)]), _turned(rocker, 0, driven), 0.0, row, apart=False)
-            add(_units(structure, [tip_name(name)]), _turned(rocker, 1, driven), 0.0, row, apart=False)
-            add(_units(structure, [rocker.point]), _turned(rocker, 1, driven), gap, row, apart=play)
+            add(_units(structure, [path_name(name)]), _turned(rocker, 0, driven), row)
+            add(_units(structure, [tip_name(name)]), _turned(rocker, 1, driven), row)
+            add(_units(structure, [rocker.point]), _turned(rocker, 1, driven), row, gap, push)
         elif rocker.point in names:
             share = rocker.ratio * driven
-            add(share * _units(structure, [rocker.point]), _proportional, gap / share, row, apart=play)
+            pushed = None if push is None else push * share
+            add(share * _units(structure, [rocker.point]), _proportional, row, gap / share, pushed)
     # Springs stretch evenly between their ends, whatever moves these.
-    bodies = np.array(slopes) * (np.arange(max(belongs) + 1)[:, None] == np.array(belongs))
-    return np.array([with_springs(structure, one) for one in motions]), tuple(coordinates), bodies
+    every = np.array([with_springs(structure, one) for one in motions])
+    bodies = np.array(slopes) * (np.arange(len(pushes))[:, None] == np.array(belongs))
+    return every, tuple(coordinates), bodies, np.array(pushes)
+
+
+def _push(play: Lash | Adjuster | None) -> float | None:
+    """Return what a play pushes both its sides apart with, N; None where there is none."""
+    if play is None:
+        return None
+    return play.plunger_force if isinstance(play, Adjuster) else 0.0
 
 
 def _units(structure: Structure, names: list[str]) -> FloatArray:

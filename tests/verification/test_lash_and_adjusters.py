@@ -266,3 +266,55 @@ def test_rigid_force_with_a_play_at_the_rocker():
     np.testing.assert_allclose(response["valve"].displacement, valve, atol=1e-12)
     force = 10.0 + 500.0 * lift + np.where(valve > 0.0, 1.6 * (400.0 + 50e3 * valve), 0.0)
     np.testing.assert_allclose(response.channels["contacts.intake.force"], force, rtol=0.01)
+
+
+SEAT = 'seat = { at = "end", direction = "uy", model = "seat", stiffness = "60 MN/m" }'
+NO_GAP = LASH.replace("0.5 mm", "0 mm")
+FINGER, PUSHRODS = "cases/direct-acting/finger.toml", "cases/pushrod-engine/intake.toml"
+SHUT = {
+    "adjuster under a finger": (FINGER, [], 40.0 * 35.0 / 20.0 * math.cos(math.radians(7.5))),
+    "adjuster at a rocker": (PUSHRODS, [ENGINE.replace("400 kN", "4 kN")], 10.0 + 1.6 * PLUNGER),
+    "lash at a rocker": (PUSHRODS, [], 10.0),
+}
+
+
+def on_base(made, *, rigid):
+    """Return the force of a cam that does not turn out of its base circle, 12 ms after the start."""
+    slow = "run.crank_speed=100 rpm", "run.revolutions=0.01", "run.steps_per_revolution=36000"
+    response = run(read_case(made.path, [*made.overrides, *slow]), rigid=rigid)
+    assert float(build_model(made).cams["intake"].event(response.angle, 0).max()) == 0.0
+    return float(response.channels["contacts.intake.force"][-1])
+
+
+@pytest.mark.parametrize("name", SHUT)
+def test_a_seat_bears_the_spring_on_the_base_circle(record, name):
+    """The cam feels what stands before the play, and the adjuster's plunger: rigid and flexible alike."""
+    path, more, expected = SHUT[name]
+    made = read_case(path, more)
+    for kind in ("rigid", "flexible"):
+        found = on_base(made, rigid=kind == "rigid")
+        record(source=SOURCE, case=f"{name}, {kind}", quantity="force of the cam while the valve is shut", unit="N",
+               reference=expected, computed=found, tolerance=1e-9 if kind == "rigid" else 5e-3,
+               reason="balance; flexible: what levers and springs have given way")  # fmt: skip
+
+
+@pytest.mark.parametrize(("play", "push"), [(LASH, 0.0), (NO_GAP, 0.0), (ADJUSTER, PLUNGER)])
+@pytest.mark.parametrize("seat", [SEAT, SEAT.replace('"uy"', '"-uy"'), ""], ids=["seat", "stop above", "no seat"])
+def test_who_bears_the_spring_of_a_rigid_train(case, play, push, seat):
+    """Behind a play the seat; without one (or with a stop on the other side) the cam, unless the play stands open."""
+    made = case(play, contacts=seat, installed=", installed_force = 100", revolutions=0.3, steps=720)
+    response = run(made, rigid=True)
+    lift = build_model(made).cams["intake"].event(response.angle, 0)
+    force = response.channels["contacts.intake.force"]
+    shut = push if seat == SEAT or play == LASH else 100.0
+    np.testing.assert_allclose(force[lift == 0.0], shut, rtol=1e-12)
+    gap = 0.5e-3 if play == LASH else 0.0
+    on = lift > 1.5e-3
+    np.testing.assert_allclose(force[on], 100.0 + 30e3 * (lift[on] - gap), rtol=0.02)
+
+
+def test_an_adjuster_lifts_what_its_seat_hardly_holds(case):
+    """A plunger pushes no harder on a rigid train than the spring behind it."""
+    made = case(ADJUSTER, contacts=SEAT, installed=", installed_force = 15")
+    response = run(made, rigid=True)
+    np.testing.assert_allclose(response.channels["contacts.intake.force"], 15.0, rtol=1e-12)

@@ -239,6 +239,17 @@ def test_modal_damping_on_both_sides_of_a_play(train, rocker, play):
     np.testing.assert_allclose(added, expected, atol=1e-9 * expected.max())
 
 
+def test_without_a_play_the_seat_bears_the_closed_valve(train):
+    """Where cam and seat share what no play divides, only their stiffness would tell: at no lift it is the seat's."""
+    seat = "contacts.seat={ at = 'tappet', direction = 'uy', model = 'seat', stiffness = '60 MN/m' }"
+    case, event = train(30.0, seat)
+    response = run(case, rigid=True)
+    lift, force = event(response.angle, 0), response.channels["contacts.intake.force"]
+    lifted = lift > 1e-10
+    np.testing.assert_allclose(force[lifted], needed(event, response.angle, 30.0)[lifted], rtol=1e-9)
+    assert not force[lift == 0.0].any()
+
+
 def test_limits_names_the_rigid_speed(record, train):
     """`flexcam limits` finds no loss of contact 2 % below the speed of the rigid train, and one 6 % above."""
     event = train(1.0)[1]
