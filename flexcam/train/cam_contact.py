@@ -108,12 +108,34 @@ def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> A
     rows = [structure.row(cam.at, lift) - follower, twist - tilt]
     functions: list[AngleFunction] = [constant(1.0), derivative(cam.event)]
     if swings:  # the normal turns with the arm
-        rows = [rows[1], -follower, structure.row(cam.at, lift), _sideways(structure, contact, cam)]
-        functions = [functions[1], functions[0], _along(cam), _beside(cam)]
-    elif rolls:
+        rows = [twist, structure.row(cam.at, lift), structure.row(cam.at, _right(contact, cam))]
+        more, by = zip(*_carried(structure, contact, cam), strict=True)
+        return AngleVector(np.array([*rows, *more]), (functions[1], _along(cam), _beside(cam), *by))
+    if rolls:
         rows.append(_sideways(structure, contact, cam))
         functions.append(_beside(cam))
     return AngleVector(np.array(rows), tuple(functions))
+
+
+def _carried(structure: Structure, contact: CamContact, cam: Cam) -> list[tuple[FloatArray, AngleFunction]]:
+    """Return rows and functions of what a swinging follower moves away.
+
+    A finger that is a member has its node at the arm's length. A flat face is touched at the distance q from the pivot:
+    there the finger moves by ``u + (q - arm) phi``, with u and phi of its node, and by virtual work the force N bends
+    it as the same force at the node and the couple N (q - arm) do (S. P. Timoshenko, Strength of Materials I, on
+    equivalent systems of forces): by lift, N and path are taken q/arm times. A roller's force passes through its
+    centre; along the finger it is the tangent of the pressure angle, measured from the turned arm.
+    """
+    away = -structure.row(contact.follower, contact.direction)
+    if not structure.is_node(contact.follower):
+        return [(away, constant(1.0))]
+    if not isinstance(cam.follower, SwingFlatFollower):
+        return [(away, constant(1.0)), (-structure.row(contact.follower, _right(contact, cam)), _leaning(cam))]
+    turned = structure.row(contact.follower, _turning(contact.shaft_axis))
+    if not turned.any():
+        return [(away, constant(1.0))]
+    stiff = cam.follower.side * cam.turn * cam.follower.arm * turned  # what turning about the pivot moves away
+    return [(stiff, constant(1.0)), (away - stiff, _lightened(cam))]
 
 
 def _stands_still(structure: Structure, follower: str, where: str) -> InputError:
@@ -203,6 +225,14 @@ def _along(cam: Cam) -> AngleFunction:
 def _beside(cam: Cam) -> AngleFunction:
     """Return the lift per motion of the cam to the right: the tangent of the pressure angle where nothing swings."""
     return _OfProfile(cam, lambda made: -made.push.imag, lambda made: -made.push_rate.imag)
+
+
+@lru_cache(maxsize=8)
+def _leaning(cam: Cam) -> AngleFunction:
+    """Return the tangent of the pressure angle, from the motion of the follower where the arm has turned to."""
+    return _OfProfile(
+        cam, lambda made: np.tan(made.pressure_angle), lambda made: made.pressure_rate / made.touch.reach**2
+    )
 
 
 @lru_cache(maxsize=8)

@@ -376,7 +376,7 @@ def crossed(one, other):
     return one[0] * other[1] - one[1] * other[0]
 
 
-def rubbed_face(face, side, turn, psi, rate):
+def rubbed_face(face, side, turn, psi, rate, distance=0.04):
     """Return point of contact from the cam and from the pivot, and the normal, in the followers' drawing, shape (2, m).
 
     The cam is at the origin, the pivot at D on the x-axis; cam and face move alike along the normal, which is linear
@@ -387,7 +387,7 @@ def rubbed_face(face, side, turn, psi, rate):
 
     def beside(q):
         reach = q * away + face * normal
-        point = reach + np.array([[0.04], [0.0]])
+        point = reach + np.array([[distance], [0.0]])
         apart = turn * np.array([-point[1], point[0]]) + side * rate * np.array([-reach[1], reach[0]])
         return point, reach, apart
 
@@ -501,3 +501,103 @@ def test_a_finger_that_is_a_member_follows_the_lift(tmp_path, pad):
     path.write_text(MEMBER.format(pad=pad), encoding="utf-8")
     response = run(read_case(path))
     assert -response["pad"].displacement[0, 1] == pytest.approx(0.003, rel=1e-4)  # members and contact yield by 2e-5
+
+
+BORNE = 1e8
+"""Stiffness of the pivot, N/m."""
+SLOW = """revolutions = 0.35
+steps_per_revolution = 900
+integrator = { method = "generalized-alpha", rho_inf = 0.0 }
+damping = { beta = "2e-5 s" }"""
+
+
+def finger(path, pad, height, right, turn, side, contact=""):
+    """Return lift and s' of a finger that is a member, the valve's force on it, and what its pivot bears: up, outwards.
+
+    It is 60 mm long. `height` and `right` are those of the pivot, m, in a drawing in which lifts go up.
+    """
+    sign = turn * side
+    changes = {
+        "pivot = [0.06, -0.024, 0.04]": f"pivot = [0.06, {-height}, {sign * right}]",
+        "pad = [0.06, -0.024, 0.0]": f"pad = [0.06, {-height}, {sign * (right - 0.04)}]\n"
+        f"tip = [0.06, {-height}, {sign * (right - 0.06)}]",
+        '["pivot", "pad"]': '["pivot", "pad", "tip"]',
+        'pivot = ["ux", "uy", "uz", "ry", "rz"]': 'pivot = ["ux", "ry", "rz"]',
+        'at = "pad", direction = "-uy", stiffness = "1 kN/m", installed_force = "10 N" }':
+            'at = "tip", direction = "-uy", stiffness = "1 kN/m", installed_force = "300 N" }\n'
+            f'up = {{ at = "pivot", direction = "-uy", stiffness = {BORNE} }}\n'
+            f'aside = {{ at = "pivot", direction = "uz", stiffness = {BORNE} }}',
+        "phase = -0.6": "phase = 0.2",
+        '"1 GN/m"': f'"1 GN/m", dissipation = "0.5 s/m"{contact}',
+        'step = "1 us"\nrevolutions = 1e-6': SLOW,
+        'probes = ["pad"]': 'probes = ["pivot", "tip"]',
+        'base_radius = "24 mm"': f'base_radius = "24 mm"\nrotation = "{WAYS[-turn]}"',
+        'distance = "46 mm"': f'distance = "46 mm", rotation = "{WAYS[side]}"',
+    }  # fmt: skip
+    text = MEMBER.format(pad=pad)
+    for given, wanted in changes.items():
+        assert text.count(given) == 1, given
+        text = text.replace(given, wanted)
+    path.write_text(text, encoding="utf-8")
+    case = read_case(path)
+    response = run(case)
+    on = response.angle > 0.4
+    pivot, tip = (response[one].displacement[on] for one in ("pivot", "tip"))
+    event = build_model(case).cams["intake"].event
+    s, slope = (event(response.angle[on], order) for order in (0, 1))
+    pushed = 300.0 - 1e3 * tip[:, 1]
+    return s, slope, pushed, -BORNE * pivot[:, 1], sign * BORNE * pivot[:, 2]
+
+
+WAYS = {1: "clockwise", -1: "counterclockwise"}
+TURNS = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
+
+
+@pytest.mark.parametrize("friction", [0.0, FRICTION])
+@pytest.mark.parametrize("face", [0.0, 0.003])
+@pytest.mark.parametrize(("turn", "side"), TURNS)
+def test_a_finger_that_is_a_member_is_bent_at_the_point_of_contact(record, tmp_path, turn, side, face, friction):
+    """Valve F at L, cam N and mu N at q and e: about the pivot N q + T e = F L, and the pivot bears N - F and T.
+
+    With the force at the arm's length it would bear F (L/arm - 1): up to a fifth off.
+    """
+    height, contact = 0.024 - face, f", friction = {friction}" if friction else ""
+    right = math.sqrt(0.046**2 - height**2)
+    path = tmp_path / "finger.toml"
+    s, slope, F, up, aside = finger(path, f"face = {face}", height, right, turn, side, contact)
+    psi = math.asin(height / 0.046) + s / 0.04
+    _, reach, normal, apart = rubbed_face(face, side, turn, psi, slope / 0.04, distance=0.046)
+    along = np.array([normal[1], -normal[0]])
+    along *= np.sign(np.sum(apart * along, axis=0))
+    N = F * 0.06 / -(side * crossed(reach, normal + friction * along))
+    name = f"finger as a member, face at {1e3 * face:g} mm, friction {friction}, turn {turn}, side {side}"
+    record(source=SOURCE, case=name, quantity="largest error of the force on the pivot", unit="N", reference=0.0,
+           computed=float(np.abs(up - (N - F)).max()), tolerance=1e-3 * float(N.max()), absolute=True,
+           reason="slow, but masses and damping follow")  # fmt: skip
+    # The arm's own direction towards the pivot.
+    inward = -np.array([-np.cos(psi), side * np.sin(psi)])
+    drawn = friction * N * np.sum(along * inward, axis=0)
+    np.testing.assert_allclose(aside, drawn, atol=1e-3 * float(N.max()))
+    assert np.abs(up - F * (0.06 / 0.04 - 1.0)).max() > 0.1 * N.max()
+
+
+@pytest.mark.parametrize(("turn", "side"), TURNS)
+def test_a_roller_pushes_a_finger_along_itself(record, tmp_path, turn, side):
+    """By the tangent of the pressure angle: along the normal cam and roller's centre move alike."""
+    begin = math.acos((0.04**2 + 0.046**2 - 0.032**2) / (2.0 * 0.04 * 0.046))
+    height, right = 0.046 * math.sin(begin), 0.046 * math.cos(begin)
+    path = tmp_path / "finger.toml"
+    s, slope, F, up, aside = finger(path, 'radius = "8 mm"', height, right, turn, side)
+    psi, rate = begin + s / 0.04, slope / 0.04
+    inward = np.array([np.cos(psi), -side * np.sin(psi)])
+    centre = np.array([[0.046], [0.0]]) - 0.04 * inward
+    onward = side * np.array([-inward[1], inward[0]])
+    apart = turn * np.array([-centre[1], centre[0]]) - 0.04 * rate * onward
+    normal = np.array([-apart[1], apart[0]])
+    force = F * 0.06 / 0.04
+    expected = force * np.sum(normal * inward, axis=0) / np.sum(normal * onward, axis=0)
+    record(source=SOURCE, case=f"finger as a member under a roller, turn {turn}, side {side}",
+           quantity="largest error of the force along it", unit="N", reference=0.0,
+           computed=float(np.abs(aside - expected).max()), tolerance=1e-3 * float(force.max()), absolute=True,
+           reason="slow, but masses and damping follow")  # fmt: skip
+    np.testing.assert_allclose(up, force - F, atol=1e-3 * float(force.max()))
