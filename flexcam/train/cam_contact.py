@@ -151,18 +151,51 @@ def _stands_still(structure: Structure, follower: str, where: str) -> InputError
 
 def _refuse_other_arm(structure: Structure, contact: CamContact, cam: Cam, where: str) -> None:
     """Refuse a follower whose profile is made for another arm than that of the finger it stands for."""
-    finger = structure.model.rocker_at(contact.follower)
-    if finger is None or cam.follower is None:
+    swinging = cam.follower
+    if not isinstance(swinging, SwingRollerFollower | SwingFlatFollower):
         return
-    arm: float | None = getattr(cam.follower, "arm", None)
-    if arm is not None and abs(arm - finger.arms[0]) > _SAME * finger.arms[0]:
-        why = "the cam's profile is made for the path of the finger"
-        allowed = f"{1e3 * finger.arms[0]:g} mm, that of the rocker"
-        raise refuse(f"cams.{contact.cam}.follower.arm", f"{1e3 * arm:g} mm", allowed, why, f"see {where}")
+    finger, key = structure.model.rocker_at(contact.follower), f"cams.{contact.cam}.follower"
+    given, why = f"{1e3 * swinging.arm:g} mm", "the cam's profile is made for the path of the finger"
+    if finger is not None:
+        if abs(swinging.arm - finger.arms[0]) > _SAME * finger.arms[0]:
+            allowed = f"{1e3 * finger.arms[0]:g} mm, that of the rocker"
+            raise refuse(f"{key}.arm", given, allowed, why, f"see {where}")
+        return
+    for pivot in _pivots(structure, contact, cam):
+        name = structure.model.mesh.node_name(pivot)
+        length, square = _arm(structure, contact, cam, pivot)
+        if min(abs(length - swinging.arm), abs(abs(square) - swinging.arm)) > _NEAR * swinging.arm:
+            allowed = f"{1e3 * length:g} mm, from {name} to {contact.follower}"
+            raise refuse(f"{key}.arm", given, allowed, why, f"see {where}")
+        if swinging.side * square < 0.0:
+            given, allowed = ("clockwise", "counterclockwise")[:: swinging.side]
+            why = f"{name}, about which it turns, lies on the other side of the cam"
+            raise refuse(f"{key}.rotation", given, allowed, why, f"or turn the cam, see {where}")
+
+
+def _pivots(structure: Structure, contact: CamContact, cam: Cam) -> list[int]:
+    """Return the node about which the follower's member turns in the plane of the cam, if that is just one."""
+    mesh, vector = structure.model.mesh, structure.dofs.vector
+    node = find_node(structure.model, contact.follower, "follower")
+    plane = contact.direction, _right(contact, cam)
+    held = [n for n in mesh.connected(node).tolist() if not any(vector(n, one).any() for one in plane)]
+    turns = [n for n in held if vector(n, _turning(contact.shaft_axis)).any()]
+    return turns if len(held) == 1 else []
+
+
+def _arm(structure: Structure, contact: CamContact, cam: Cam, pivot: int) -> tuple[float, float]:
+    """Return the distance of the follower from its pivot, m, and its part square to the lift, inwards positive."""
+    mesh = structure.model.mesh
+    away = mesh.nodes[pivot] - mesh.nodes[mesh.node(contact.follower)]
+    lift, right = (float(away @ one[:3]) for one in (contact.direction, _right(contact, cam)))
+    return float(np.hypot(lift, right)), right
 
 
 _SAME = 1e-6
 """Difference of lengths that is a matter of digits written."""
+
+_NEAR = 1e-2
+"""Difference of an arm and its member that is a matter of how a finger was drawn."""
 
 
 def _turning(axis: FloatArray) -> FloatArray:

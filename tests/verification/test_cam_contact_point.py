@@ -15,7 +15,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam import build_model, prepare, read_case, run
+from flexcam import InputError, build_model, prepare, read_case, run
 from flexcam.integrate import equilibrium
 from flexcam.system import ConstantSpeed
 
@@ -601,3 +601,38 @@ def test_a_roller_pushes_a_finger_along_itself(record, tmp_path, turn, side):
            computed=float(np.abs(aside - expected).max()), tolerance=1e-3 * float(force.max()), absolute=True,
            reason="slow, but masses and damping follow")  # fmt: skip
     np.testing.assert_allclose(up, force - F, atol=1e-3 * float(force.max()))
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted", "where", "said"),
+    [
+        ('arm = "40 mm"', 'arm = "41 mm"', "cams.intake.follower.arm", "40 mm, from pivot to pad"),
+        ('distance = "46 mm"', 'distance = "46 mm", rotation = "counterclockwise"', "follower.rotation", "clockwise"),
+        ('base_radius = "24 mm"', 'base_radius = "24 mm"\nrotation = "clockwise"', "follower.rotation", "other side"),
+    ],
+)
+@pytest.mark.parametrize("pad", ['radius = "8 mm"', 'face = "0 mm"'])
+def test_a_follower_that_is_not_that_of_its_member_is_refused(tmp_path, pad, given, wanted, where, said):
+    """Its arm is the member's length from the pivot to the node, and the pivot lies where the arm comes from."""
+    path, text = tmp_path / "finger.toml", MEMBER.format(pad=pad)
+    assert text.count(given) == 1
+    path.write_text(text.replace(given, wanted), encoding="utf-8")
+    with pytest.raises(InputError) as refused:
+        prepare(read_case(path))
+    assert where in str(refused.value)
+    assert said in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted"),
+    [
+        ('arm = "40 mm"', 'arm = "40.3 mm"'),  # as drawn
+        ('pivot = ["ux", "uy", "uz", "ry", "rz"]', 'pivot = ["ux", "uy", "uz", "rx", "ry", "rz"]'),  # a leaf that bends
+        ("pad = [0.06, -0.024, 0.0]", "pad = [0.06, -0.027, 0.0]"),  # 40.1 mm away, 40 mm along the face
+    ],
+)
+def test_a_follower_near_enough_to_its_member_is_taken(tmp_path, given, wanted):
+    path, text = tmp_path / "finger.toml", MEMBER.format(pad='face = "0 mm"')
+    assert text.count(given) == 1
+    path.write_text(text.replace(given, wanted), encoding="utf-8")
+    prepare(read_case(path))
