@@ -117,9 +117,9 @@ def _carried(structure: Structure, contact: CamContact, cam: Cam) -> list[tuple[
 
     A finger that is a member has its node at the arm's length. A flat face is touched at the distance q from the pivot:
     there the finger moves by ``u + (q - arm) phi``, with u and phi of its node, and by virtual work the force N bends
-    it as the same force at the node and the couple N (q - arm) do (J. L. Meriam and L. G. Kraige, Engineering Mechanics:
-    Statics, ch. 2, force-couple systems): by lift, N and path are taken q/arm times. A roller's force passes through its
-    centre; along the finger it is the tangent of the pressure angle, measured from the turned arm.
+    it as the same force at the node and the couple N (q - arm) do (J. L. Meriam and L. G. Kraige, Engineering
+    Mechanics: Statics, ch. 2, force-couple systems): by lift, N and path are taken q/arm times. A roller's force passes
+    through its centre; along the finger it is the tangent of the pressure angle, measured from the turned arm.
     """
     away = -structure.row(contact.follower, contact.direction)
     if not structure.is_node(contact.follower):

@@ -7,7 +7,7 @@ import numpy as np
 from flexcam.cam import SwingFlatFollower, SwingRollerFollower
 from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
-from flexcam.train.model import Cam, CamContact
+from flexcam.train.model import Cam, CamContact, PublishedLoad
 from flexcam.train.structure import Structure, find_node
 
 _SAME = 1e-6
@@ -102,7 +102,7 @@ def refuse_other_arm(structure: Structure, contact: CamContact, cam: Cam, where:
             allowed = f"{1e3 * finger.arms[0]:g} mm, that of the rocker"
             raise refuse(f"{key}.arm", given, allowed, why, f"see {where}")
         return
-    for pivot in _pivots(structure, contact, cam):
+    for pivot in pivots(structure, contact):
         name = structure.model.mesh.node_name(pivot)
         length, square = _arm(structure, contact, cam, pivot)
         if min(abs(length - swinging.arm), abs(abs(square) - swinging.arm)) > _NEAR * swinging.arm:
@@ -114,14 +114,30 @@ def refuse_other_arm(structure: Structure, contact: CamContact, cam: Cam, where:
             raise refuse(f"{key}.rotation", given, allowed, why, f"or turn the cam, see {where}")
 
 
-def _pivots(structure: Structure, contact: CamContact, cam: Cam) -> list[int]:
-    """Return the node about which the follower's member turns in the plane of the cam, if that is just one."""
+def pivots(structure: Structure, contact: CamContact | PublishedLoad) -> list[int]:
+    """Return the node about which the follower's member turns in the plane of the cam, if that is just one.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    contact
+        Of cam and follower, a node.
+
+    Returns
+    -------
+    list
+        Its number, or nothing.
+    """
     mesh, vector = structure.model.mesh, structure.dofs.vector
     node = find_node(structure.model, contact.follower, "follower")
-    plane = contact.direction, to_right(contact, cam)
+    across = np.concatenate([np.cross(contact.direction[:3], contact.shaft_axis), np.zeros(3)])
+    plane = contact.direction, across
     held = [n for n in mesh.connected(node).tolist() if not any(vector(n, one).any() for one in plane)]
+    away = mesh.nodes[node] - mesh.nodes[held[:1]]
+    lifts = abs(away @ across[:3]) > _NEAR * np.linalg.norm(away, axis=1)  # a node beyond its pivot only swings aside
     turns = [n for n in held if vector(n, turning(contact.shaft_axis)).any()]
-    return turns if len(held) == 1 else []
+    return turns if len(held) == 1 and lifts.all() else []
 
 
 def _arm(structure: Structure, contact: CamContact, cam: Cam, pivot: int) -> tuple[float, float]:

@@ -40,8 +40,9 @@ from flexcam.system import (
     load_sum,
     total,
 )
+from flexcam.train.cam_plane import pivots
 from flexcam.train.coupling import Coupling
-from flexcam.train.following import completed, shifted
+from flexcam.train.following import completed, shifted, swung
 from flexcam.train.model import Cam, CamContact, PublishedLoad
 from flexcam.train.penalty import Stateless
 from flexcam.train.springs import spring_row
@@ -66,7 +67,7 @@ class FollowerTrain:
 
 
 def follower_train(structure: Structure, contact: PublishedLoad | CamContact, where: str) -> FollowerTrain:
-    """Return the rigid body that a follower and what hangs on it make.
+    """Return the rigid body that a follower and what hangs on it make: it moves along the lift, or turns about a pivot.
 
     Parameters
     ----------
@@ -83,7 +84,10 @@ def follower_train(structure: Structure, contact: PublishedLoad | CamContact, wh
         Its motion, mass and stiffness at the follower.
     """
     if structure.is_node(contact.follower):
-        motion = shifted(structure, find_node(structure.model, contact.follower, where), contact.direction)
+        node = find_node(structure.model, contact.follower, where)
+        motion = shifted(structure, node, contact.direction)
+        for pivot in pivots(structure, contact):
+            motion = swung(structure, node, pivot, contact.shaft_axis, contact.direction)
     else:
         motion = structure.row(contact.follower, contact.direction, where)
     motion = completed(structure, motion)

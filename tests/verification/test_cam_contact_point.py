@@ -636,3 +636,35 @@ def test_a_follower_near_enough_to_its_member_is_taken(tmp_path, given, wanted):
     assert text.count(given) == 1
     path.write_text(text.replace(given, wanted), encoding="utf-8")
     prepare(read_case(path))
+
+
+@pytest.mark.parametrize("pad", ['radius = "8 mm"', 'face = "0 mm"'])
+def test_a_rigid_finger_that_is_a_member_turns_about_its_pivot(record, tmp_path, pad):
+    """Its end at 60 mm goes 1.5 times as far as its node at 40 mm: F L/arm, inertia rho (A L^3/3 + I L)/arm^2."""
+    changes = {
+        "pad = [0.06, -0.024, 0.0]": "pad = [0.06, -0.024, 0.0]\ntip = [0.06, -0.024, -0.02]",
+        '["pivot", "pad"]': '["pivot", "pad", "tip"]',
+        'at = "pad", direction = "-uy", stiffness = "1 kN/m", installed_force = "10 N"':
+            'at = "tip", direction = "-uy", stiffness = "1 kN/m", installed_force = "300 N"',
+        'step = "1 us"\nrevolutions = 1e-6': "steps_per_revolution = 360\nrevolutions = 1",
+        'speed = "60 rpm"': 'speed = "1200 rpm"',
+        'probes = ["pad"]': 'probes = ["pad", "tip"]',
+        '"1 GN/m"': '"1 GN/m", dissipation = "0.5 s/m"',
+    }  # fmt: skip
+    text = MEMBER.format(pad=pad)
+    for given, wanted in changes.items():
+        assert text.count(given) == 1
+        text = text.replace(given, wanted)
+    path = tmp_path / "finger.toml"
+    path.write_text(text, encoding="utf-8")
+    case = read_case(path)
+    response, speed = run(case, rigid=True), 40.0 * math.pi
+    event = build_model(case).cams["intake"].event
+    s, bend = (event(response.angle, order) for order in (0, 2))
+    np.testing.assert_allclose(-response["tip"].displacement[:, 1], 1.5 * s, atol=1e-15)
+    np.testing.assert_allclose(-response["pad"].displacement[:, 1], s, atol=1e-15)
+    inertia = 7800.0 * math.pi * (0.02**2 / 4.0 * 0.06**3 / 3.0 + 0.02**4 / 64.0 * 0.06) / 0.04**2
+    expected = inertia * bend * speed**2 + 1.5 * (300.0 + 1e3 * 1.5 * s)
+    record(source=SOURCE, case=f"rigid finger as a member, {pad}", quantity="largest error of the contact force",
+           unit="N", reference=0.0, computed=float(np.abs(response.channels["contacts.intake.force"] - expected).max()),
+           tolerance=1e-9 * float(expected.max()), absolute=True, reason="rounding")  # fmt: skip
