@@ -18,6 +18,9 @@ Bools = NDArray[np.bool_]
 _TOUCH = 1e-6
 """Height above the seat, m, from which a valve that has closed counts as open again."""
 
+_WHOLE = math.radians(355.0)
+"""Cam angle of a record from which on its end meets its begin, rad: a swinging speed may leave a little out."""
+
 _PARTED = 0.05
 """Part of the lift, above ramps and play, from which on a cam is on its main lift: below it ringing decides."""
 
@@ -63,7 +66,7 @@ def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating
     Returns
     -------
     Seating
-        None if it never opened or never touched down.
+        None if it never opened or never touched down. A lift that the revolution's end cuts in two counts as one.
 
     Examples
     --------
@@ -74,13 +77,22 @@ def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating
     top = int(np.argmax(gap))
     height, speed, at = (np.roll(one, -top) for one in (gap, velocity, angle))
     shut = np.flatnonzero(height <= 0.0)
-    if not len(shut) or gap[top] <= _TOUCH or gap[-1] > _TOUCH:  # or the record ends with the valve open
+    if not len(shut) or gap[top] <= _TOUCH or _unfinished(gap, angle):
         return None
     first, last = int(shut[0]), int(shut[-1])
     between = height[first : last + 1]
     rising = np.diff(np.concatenate([[0], (between > _TOUCH).astype(int)])) > 0
     largest = max(float(between.max()), 0.0)
     return Seating(max(-float(speed[first - 1]), 0.0), int(rising.sum()), largest, float(at[first]))
+
+
+def _unfinished(gap: FloatArray, angle: FloatArray) -> bool:
+    """Tell whether a record ends with a lift that does not go on at its begin, as that of a whole revolution does."""
+    if gap[-1] <= _TOUCH:
+        return False
+    around = float(angle[-1] - angle[0]) * len(angle) / max(len(angle) - 1, 1)
+    step = np.abs(np.diff(gap)).max(initial=0.0) + _PARTED * gap.max()
+    return around < _WHOLE or bool(abs(gap[0] - gap[-1]) > step)
 
 
 @dataclass(frozen=True)

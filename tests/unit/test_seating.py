@@ -1,0 +1,46 @@
+"""How a valve comes down does not depend on where the revolution is cut."""
+
+import numpy as np
+import pytest
+
+from flexcam.train.operation import seating
+
+STEPS = 360
+ANGLE = np.radians(np.arange(STEPS, dtype=float))
+
+
+def revolution():
+    """Return gap and velocity: a lift from 100 to 250 deg, a bounce of 0.2 mm from 252 to 260 deg."""
+    gap = np.full(STEPS, -1e-5)
+    gap[100:251] = 8e-3 * np.sin(np.linspace(0.0, np.pi, 151)) + 2e-6
+    gap[252:261] = 2e-4 * np.sin(np.linspace(0.0, np.pi, 9)) + 2e-6
+    return gap, np.gradient(gap, ANGLE)
+
+
+@pytest.mark.parametrize("cut", [0, 90, 101, 130, 174, 175, 176, 200, 249, 251, 255, 260, 300])
+def test_a_cut_anywhere_changes_nothing(cut):
+    gap, velocity = revolution()
+    whole = seating(gap, velocity, ANGLE)
+    shifted = seating(np.roll(gap, -cut), np.roll(velocity, -cut), ANGLE)
+    assert whole is not None
+    assert whole.bounces == 1
+    assert shifted is not None
+    assert (shifted.velocity, shifted.bounces, shifted.height) == (whole.velocity, whole.bounces, whole.height)
+
+
+@pytest.mark.parametrize("last", [120, 200, 256])
+def test_a_short_record_that_ends_with_the_valve_open_tells_nothing(last):
+    gap, velocity = revolution()
+    assert seating(gap[:last], velocity[:last], ANGLE[:last]) is None
+
+
+def test_a_short_record_from_lift_into_a_bounce_tells_nothing():
+    gap, velocity = revolution()
+    assert seating(gap[180:256], velocity[180:256], ANGLE[180:256]) is None
+
+
+def test_a_revolution_that_begins_shut_and_ends_open_tells_nothing():
+    """Its end does not meet its begin: the lift it ends with has not come down."""
+    gap, velocity = revolution()
+    gap[300:] = np.linspace(0.0, 9e-3, 60)
+    assert seating(gap, velocity, ANGLE) is None
