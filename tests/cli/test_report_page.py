@@ -125,6 +125,13 @@ def test_a_curve_is_zoomed(seen):
     assert shown(seen) == [0, 720]
 
 
+def test_no_button_sends_a_chart_anywhere(seen):
+    """plotly.js would offer to upload it."""
+    titles = seen.evaluate("[...document.querySelectorAll('.modebar-btn')].map(b => b.dataset.title || b.ariaLabel)")
+    assert titles
+    assert not [one for one in titles if any(word in one.lower() for word in ("share", "cloud", "upload", "edit"))]
+
+
 def test_a_probe_is_switched(seen):
     assert curve(seen)[0] == "displacement<br>mm"
     before = curve(seen)[1]

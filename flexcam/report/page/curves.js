@@ -56,7 +56,9 @@
     });
     return made;
   };
-  const options = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+  // Nothing of a result leaves this page: no button that uploads a chart.
+  const options = { displaylogo: false, responsive: true, showSendToCloud: false, plotlyServerURL: "",
+    modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
 
   const picked = (i) => data.albums[i].charts[Number(number("pick-" + i).value)];
   const draw = (i) => {
