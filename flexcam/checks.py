@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from dataclasses import asdict, dataclass
 from datetime import date, time
 from pathlib import PurePath
@@ -17,6 +18,30 @@ if TYPE_CHECKING:
 
 Read = TypeVar("Read")
 """What is read of a text."""
+
+
+def printable(text: str) -> str:
+    r"""Return a text in which control characters are told, so that one from a file cannot command a terminal.
+
+    Parameters
+    ----------
+    text
+        Any; line ends and tabs stay.
+
+    Returns
+    -------
+    str
+        With ``\\x1b`` for an escape, and so on.
+
+    Examples
+    --------
+    >>> print(printable("a\x1b[31mb"))
+    a\x1b[31mb
+    """
+    return _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
+
+
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 @dataclass(frozen=True)
@@ -50,7 +75,7 @@ class Fault:
 
     def __str__(self) -> str:
         head = f"{self.where}: given {self.given}; allowed: {self.allowed}"
-        return "; ".join(part for part in (head, self.why, self.remedy) if part)
+        return printable("; ".join(part for part in (head, self.why, self.remedy) if part))
 
     def as_dict(self) -> dict[str, str]:
         """Return the five facts by name, as ``--json`` prints them."""

@@ -19,7 +19,7 @@ from types import FrameType
 from cyclopts import CycloptsError
 
 from flexcam import __version__
-from flexcam.checks import Fault, InputError
+from flexcam.checks import Fault, InputError, printable
 from flexcam.commands import FILES, app, load, running
 from flexcam.response import Cause, RunFailedError, Status
 from flexcam.terminal import print_json
@@ -30,7 +30,7 @@ DONE, REFUSED, FAILED, FAULT, INTERRUPTED, TERMINATED = 0, 2, 3, 70, 130, 143
 def _ended(status: Status) -> int:
     if status.ok:
         return DONE
-    sys.stderr.write(f"{status}\n")
+    sys.stderr.write(printable(f"{status}\n"))
     return _signal_code() if status.cause is Cause.INTERRUPTED else FAILED
 
 

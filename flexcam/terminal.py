@@ -10,9 +10,12 @@ from contextlib import contextmanager
 from functools import partial
 from textwrap import fill
 
-from rich.console import Console
+from rich.console import Console, HighlighterType, JustifyMethod, OverflowMethod
+from rich.style import Style
 from rich.table import Table
+from rich.text import Text
 
+from flexcam.checks import printable
 from flexcam.response import Block, Sink, Stats, Status
 
 
@@ -25,11 +28,35 @@ def out() -> Console:
         On standard output.
     """
     width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
-    return _Out(file=sys.stdout, width=width, highlight=False, markup=False, soft_wrap=False)
+    return _Out(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False, soft_wrap=False)
 
 
 class _Out(Console):
-    """A console that leaves it to the command line how to end when its reader goes away."""
+    """A console that obeys no text, and leaves it to the command line how to end when its reader goes away."""
+
+    def render_str(
+        self,
+        text: str,
+        *,
+        style: str | Style = "",
+        justify: JustifyMethod | None = None,
+        overflow: OverflowMethod | None = None,
+        emoji: bool | None = None,
+        markup: bool | None = None,
+        highlight: bool | None = None,
+        highlighter: HighlighterType | None = None,
+    ) -> Text:
+        """Return a text for the terminal; a title from a file may hold what would command it."""
+        return super().render_str(
+            printable(text),
+            style=style,
+            justify=justify,
+            overflow=overflow,
+            emoji=emoji,
+            markup=markup,
+            highlight=highlight,
+            highlighter=highlighter,
+        )
 
     def on_broken_pipe(self) -> None:
         raise BrokenPipeError
@@ -137,7 +164,7 @@ def bare(title: str) -> Table:
     """
     gap = (0, _GAP, 0, 0)
     made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=gap)
-    made.min_width = len(title)
+    made.min_width = len(printable(title))
     return made
 
 

@@ -138,7 +138,8 @@ def _unit_product(text: str, where: str) -> tuple[float, Exponents]:
         found = _unit(match[2]) if match else None
         if match is None or found is None:
             symbol = match[2] if match else text[position:]
-            hint = did_you_mean(symbol, _known_symbols())
+            comma = "write a point in decimal numbers, no comma" if text.startswith(",") else ""
+            hint = comma or did_you_mean(symbol, _known_symbols())
             allowed = "units such as mm, kg, kN/m, GPa, rpm, deg"
             raise refuse(
                 where, f"unit {symbol!r} in {text!r}", allowed, "no such unit is known", hint or "write it in SI"

@@ -41,11 +41,8 @@ def unusual(case: Case) -> list[str]:
     """
     tables = filled(case.record)
     found = [_told(case, path, value, one) for one in USUAL for path, value in _beyond(tables, one)]
-    return list(
-        dict.fromkeys(
-            [*found, *odd(case), *_soft_or_stiff(case), *_held_twice(case), *_on_held(case), *_ill_proportioned(case)]
-        )
-    )
+    others = (odd, _soft_or_stiff, _held_twice, _on_held, _ill_proportioned)
+    return list(dict.fromkeys([*found, *(said for one in others for said in one(case))]))
 
 
 def _beyond(tables: Mapping[str, Any], usual: Usual) -> Iterator[tuple[tuple[str, ...], float]]:

@@ -126,7 +126,7 @@ def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwri
 def _lines(path: Path) -> list[tuple[int, str]]:
     """Return the rows that hold something, with their numbers."""
     try:
-        text = text_of(path, "utf-8-sig")
+        text = text_of(path)
     except (OSError, UnicodeDecodeError) as fault:
         raise refuse("lift table", str(path), "a readable text file", said(fault)) from None
     rows = [(number, line.partition("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1)]

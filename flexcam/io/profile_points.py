@@ -38,7 +38,7 @@ def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
         If the file cannot be read, its columns are not found, a row holds no numbers or the unit is not said.
     """
     try:
-        lines = text_of(path, "utf-8-sig").splitlines()
+        lines = text_of(path).splitlines()
     except (OSError, UnicodeDecodeError) as fault:
         raise refuse("profile", str(path), "a readable text file", said(fault)) from None
     rows = [(number, _parts(line)) for number, line in enumerate(lines, start=1) if line.partition("#")[0].strip()]

@@ -38,7 +38,7 @@ def size_of(path: Path) -> int:
     return found.st_size
 
 
-def text_of(path: Path, encoding: str = "utf-8") -> str:
+def text_of(path: Path, encoding: str = "utf-8-sig") -> str:
     """Return the text of a file.
 
     Parameters
@@ -46,7 +46,7 @@ def text_of(path: Path, encoding: str = "utf-8") -> str:
     path
         The file.
     encoding
-        Of its characters.
+        Of its characters; a mark of their order at the beginning, which editors of Windows write, is left out.
 
     Returns
     -------

@@ -10,7 +10,9 @@ for print without colour.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
+import warnings
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import cycle
 from pathlib import Path
 
@@ -57,8 +59,17 @@ def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
     """
     free_for_picture(path, overwrite=overwrite)
     made_folder(path.parent)
-    figure.savefig(path, dpi=150)
+    with _without_remarks():
+        figure.savefig(path, dpi=150)
     return path
+
+
+@contextmanager
+def _without_remarks() -> Generator[None]:
+    """Leave out what matplotlib says of letters that its font lacks: it draws a box in their place."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
+        yield
 
 
 def titled(figure: Figure, title: str) -> Figure:
@@ -97,7 +108,8 @@ def png_of(figure: Figure) -> bytes:
     from PIL import Image
 
     drawn, written = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=_PAPER)
+    with _without_remarks():
+        figure.savefig(drawn, format="png", dpi=_PAPER)
     with Image.open(drawn) as image:
         image.convert("RGB").quantize(_INKS).save(written, format="png", optimize=True)
     return written.getvalue()
