@@ -142,7 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = DONE
         _drop_output()
     except OSError as fault:
-        sys.stderr.write(f"what was to be told could not be written: {fault.strerror}; free space\n")
+        sys.stderr.write(f"output could not be written: {fault.strerror}; free space\n")
         code = FAILED
         _drop_output()
     raise SystemExit(code)

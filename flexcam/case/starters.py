@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from flexcam.checks import did_you_mean, refuse
-from flexcam.io import free_to_write, made_folder
+from flexcam.io import free_to_write, write_text
 
 _FOLDER = files("flexcam") / "templates"
 
@@ -62,9 +62,8 @@ def new_case(template: str, path: Path | None = None, *, overwrite: bool = False
     written = {target: text, **{target.with_name(name): _text(name) for name in _beside(tomllib.loads(text))}}
     for one in written:
         free_to_write("case", one, overwrite=overwrite)
-    made_folder(target.parent)
     for one, content in written.items():
-        one.write_text(content, encoding="utf-8")
+        write_text(one, content, overwrite=overwrite)
     return list(written)
 
 

@@ -34,7 +34,7 @@ def report(
     """Write a page about results: what was modelled, verdict, curves, modes, tables, case. It needs no network."""
     from flexcam.report import Asked, page, report_of, subject
 
-    target = output or results[0].with_suffix(".html")
+    target = output or results[0].parent / f"{results[0].stem}.html"
     if target.suffix != ".html":
         raise refuse("-o", str(target), "a name that ends in .html")
     free_to_write("report", target, overwrite=overwrite)

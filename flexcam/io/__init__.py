@@ -26,6 +26,7 @@ from flexcam.io.toml_text import toml_text
 from flexcam.io.unfinished import Unfinished
 from flexcam.io.verify import Verified, verified
 from flexcam.io.vtkhdf import VECTORS, ResultFile, partial_of
+from flexcam.io.whole import whole
 
 __all__ = [
     "RECOVERED",
@@ -57,6 +58,7 @@ __all__ = [
     "text_of",
     "toml_text",
     "verified",
+    "whole",
     "write_csv",
     "write_law",
     "write_lift",

@@ -11,6 +11,7 @@ from flexcam.checks import refuse
 from flexcam.fem import ROTATIONS
 from flexcam.io.target import free_to_write, made_folder
 from flexcam.io.vtkhdf import SERIES
+from flexcam.io.whole import whole
 from flexcam.linalg import FloatArray
 from flexcam.response import Response
 
@@ -57,9 +58,9 @@ def write_csv(
     units = dict(response.outline.channels)
     columns.update({f"{name} [{units[name]}]": values for name, values in response.channels.items()})
     header = ",".join(columns)
-    np.savetxt(
-        path, np.column_stack(list(columns.values()))[::every], fmt="%.17g", delimiter=",", header=header, comments=""
-    )
+    rows = np.column_stack(list(columns.values()))[::every]
+    with whole(path) as draft:
+        np.savetxt(draft, rows, fmt="%.17g", delimiter=",", header=header, comments="")
     return path
 
 
@@ -107,8 +108,11 @@ def write_text(path: Path, text: str, *, overwrite: bool = False) -> Path:
     ------
     InputError
         If the file exists and may not be replaced, or the folder cannot be made.
+    RunFailedError
+        If the system refuses; what stood there before still does.
     """
     free_to_write("output", path, overwrite=overwrite)
     made_folder(path.parent)
-    path.write_text(text, encoding="utf-8")
+    with whole(path) as draft:
+        draft.write_text(text, encoding="utf-8")
     return path

@@ -14,6 +14,7 @@ import numpy as np
 from flexcam.checks import Fault, InputError, refuse, said
 from flexcam.io.regular import text_of
 from flexcam.io.target import free_to_write, made_folder
+from flexcam.io.whole import whole
 from flexcam.linalg import FloatArray
 
 AngleKind = Literal["cam", "crank"]
@@ -119,7 +120,8 @@ def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwri
     free_to_write("output", path, overwrite=overwrite)
     made_folder(path.parent)
     rows = np.column_stack([np.degrees(angle), 1e3 * lift])
-    np.savetxt(path, rows, fmt="%.12g", delimiter=",", header="cam_deg,lift_mm", comments="")
+    with whole(path) as draft:
+        np.savetxt(draft, rows, fmt="%.12g", delimiter=",", header="cam_deg,lift_mm", comments="")
     return path
 
 

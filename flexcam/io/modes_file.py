@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from flexcam.io.sealed import seal
 from flexcam.io.target import free_to_write
 from flexcam.io.texts import texts
 from flexcam.io.vtk_group import VtkGroup, still_data
+from flexcam.io.whole import whole
 from flexcam.linalg import FloatArray
 
 PHASES = 24
@@ -61,7 +63,8 @@ def write_modes(
     phase = np.arange(PHASES) / PHASES
     swing = np.cos(2.0 * np.pi * phase)
     still = still_data(geometry)
-    with h5py.File(path, "w", locking=False) as opened:
+    held = io.BytesIO()  # small, and h5py itself ends badly on a full disk
+    with h5py.File(held, "w") as opened:
         file: Any = opened
         group = VtkGroup(file, geometry, dict.fromkeys(drawn, ("m", 3)), still, PHASES)
         group.append({name: swing[:, None, None] * shape for name, shape in drawn.items()}, PHASES)
@@ -73,6 +76,8 @@ def write_modes(
         for one in group.grown:
             one.sum()
         seal(file)
+    with whole(path) as draft:
+        draft.write_bytes(held.getvalue())
     constant = {name: values for name, (values, _) in still.items()}
     write_vtp(still_path, Frame(geometry.mesh, geometry.node, {**constant, **drawn}))
     frames = (Frame(geometry.mesh, geometry.node, {**constant, **{n: s * d for n, d in drawn.items()}}) for s in swing)

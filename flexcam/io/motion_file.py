@@ -7,7 +7,7 @@ from dataclasses import asdict, is_dataclass
 from pathlib import Path
 
 from flexcam.checks import refuse
-from flexcam.io.target import free_to_write, made_folder
+from flexcam.io.csv import write_text
 from flexcam.io.toml_text import toml_text
 from flexcam.motion import KINDS, HarmonicLift, Law
 
@@ -69,7 +69,4 @@ def write_lift(lift: HarmonicLift, path: Path, *, about: Mapping[str, object], o
 def _write(path: Path, content: Mapping[str, object], *, overwrite: bool) -> Path:
     if path.suffix != ".toml":
         raise refuse("output", str(path), "a name that ends in .toml", "so a case tells it from a name of a law")
-    free_to_write("output", path, overwrite=overwrite)
-    made_folder(path.parent)
-    path.write_text(toml_text(content), encoding="utf-8")
-    return path
+    return write_text(path, toml_text(content), overwrite=overwrite)

@@ -9,6 +9,7 @@ from flexcam.io.geometry import RECOVERED
 from flexcam.io.pvd import CAM_ANGLE
 from flexcam.io.target import free_to_write
 from flexcam.io.vtkhdf import VECTORS
+from flexcam.io.whole import whole
 
 _UNITS = {name: unit for name, (*_, unit) in VECTORS.items()} | {name: unit for name, (unit, _) in RECOVERED.items()}
 
@@ -118,7 +119,8 @@ def write_macro(collection: Path, fields: Sequence[str], degrees: Sequence[float
         folder=str(collection.parent.resolve()), angle=CAM_ANGLE,
         degrees=[round(one, 6) for one in degrees], units=_UNITS,
     )  # fmt: skip
-    path.write_text(text, encoding="utf-8")
+    with whole(path) as draft:
+        draft.write_text(text, encoding="utf-8")
     return path
 
 

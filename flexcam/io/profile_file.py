@@ -13,6 +13,7 @@ import numpy as np
 
 from flexcam.io.target import free_to_write
 from flexcam.io.vtp import write_polylines
+from flexcam.io.whole import whole
 from flexcam.linalg import FloatArray
 
 _MM = 1e3
@@ -69,7 +70,8 @@ def write_profile(table: ProfileTable, stem: Path, forms: Sequence[str], *, over
     for path in paths:
         free_to_write("profile", path, overwrite=overwrite)
     for form, path in zip(forms, paths, strict=True):
-        writers[form](table, path)
+        with whole(path) as draft:
+            writers[form](table, draft)
     return paths
 
 

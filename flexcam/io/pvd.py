@@ -17,6 +17,7 @@ from flexcam.io.result import Result
 from flexcam.io.target import free_to_write, made_folder
 from flexcam.io.vtkhdf import VECTORS
 from flexcam.io.vtp import write_polylines
+from flexcam.io.whole import whole
 from flexcam.linalg import FloatArray, IntArray
 
 CAM_ANGLE = "cam_angle_deg"
@@ -109,7 +110,8 @@ def write_collection(path: Path, times: FloatArray, frames: Iterable[Frame]) -> 
     head = (
         '<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">\n  <Collection>\n'
     )
-    path.write_text(head + "\n".join(entries) + "\n  </Collection>\n</VTKFile>\n", encoding="utf-8")
+    with whole(path) as draft:
+        draft.write_text(head + "\n".join(entries) + "\n  </Collection>\n</VTKFile>\n", encoding="utf-8")
     return [path, *written]
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexcam.io.whole import whole
 from flexcam.linalg import FloatArray, IntArray
 
 _TYPES = {"float64": "Float64", "int64": "Int64"}
@@ -41,7 +42,7 @@ def write_polylines(
     """
     drawn = sum(lengths)
     vertices, ends = np.arange(drawn, len(points)), np.cumsum([0, *lengths])[1:]
-    path.write_text("\n".join([
+    text = "\n".join([
         '<?xml version="1.0"?>',
         '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
         "<PolyData>",
@@ -53,7 +54,9 @@ def write_polylines(
         "<Verts>", _array("connectivity", vertices), _array("offsets", np.arange(len(vertices)) + 1), "</Verts>",
         "<Lines>", _array("connectivity", np.arange(drawn)), _array("offsets", ends), "</Lines>",
         "</Piece></PolyData></VTKFile>", "",
-    ]), encoding="ascii")  # fmt: skip
+    ])  # fmt: skip
+    with whole(path) as draft:
+        draft.write_text(text, encoding="ascii")
 
 
 def _array(name: str, values: FloatArray | IntArray, *, whole: bool = False) -> str:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
 from flexcam.checks import refuse
-from flexcam.io import free_to_write, made_folder
+from flexcam.io import free_to_write, made_folder, whole
 from flexcam.sweep.hdf5 import write_hdf5
 from flexcam.sweep.table import Table
 
@@ -46,9 +45,8 @@ def write_table(table: Table, path: Path, *, overwrite: bool = False) -> Path:
         can_write_parquet()
     free_to_write("table", path, overwrite=overwrite)
     made_folder(path.parent)
-    partial = path.with_name(f"{path.stem}.partial{path.suffix}")
-    {".h5": write_hdf5, ".csv": _write_csv, ".parquet": _write_parquet}[path.suffix](table, partial)
-    os.replace(partial, path)
+    with whole(path) as draft:
+        {".h5": write_hdf5, ".csv": _write_csv, ".parquet": _write_parquet}[path.suffix](table, draft)
     return path
 
 

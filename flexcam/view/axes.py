@@ -21,7 +21,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 
 from flexcam.checks import refuse
-from flexcam.io import free_to_write, made_folder
+from flexcam.io import free_to_write, made_folder, whole
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Colours of curves, in their order."""
@@ -59,8 +59,8 @@ def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
     """
     free_for_picture(path, overwrite=overwrite)
     made_folder(path.parent)
-    with _without_remarks():
-        figure.savefig(path, dpi=150)
+    with _without_remarks(), whole(path) as draft:
+        figure.savefig(draft, dpi=150)
     return path
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexcam.checks import refuse
-from flexcam.io import free_to_write, made_folder
+from flexcam.io import free_to_write, made_folder, whole
 from flexcam.view.page import write_page
 
 if TYPE_CHECKING:
@@ -76,6 +76,11 @@ def save(stage: Stage, path: Path, frames: Sequence[int], still: int) -> None:
         Instant of a picture or page.
     """
     made_folder(path.parent)
+    with whole(path) as draft:
+        _save(stage, draft, frames, still)
+
+
+def _save(stage: Stage, path: Path, frames: Sequence[int], still: int) -> None:
     if path.suffix in (".gif", ".mp4"):
         _movie(stage, path, frames)
         return
@@ -97,3 +102,6 @@ def _movie(stage: Stage, path: Path, frames: Sequence[int]) -> None:
         stage.show(i)
         stage.plotter.write_frame()
     stage.plotter.close()
+    ends = path.read_bytes()[-1:] == b";" if path.suffix == ".gif" else b"moov" in path.read_bytes()
+    if not ends:  # its writer is silent where the disk is full
+        raise OSError("its end is missing: no space left, perhaps")

@@ -197,7 +197,7 @@ def test_standard_output_is_full(words, tmp_path):
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
     assert done.returncode == 3
-    assert done.stderr == "what was to be told could not be written: No space left on device; free space\n"
+    assert done.stderr == "output could not be written: No space left on device; free space\n"
 
 
 def test_no_standard_streams(tmp_path):

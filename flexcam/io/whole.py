@@ -1,0 +1,52 @@
+"""Files that are there whole or not at all: written beside their place, and moved there once they are complete."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from flexcam.response import Cause, RunFailedError, Status
+
+
+@contextmanager
+def whole(path: Path) -> Generator[Path]:
+    """Give a name to write to; what is written takes the place of a file when all of it is there.
+
+    Parameters
+    ----------
+    path
+        The file, in a folder that exists; devices are written as they are.
+
+    Yields
+    ------
+    Path
+        In the same folder and with the same ending.
+
+    Raises
+    ------
+    RunFailedError
+        If the system refuses: a full disk, a folder that may not be written. What stood there before still does.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with whole(Path(folder, "a.txt")) as draft:
+    ...         size = draft.write_text("all")
+    ...     Path(folder, "a.txt").read_text()
+    'all'
+    """
+    draft = path.with_name(f".flexcam-{os.getpid()}{path.suffix}") if path.is_file() or not path.exists() else path
+    try:
+        yield draft
+        if draft != path:
+            draft.replace(path)
+    except OSError as fault:
+        text = f"{path} could not be written: {fault.strerror or fault}"
+        raise RunFailedError(Status(Cause.NOT_SAVED, text, "free space, or name another file or folder")) from None
+    finally:
+        if draft != path:
+            with suppress(OSError):
+                draft.unlink(missing_ok=True)
