@@ -6,7 +6,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from flexcam import InputError, prepare, read_case, solve
-from flexcam.case import unusual
 from flexcam.cli import main
 from flexcam.runner import result_file
 from flexcam.view import save_figure
@@ -48,12 +47,6 @@ def test_a_decimal_comma_is_named(case, given):
     (fault,) = refused.value.faults
     assert fault.where.startswith("springs.hold.stiffness")
     assert "comma" in fault.remedy
-
-
-def test_a_spring_from_a_point_to_itself(case):
-    (told,) = unusual(read_case(case(('direction = "uy"', 'to = "free", direction = "uy"'))))
-    assert "springs.hold" in told
-    assert "both ends are at 'free'" in told
 
 
 @pytest.fixture
