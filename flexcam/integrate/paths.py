@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from flexcam.checks import refuse
+from flexcam.integrate.carried import Carried
 from flexcam.integrate.compiled.gliding import Gliding
 from flexcam.integrate.compiled.machine import available
 from flexcam.integrate.compiled.marching import Marching
@@ -198,4 +199,6 @@ def engine_of(
             few = seldom and 0 < len(watched_rows(way.problem)) <= _FEW
             return (Glancing if few else Superposed)(way.problem, method, save, stop, way.natural)
         return (Marching if forces.count else Gliding)(way.problem, method, forces, stop)
+    if not way.problem.system.size and not forces.count:
+        return Carried(way.problem, forces, stop)
     return Stepwise(way.problem, method, forces, save, stop, pilot)
