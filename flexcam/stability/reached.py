@@ -15,9 +15,6 @@ from flexcam.runner import Prepared
 from flexcam.stability.discrete import MOST
 from flexcam.train import ModelModes, Structure, model_modes
 
-_REACHED = 1e-2
-"""Part of the largest modal force below which a contact does not reach a mode."""
-
 _FELT = 1e-4
 """Share of the contact's static yield from which on a mode is felt at the contact."""
 
@@ -38,14 +35,8 @@ class ReachedModes:
     push: FloatArray
 
     @property
-    def modes(self) -> list[int]:
-        """Positions of the modes that the contact reaches; a free motion meets no harmonic."""
-        reached = np.flatnonzero(self.push > _REACHED * self.push.max(initial=0.0))
-        return reached[reached >= self.found.modes.rigid].tolist()
-
-    @property
     def felt(self) -> list[int]:
-        """Positions of the modes that take part in what the contact yields under a constant force.
+        """Positions of the modes that take part in what the contact yields under a constant force, no free motions.
 
         Low modes count more by this than by the modal force, so that the surge of a spring is not missed beside the
         stiff modes of the contact itself.

@@ -80,7 +80,7 @@ def resonances(ready: Prepared, response: Response) -> tuple[Resonance, ...]:
         lifts = lift_harmonics(ready.model.cams[contact.cam].event, _HARMONICS)
         loads = force_harmonics(response, name, _HARMONICS)
         for n, amplitude in lifts.items():
-            for i in reached.modes:
+            for i in reached.felt:
                 frequency, words = float(reached.found.modes.frequencies[i]), reached.found.words(i)
                 met.append(Resonance(60.0 * frequency / n, n, amplitude, float(loads[n - 1]), i, frequency, words))
     rpm = ready.case.speed / RPM

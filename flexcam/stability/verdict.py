@@ -22,6 +22,9 @@ from flexcam.units import RPM
 _NEAR = 0.03
 """Distance of a harmonic from a mode, as a part of its frequency, that counts as resonance."""
 
+_HEARD = 0.01
+"""Part of the largest harmonic of a contact's force from which on one makes a resonance; weaker ones are listed."""
+
 _REACH = 2.0
 """Times the case's speed up to which resonances are told one by one."""
 
@@ -63,8 +66,10 @@ class Stability:
 
     @property
     def resonant(self) -> tuple[Resonance, ...]:
-        """Resonances that the case's speed meets."""
-        return tuple(one for one in self.resonances if abs(one.rpm / self.rpm - 1.0) <= _NEAR)
+        """Resonances that the case's speed meets, with harmonics that are in the force."""
+        least = _HEARD * max((one.load for one in self.resonances), default=0.0)
+        near = (one for one in self.resonances if abs(one.rpm / self.rpm - 1.0) <= _NEAR)
+        return tuple(one for one in near if one.load >= least)
 
     @property
     def highest(self) -> float:

@@ -42,6 +42,22 @@ def test_resonances_far_above_are_only_counted(flexcam):
     assert re.search(r"resonances +none up to 2000 camshaft rpm; \d+ above, the lowest at 4026\.86 camshaft rpm", low)
 
 
+def test_the_surge_of_the_spring_is_met(flexcam):
+    """Its first mode is that between fixed ends, (1/2) sqrt(k/m) = 456 Hz; 5200 rpm lie between two harmonics."""
+    run = ("--set", "run.revolutions=1", *QUICK)
+    near, between = (
+        flexcam("stability", ENGINE, "--set", f"run.crank_speed={rpm}rpm", *run, "--json").json for rpm in (4960, 5200)
+    )
+    nearest = near["resonances"][0]
+    assert "spring valve" in nearest["moves"]
+    assert nearest["harmonic"] == 11
+    assert nearest["rpm"] == pytest.approx(
+        2.0 * 60.0 * 0.5 * math.sqrt(50e3 / 0.06) / 11.0, rel=0.01
+    )  # of the crankshaft
+    assert "resonance" in near["verdict"]
+    assert "resonance" not in between["verdict"]
+
+
 def test_a_step_too_long_for_the_integrator(flexcam):
     told = ("--set", "run.integrator={method='newmark',beta=0.1667}", *QUICK)
     found = flexcam("stability", PUBLISHED, "--set", "run.speed=1000rpm", *told, "--json").json
