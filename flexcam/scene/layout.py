@@ -14,9 +14,10 @@ from flexcam.scene.lobes import CamFrame, cam_frame
 from flexcam.scene.shapes import across
 from flexcam.scene.sizes import CoilSizes, Notes
 from flexcam.scene.springs import CoilPlace
-from flexcam.scene.trains import Driven, closing_spring, is_coil, moved_nodes, rocker_of, seat_at, unit
+from flexcam.scene.trains import closing_spring, is_coil, seat_at, unit
 from flexcam.scene.valves import STEM, ValvePlace
 from flexcam.train import Lash, Model, Rocker, Spring, Structure
+from flexcam.train.driven import Driven, moved_nodes, rocker_of
 from flexcam.train.springs import spring_parts
 
 

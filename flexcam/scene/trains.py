@@ -1,13 +1,11 @@
-"""What hangs on a follower: which nodes move with it, and where its valve is."""
+"""What hangs on a follower as it is drawn: where its valve is, its seat and its spring."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from flexcam.linalg import FloatArray
-from flexcam.train import CamContact, Model, PublishedLoad, Rocker, Seat, Spring
-
-Driven = PublishedLoad | CamContact
+from flexcam.train import Model, Seat, Spring
 
 
 def unit(vector: FloatArray) -> FloatArray:
@@ -24,51 +22,6 @@ def unit(vector: FloatArray) -> FloatArray:
         Shape (3,), of length 1.
     """
     return vector[:3] / np.linalg.norm(vector[:3])
-
-
-def moved_nodes(model: Model, contact: Driven) -> set[int]:
-    """Return the nodes that a follower moves through members, links and plays.
-
-    Parameters
-    ----------
-    model, contact
-        The model and the contact of a cam.
-
-    Returns
-    -------
-    set
-        Node numbers; none where a finger is the follower.
-    """
-    if contact.follower not in model.mesh.points:
-        return set()
-    found = set(model.connected(model.mesh.node(contact.follower)).tolist())
-    for _ in model.plays:  # each pass goes on by one play at least
-        for play in model.plays:
-            if model.mesh.node(play.ends[0]) in found:
-                found.update(model.connected(model.mesh.node(play.ends[1])).tolist())
-    return found
-
-
-def rocker_of(model: Model, contact: Driven) -> Rocker | None:
-    """Return the rocker that a follower drives or is, or None.
-
-    Parameters
-    ----------
-    model, contact
-        The model and the contact of a cam.
-
-    Returns
-    -------
-    Rocker or None
-        The first one.
-    """
-    nodes, points = moved_nodes(model, contact), model.mesh.points
-    own = (
-        one
-        for one in model.rockers.values()
-        if one.start == contact.follower or (one.start in points and model.mesh.node(one.start) in nodes)
-    )
-    return next(own, None)
 
 
 def seat_at(model: Model, point: str) -> Seat | None:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from flexcam.linalg import FloatArray
 from flexcam.response import Response
-from flexcam.train.model import CamContact, Lash, Model, Seat
+from flexcam.train.driven import play_of
+from flexcam.train.model import CamContact, Model, Seat
 
 Bools = NDArray[np.bool_]
 
@@ -263,10 +264,4 @@ def main_lift(model: Model, cam: str) -> float:
     """
     event = model.cams[cam].event
     ramp = getattr(event, "ramp", None)
-    plays = [
-        one.gap / (model.rockers[one.rocker].ratio if one.rocker else 1.0)
-        for one in model.contacts.values()
-        if isinstance(one, Lash)
-    ]
-    taken_up: list[float] = [0.0, *plays, *([float(ramp.height)] if ramp else [])]
-    return _PARTED * event.height + max(taken_up)
+    return _PARTED * event.height + max(play_of(model, cam), float(ramp.height) if ramp else 0.0)

@@ -1,0 +1,62 @@
+"""What belongs to a cam: the play of its own train is taken up by its lift, that of another is not."""
+
+from __future__ import annotations
+
+import pytest
+
+from flexcam import prepare, read_case
+from flexcam.train.driven import moved_nodes, play_of
+from flexcam.train.operation import main_lift
+
+TWO = """
+format = 1
+[nodes]
+shaft = [0, 0, 0]
+tappet = [0, 0.02, 0]
+tip = [0, 0.05, 0]
+other = [0, 0.02, 0.04]
+[supports]
+tappet = ["ux", "uz"]
+tip = ["ux", "uz"]
+other = ["ux", "uz"]
+[masses]
+tappet = { at = "tappet", mass = "0.1 kg" }
+tip = { at = "tip", mass = "0.1 kg" }
+other = { at = "other", mass = "0.1 kg" }
+[springs]
+light = { at = "tappet", direction = "uy", stiffness = "1 kN/m", installed_force = "10 N" }
+valve = { at = "tip", direction = "uy", stiffness = "20 kN/m", installed_force = "200 N" }
+straight = { at = "other", direction = "uy", stiffness = "20 kN/m", installed_force = "200 N" }
+[cams]
+one = { at = "shaft", axis = [0, 0, 1], law = "4-5-6-7", lift = "6 mm", rise = "80 deg", return = "80 deg" }
+two = { at = "shaft", axis = [0, 0, 1], law = "4-5-6-7", lift = "6 mm", rise = "80 deg", return = "80 deg" }
+[contacts]
+first = { cam = "one", follower = "tappet", direction = "uy", model = "unilateral", stiffness = "20 MN/m" }
+second = { cam = "two", follower = "other", direction = "uy", model = "unilateral", stiffness = "20 MN/m" }
+play = { from = "tappet", to = "tip", direction = "uy", model = "lash", gap = "0.3 mm", stiffness = "20 MN/m" }
+[run]
+speed = "600 rpm"
+revolutions = 0.1
+"""
+
+
+@pytest.fixture
+def model(tmp_path):
+    path = tmp_path / "two.toml"
+    path.write_text(TWO, encoding="utf-8")
+    return prepare(read_case(path)).model
+
+
+def test_a_play_is_that_of_its_own_train(model):
+    assert play_of(model, "one") == pytest.approx(0.3e-3)
+    assert play_of(model, "two") == 0.0
+    assert main_lift(model, "one") == pytest.approx(0.05 * 6e-3 + 0.3e-3)
+    assert main_lift(model, "two") == pytest.approx(0.05 * 6e-3)
+
+
+def test_a_follower_moves_what_is_behind_its_play(model):
+    names = {
+        name: {model.mesh.node_name(node) for node in moved_nodes(model, model.driven[name])}
+        for name in ("first", "second")
+    }
+    assert names == {"first": {"tappet", "tip"}, "second": {"other"}}
