@@ -119,8 +119,9 @@ class Limits:
         return min(met, key=lambda name: met[name]) if met else None
 
 
-Question = Callable[[Response, Prepared], bool]
-Answers = dict[str, bool] | str
+Question = Callable[[Response, Prepared], list[str]]
+"""Returns the names of the parts to which something happens."""
+Answers = dict[str, list[str]] | str
 """By question, or why there are none."""
 
 
@@ -305,25 +306,28 @@ def _at_rest(case: Case) -> dict[str, float]:
 
 def _bracketed(name: str, words: str, speeds: list[float], ask: Callable[[float], Answers], tolerance: float) -> Limit:
     """Return the lowest speed of a list at which something happens, halved towards the one before."""
-    low = 0.0
+    low, parts = 0.0, list[str]()
     for high in speeds:
         answers = ask(high)
         if isinstance(answers, str):
             return Limit(None, tolerance / RPM, f"{words}: not known from there on; {answers}")
-        if answers[name]:
+        if parts := answers[name]:
             break
         low = high
     else:
         return Limit(None, tolerance / RPM, f"{words}: not up to the highest speed looked at")
     if low == 0.0:
-        return Limit(high / RPM, math.inf, f"{words}: already at the lowest speed looked at")
+        return Limit(high / RPM, math.inf, f"{words} ({', '.join(parts)}): already at the lowest speed looked at")
     while high - low > tolerance:
         middle = 0.5 * (low + high)
         answers = ask(middle)
         if isinstance(answers, str):
-            return Limit(high / RPM, (high - low) / RPM, f"{words}; {answers}")
-        low, high = (low, middle) if answers[name] else (middle, high)
-    return Limit(high / RPM, (high - low) / RPM, words)
+            return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}); {answers}")
+        if answers[name]:
+            high, parts = middle, answers[name]
+        else:
+            low = middle
+    return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)})")
 
 
 def _questions(model: Model, bounce_height: float) -> dict[str, tuple[Question, str]]:
@@ -338,37 +342,39 @@ def _questions(model: Model, bounce_height: float) -> dict[str, tuple[Question, 
     return questions
 
 
-def _lost(response: Response, ready: Prepared) -> bool:
-    """Tell whether a follower is off its cam somewhere on the main lift, in the last revolution."""
+def _lost(response: Response, ready: Prepared) -> list[str]:
+    """Return the contacts whose follower is off its cam somewhere on the main lift, in the last revolution."""
     last = response.latest(ready.revolution)
     free = [name for name, one in ready.model.driven.items() if isinstance(one, CamContact) and one.unilateral]
-    return any(separation(ready.model, response, name, last) > OPEN for name in free)
+    return [name for name in free if separation(ready.model, response, name, last) > OPEN]
 
 
-def _bounces(response: Response, ready: Prepared, height: float) -> bool:
-    """Tell whether a valve, once closed, rises again before its cam lifts it."""
+def _bounces(response: Response, ready: Prepared, height: float) -> list[str]:
+    """Return the seats whose valve, once closed, rises again before its cam lifts it."""
     last = response.latest(ready.revolution)
+    found: list[str] = []
     for name, contact in ready.model.contacts.items():
         if isinstance(contact, Seat):
             gap, velocity = (response.channels[f"contacts.{name}.{one}"][last] for one in ("gap", "velocity"))
             came = seating(gap, velocity, response.angle[last])
             if came.height > height if came else float(gap.max()) > height:  # or it never comes down
-                return True
-    return False
+                found.append(name)
+    return found
 
 
-def _clashed(response: Response, ready: Prepared) -> bool:
-    return _largest(response, ready, ".clash") > 0.0
+def _clashed(response: Response, ready: Prepared) -> list[str]:
+    return _above(response, ready, ".clash", 0.0)
 
 
-def _buckled(response: Response, ready: Prepared) -> bool:
-    return _largest(response, ready, ".buckling_use") > 1.0
+def _buckled(response: Response, ready: Prepared) -> list[str]:
+    return _above(response, ready, ".buckling_use", 1.0)
 
 
-def _largest(response: Response, ready: Prepared, end: str) -> float:
-    """Return the largest value of some channels in the last revolution."""
+def _above(response: Response, ready: Prepared, end: str, least: float) -> list[str]:
+    """Return the parts whose channel of some name is above a value somewhere in the last revolution."""
     last = response.latest(ready.revolution)
-    return max((float(v[last].max()) for name, v in response.channels.items() if name.endswith(end)), default=0.0)
+    own = {name: values[last] for name, values in response.channels.items() if name.endswith(end)}
+    return [name.split(".")[1] for name, values in own.items() if float(values.max()) > least]
 
 
 def _rigid(case: Case) -> float | None:

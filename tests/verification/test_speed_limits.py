@@ -71,6 +71,7 @@ def test_held_below_lost_above(tmp_path):
     case = flexcam.read_case(path)
     found = find_limits(case, lowest=3000 * RPM, highest=6000 * RPM, tolerance=6 * RPM, count=4)
     rpm = found.limits["loss_of_contact"].rpm
+    assert found.limits["loss_of_contact"].words.endswith("(one)")
     assert found.first == "loss_of_contact"
     assert not at(case, 0.99 * rpm)
     assert at(case, 1.01 * rpm)
