@@ -128,6 +128,9 @@ def check_whole(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no 
     InputError
         If so.
     """
+    if "VTKHDF" not in file and {"inputs", "scalars"} <= set(file):
+        remedy = "flexcam.sweep.read_table reads it, and flexcam info --verify says whether it is sound"
+        raise refuse("result", source, "a result file of flexcam (.vtkhdf)", "it is the table of a sweep", remedy)
     form = int(bytes(file["about/format"][()]))
     if form > FORMAT:
         given = f"{source} of format {form}"

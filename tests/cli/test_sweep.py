@@ -39,6 +39,9 @@ def test_tables_journal_and_summary(flexcam, case, tmp_path):
     assert table.shape == (4, 2)
     assert len(journal(tmp_path / "results")) == 1 + 8
     assert "run.speed [rpm],springs.valve.stiffness [kN/m]" in (tmp_path / "results/case.sweep.csv").read_text()
+    told = flexcam("info", tmp_path / "results/case.sweep.h5")
+    assert told.code == 2
+    assert "it is the table of a sweep" in told.err
 
 
 def test_json_and_chosen_scalars(flexcam, case):

@@ -263,6 +263,7 @@ def test_limits_names_the_rigid_speed(record, train):
     loss = found.limits["loss_of_contact"]
     assert loss.rpm == pytest.approx(1.06 * rpm, rel=1e-9)
     assert loss.tolerance_rpm == pytest.approx(0.08 * rpm, rel=1e-6)
+    assert loss.words.endswith("(intake)")
 
 
 @pytest.mark.parametrize(
