@@ -10,6 +10,7 @@ for print without colour.
 from __future__ import annotations
 
 import io
+import textwrap
 import warnings
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
@@ -30,6 +31,9 @@ _DASHES = ("-", "--", "-.", ":")
 _FORMATS = (".svg", ".png", ".pdf")
 _ABOVE = 14.0
 """Points between axes and title: the numbers of a Campbell diagram's orders stand there."""
+
+_LETTERS = 76
+"""Of a title beside each other, above axes of usual width."""
 
 _PAPER, _INKS = 160, 64
 """Dots per inch of a picture for paper, and its colours: curves need few."""
@@ -88,8 +92,29 @@ def titled(figure: Figure, title: str) -> Figure:
         The same.
     """
     if title:
-        figure.axes[0].set_title(title, fontsize="medium", pad=_ABOVE)
+        figure.axes[0].set_title(wrapped(title), fontsize="medium", pad=_ABOVE)
     return figure
+
+
+def wrapped(title: str) -> str:
+    """Return a title in lines that fit above a picture.
+
+    Parameters
+    ----------
+    title
+        Of any length.
+
+    Returns
+    -------
+    str
+        With line ends.
+
+    Examples
+    --------
+    >>> wrapped("Finger follower")
+    'Finger follower'
+    """
+    return "\n".join(textwrap.wrap(title, _LETTERS))
 
 
 def png_of(figure: Figure) -> bytes:

@@ -19,7 +19,7 @@ from flexcam.fem import ROTATIONS
 from flexcam.linalg import FloatArray
 from flexcam.response import Response
 from flexcam.units import shown
-from flexcam.view.axes import COLOURS, legend, looks, stacked
+from flexcam.view.axes import COLOURS, legend, looks, stacked, wrapped
 
 Over = Literal["angle", "time"]
 """What curves of a run are drawn over: cam angle or time."""
@@ -213,8 +213,7 @@ def motion_figure(
     figure, axes = stacked([*motions, *called], _BELOW[over])
     for response, look in _looked(responses, rigid or {}):
         draw_motion(axes[: len(SERIES)], response, probe, over=over, look=look)
-        for one, channel in zip(axes[len(SERIES) :], channels, strict=True):
-            draw_channel(one, response, channel, over=over, look=look)
+    _draw_channels(axes[len(SERIES) :], responses, rigid or {}, channels, over)
     return _finished(figure, axes, over, title)
 
 
@@ -247,13 +246,22 @@ def channel_figure(
     figure, axes = stacked(
         [axis_label(short_name(name), unit_of_channel(first, name)) for name in channels], _BELOW[over]
     )
-    for response, look in _looked(responses, rigid or {}):
-        for one, channel in zip(axes, channels, strict=True):
-            draw_channel(one, response, channel, over=over, look=look)
+    _draw_channels(axes, responses, rigid or {}, channels, over)
     for one, channel in zip(axes, channels, strict=True):
         if channel.endswith(_FORCES):
             one.axhline(0.0, color="0.4", linewidth=0.8)
     return _finished(figure, axes, over, title)
+
+
+def _draw_channels(
+    axes: Sequence[Axes], responses: Mapping[str, Response], rigid: Mapping[str, Response], channels: Sequence[str],
+    over: Over,
+) -> None:  # fmt: skip
+    """Draw channels of runs, an axis each; rigid members have not all of them, such as the force of an adjuster."""
+    for response, look in _looked(responses, rigid):
+        for one, channel in zip(axes, channels, strict=True):
+            if channel in response.channels or not any(response is other for other in rigid.values()):
+                draw_channel(one, response, channel, over=over, look=look)
 
 
 def draw_energy(axes: Axes, response: Response, *, over: Over = "angle") -> None:
@@ -365,7 +373,7 @@ def _finished(figure: Figure, axes: Sequence[Axes], over: Over, title: str) -> F
         axes[-1].xaxis.set_major_locator(MultipleLocator(_tick(last - first)))
     if last > first:
         axes[-1].set_xlim(first, last)
-    axes[0].set_title(title, fontsize="medium")
+    axes[0].set_title(wrapped(title), fontsize="medium")
     return figure
 
 

@@ -15,7 +15,7 @@ from flexcam.checks import refuse
 from flexcam.fem.deflection import deflection
 from flexcam.linalg import FloatArray
 from flexcam.train import ModelModes, Structure
-from flexcam.view.axes import looks
+from flexcam.view.axes import looks, wrapped
 
 _PARTS = 8
 """Of an element, so that its cubic looks like one."""
@@ -105,7 +105,7 @@ def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> 
     }
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", fontsize="small", ncols=4)
     if title:
-        figure.suptitle(title, fontsize="medium")
+        figure.suptitle(wrapped(title), fontsize="medium")
     return figure
 
 

@@ -57,6 +57,18 @@ def test_motion_of_a_result_with_its_rigid_train(flexcam, result, tmp_path):
     assert [word for word in wanted if word not in words] == []
 
 
+def test_a_rigid_train_lacks_some_forces_and_a_long_title_has_lines(flexcam, tmp_path):
+    """It has no adjuster: what only the flexible one has is drawn alone."""
+    case = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"
+    few = ("--set", "run.revolutions=0.02", "--set", "run.steps_per_revolution=360")
+    told = flexcam("plot", case, "--what", "force", "--rigid", *few, "-o", "a.svg", "--json")
+    assert (told.code, told.err, told.json["files"]) == (0, "", ["a.svg"])
+    words = words_of(tmp_path / "a.svg")
+    assert {"rigid", "flexible", "intake force", "adjuster force"} <= set(words)
+    assert "Roller finger follower with hydraulic lash adjuster, crankshaft 6000 rpm" in words
+    assert "(camshaft 3000 rpm)" in words
+
+
 def test_several_results_over_time(flexcam, case, result, tmp_path):
     """Files of one name are told apart by their speeds."""
     assert flexcam("run", "case.toml", "-o", "fast", "--set", "run.speed=4000rpm").code == 0
