@@ -25,6 +25,8 @@ LAW_POSITION = "z, part of the rise"
 
 _POINTS = 1441
 _RATIOS = np.linspace(0.05, 6.0, 600)
+_BEFORE = 1e-6
+"""Angle before a joint, rad, at which its earlier side is drawn."""
 
 
 def law_figure(laws: Mapping[str, Law]) -> Figure:
@@ -75,13 +77,15 @@ def lift_figure(events: Mapping[str, Event]) -> Figure:
     Figure
         Four axes, one above the other.
     """
-    angle = np.linspace(0.0, 2.0 * math.pi, _POINTS)
+    even = np.linspace(0.0, 2.0 * math.pi, _POINTS)
     labels = ["lift\nmm", "velocity\nmm/rad", "acceleration\nmm/rad²", "jerk\nmm/rad³"]
     figure, axes = stacked(labels, "cam angle, deg")
     for (name, event), (color, dashes) in zip(events.items(), looks(), strict=False):
         met = joints(event)
+        ends = np.array([joint.angle for joint in met])
+        angle = np.sort(np.concatenate([even, ends, ends[ends > _BEFORE] - _BEFORE]))  # both sides of every jump
         for order, one in enumerate(axes):
-            steps = tuple(math.degrees(joint.angle) for joint in met if joint.steps[order])
+            steps = tuple(math.degrees(joint.angle - 0.5 * _BEFORE) for joint in met if joint.steps[order])
             one.plot(
                 *_broken(np.degrees(angle), steps, 1e3 * event(angle, order)), label=name, color=color, linestyle=dashes
             )

@@ -13,7 +13,7 @@ import pytest
 
 from flexcam.cam import FlatFollower, RollerFollower, SwingFlatFollower, SwingRollerFollower, cam_profile
 from flexcam.checks import InputError
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent, residual_spectrum
+from flexcam.motion import LAWS, HarmonicLift, LiftEvent, Ramp, joints, residual_spectrum
 from flexcam.synthesis import HarmonicFamily, pareto
 from flexcam.view import (
     draw_front,
@@ -106,6 +106,16 @@ def test_lifts():
             size = 1e3 * np.abs(event(np.linspace(0.0, 2 * math.pi, 721), order)).max()
             np.testing.assert_allclose(values, 1e3 * event(np.radians(angle), order), rtol=0.0, atol=1e-9 * size)
             assert broken == (name == "shm" and order == 2), "its acceleration steps at four places, nothing else"
+
+
+def test_both_sides_of_a_jump_are_drawn():
+    """The jerk of a short ramp's end, between the points of an even grid, as large as it is."""
+    event = LiftEvent(LAWS["3-4-5"], lift=0.006, rise=1.2, fall=1.2, phase=1.0037, ramp=Ramp(0.0002, 0.3))
+    (line,) = lift_figure({"": event}).axes[3].lines
+    drawn = np.asarray(line.get_ydata(), dtype=float)
+    told = [1e3 * value for joint in joints(event) for value in event(joint.angle + np.array([-1e-7, 1e-7]), 3)]
+    assert np.nanmin(drawn) == pytest.approx(min(told), rel=1e-3)
+    assert np.nanmax(drawn) == pytest.approx(max(told), rel=1e-3)
 
 
 def test_gaps_are_where_the_acceleration_steps():
