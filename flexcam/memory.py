@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections import deque
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from typing import Protocol
@@ -28,7 +29,8 @@ def reuse() -> None:
     largest such one that was ever freed (mallopt(3), M_MMAP_THRESHOLD): freeing a large one that was never touched is
     enough. Other libraries are left as they are.
     """
-    np.empty(_LARGEST, dtype=np.uint8)
+    with suppress(MemoryError):  # where so little is left, nothing is to be gained
+        np.empty(_LARGEST, dtype=np.uint8)
 
 
 class Keeper(Sink, Protocol):
