@@ -152,8 +152,12 @@ def test_memory_does_not_grow_with_the_run(tmp_path):
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="resident memory as Linux tells it")
 def test_ten_million_steps_take_the_memory_of_one_million(tmp_path):
-    """As the process has it, result file (3 GB) and machine code included."""
+    """As the process has it, result file (3 GB) and machine code included.
+
+    What is freed and kept for what comes next takes some million steps to be as much as it will ever be: a per cent.
+    """
     ready = ready_of(13_900)
     assert ready.problem.steps > 1e7
     peaks = kept_of(ready, _Resident(ready.problem.steps), tmp_path)
-    assert max(peaks[2:]) < 1.01 * peaks[1]
+    assert max(peaks[2:]) < 1.03 * peaks[1]
+    assert max(peaks[6:]) < 1.005 * max(peaks[1:6])
