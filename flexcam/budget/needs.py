@@ -29,7 +29,7 @@ _ENTRY = 250
 _WALKED = 24
 """Arrays of all unknowns over the steps that are walked together: motion, loads, what the energies need."""
 
-_ANY, _COMPILER = 4_000_000, 130_000_000
+_ANY, _COMPILER = 4_000_000, 110_000_000
 """Bytes of any run, for what it loads and writes, and of one in machine code, for the compiler."""
 
 _STEP = 3000
