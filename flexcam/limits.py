@@ -78,7 +78,7 @@ class Limit:
     tolerance_rpm
         How closely it is bracketed.
     words
-        What happens there.
+        What happens there, and in brackets to which contact, seat, spring or member.
     """
 
     rpm: float | None

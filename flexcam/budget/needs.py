@@ -107,7 +107,7 @@ def budget(problem: Problem, mesh: Mesh, save: SaveAt, *, kept: int | None = Non
     inside, paths = integrated(problem), wanted_paths(problem)
     return Budget(
         machine=_ANY + (_COMPILER if "compiled" in paths else 0),
-        equations=_equations(problem, inside, natural=len(paths) > 1 and inside <= MOST),
+        equations=_equations(problem, inside, natural=paths[0] != "general" and inside <= MOST),
         blocks=_blocks(inside, mesh, save, min(save.block, rows), row, unknowns),
         histories=_COPIES * _NUMBER * histories,
         file=result_bytes(names, mesh, save, problem.steps),

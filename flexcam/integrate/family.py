@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.scheme import Scheme
-from flexcam.linalg import FloatArray
-
-LongArray = NDArray[np.longdouble]
+from flexcam.linalg import FloatArray, LongArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexcam.integrate.family import LongArray, Steps
-from flexcam.linalg import FloatArray
+from flexcam.integrate.family import Steps
+from flexcam.linalg import FloatArray, LongArray
 
 _FEWEST, USUAL, _LONG, _MOST = 16, 40, 64, 128
 """Steps of a stride: the longer, the less is done one after the other, and the less side by side."""

@@ -4,6 +4,7 @@ May import `checks` and, above a few hundred unknowns, scipy.
 Another matrix form or solver goes here, behind `factorize`.
 """
 
+from flexcam.linalg.extended import LongArray
 from flexcam.linalg.factor import DENSE_LIMIT, Factor, SingularMatrixError, diagonal_scale, factorize, operator
 from flexcam.linalg.groups import by_group, groups
 from flexcam.linalg.held import factorize_held
@@ -19,6 +20,7 @@ __all__ = [
     "Factor",
     "FloatArray",
     "IntArray",
+    "LongArray",
     "SingularMatrixError",
     "Triplets",
     "by_group",

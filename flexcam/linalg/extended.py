@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flexcam.linalg.triplets import FloatArray
 
 LongArray = NDArray[np.longdouble]
+"""Array of extended precision."""
 
 _SLICES = 4
 """Some twenty bits each: together more than extended precision has."""

@@ -23,7 +23,7 @@ _NEAR = 0.03
 """Distance of a harmonic from a mode, as a part of its frequency, that counts as resonance."""
 
 _HEARD = 0.01
-"""Part of the largest harmonic of a contact's force from which on one makes a resonance; weaker ones are listed."""
+"""Part of the largest harmonic of all contact forces from which on one makes a resonance; weaker ones are listed."""
 
 _REACH = 2.0
 """Times the case's speed up to which resonances are told one by one."""
@@ -66,7 +66,7 @@ class Stability:
 
     @property
     def resonant(self) -> tuple[Resonance, ...]:
-        """Resonances that the case's speed meets, with harmonics that are in the force."""
+        """Resonances that the case's speed meets, with harmonics that are in the contact forces."""
         least = _HEARD * max((one.load for one in self.resonances), default=0.0)
         near = (one for one in self.resonances if abs(one.rpm / self.rpm - 1.0) <= _NEAR)
         return tuple(one for one in near if one.load >= least)
