@@ -14,19 +14,25 @@ first use lasts. The rows are named in `packed`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
-from numba import njit  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
+from numba import njit as _njit  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
 
 from flexcam.integrate.compiled.machine import keeping
+from flexcam.integrate.compiled.once import Inner
 from flexcam.integrate.compiled.sealed import sealed
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.system import pointwise
 
 F = TypeVar("F", bound=Callable[..., object])
 
+njit: Any = _njit
 
 _FAST = {"reassoc", "contract", "nsz"}
+"""Sums may be taken in any order; what is not a number stays so."""
+
+_OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": _FAST, "_nrt": False}
+"""No array is made in machine code, so none needs to know how many hold it: to count took a sixth of a step."""
 
 
 def compiled(function: F) -> F:
@@ -43,7 +49,7 @@ def compiled(function: F) -> F:
         Compiled at its first call, or fetched if it is kept.
     """
     with keeping() as kept:
-        made = njit(cache=kept, nogil=True, error_model="numpy", fastmath=_FAST)(function)
+        made = njit(cache=kept, **_OPTIONS)(function)
         return cast("F", sealed(made) if kept else made)
 
 
@@ -62,9 +68,7 @@ def inner(function: F) -> F:
     Callable
         Compiled with what calls it.
     """
-    made = njit(  # pyright: ignore[reportCallIssue, reportUnknownVariableType]
-        nogil=True, error_model="numpy", fastmath=_FAST, no_cpython_wrapper=True, no_cfunc_wrapper=True
-    )
+    made = njit(pipeline_class=Inner, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
     return cast("F", made(function))
 
 
