@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -12,7 +13,7 @@ from flexcam.integrate.family import Motions, Steps
 from flexcam.integrate.moment import Track
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.scheme import Scheme
-from flexcam.integrate.strides import USUAL, Stride, stride_length
+from flexcam.integrate.strides import USUAL, Stride, alive, stride_length
 from flexcam.integrate.uncoupled import Natural
 from flexcam.linalg import FloatArray
 
@@ -75,6 +76,8 @@ class Course:
         Powers of the step that amounts and their rates are multiplied with, shape (3, 1).
     state
         Amounts, velocities times the step and accelerations times its square, which are of one size, shape (3, n).
+    causes
+        What changes them, as `Stride` has it, where the state is within a group of strides, shape (3, n).
     """
 
     def __init__(self, problem: Problem, scheme: Scheme, natural: Natural, every: int) -> None:
@@ -82,6 +85,7 @@ class Course:
         self._vectors = problem.system.load_vectors()
         self._every = every if self._exactly else USUAL * _GROUP
         self.at, self.state = -1, np.zeros((3, problem.system.size))
+        self.causes = np.zeros_like(self.state)
         self.steps = Steps.of(scheme, Motions.of(problem))
         self.stride = Stride.of(self.steps, stride_length(self._every))
         strides, rest = divmod(self._every, stride_length(self._every))
@@ -135,15 +139,33 @@ class Course:
         length = stride.length
         over = sliding_window_view(histories[: count * length + 1], length + 1, axis=0)[::length]
         rising = (over - over[:, :, :1]).reshape(count, over[0].size)
-        pushes = np.einsum("bk,kn->bn", over[:, :, 0], self.pushes)
+        pushes = np.einsum("bk,kn->bn", histories[: count * length + 1 : length], self.pushes)
         ends = self._added(rising, self.at // length)
-        begins, causes = np.empty_like(ends), np.empty_like(ends)
-        for begin, push, cause, end in zip(begins, pushes, causes, ends, strict=True):
-            begin[:] = self._anew()
-            stride.land(begin, push, cause, end)
-            if self.at + length <= last:
-                self.at, self.state = self.at + length, end
-        return Stretch(row, begins, ends, causes, rising)
+        begins, causes = np.empty_like(ends), np.empty((count + 1, *self.state.shape))
+        state, causes[0] = self.state, self.causes
+        for few in self._groups(count):
+            at = self.at + few.start * length
+            if at // length % self._group == 0:
+                state = alive(self._anew(state, at))
+                causes[few.start] = stride.causes(state, pushes[few.start])
+            ahead = slice(few.start, few.stop + 1)
+            stride.land(state, pushes[ahead], causes[ahead], ends[few])
+            begins[few.start], begins[few.start + 1 : few.stop] = state, ends[few.start : few.stop - 1]
+            state = ends[few.stop - 1]
+        self._go_on(count if self.at + count * length <= last else count - 1, ends, causes)
+        return Stretch(row, begins, ends, causes[:-1], rising)
+
+    def _groups(self, count: int) -> Iterator[slice]:
+        """Yield which of some strides belong to one group."""
+        ahead = self.at // self.length % self._group
+        firsts = [0, *range(self._group - ahead, count, self._group), count]
+        return (slice(first, last) for first, last in pairwise(firsts))
+
+    def _go_on(self, strides: int, ends: FloatArray, causes: FloatArray) -> None:
+        """Let the state be that after some strides."""
+        if strides:
+            self.at += strides * self.length
+            self.state, self.causes = ends[strides - 1], causes[strides]
 
     def _added(self, rising: FloatArray, first: int) -> FloatArray:
         """Return what loads add to the states in some strides, shape (b, 3, n).
@@ -162,13 +184,13 @@ class Course:
         """Return steps one by one, and go on behind them."""
         pushed = self.pushed(histories[: end - self.at + 1])
         states = np.empty((3, *pushed.shape))
-        self.steps.walk(self._anew(), pushed, states)
+        self.steps.walk(self._anew(self.state, self.at), pushed, states)
         self.at, self.state = end, states[:, -1].copy()
         nothing = np.zeros((0, *self.state.shape))
         return Stretch(row, nothing, nothing, nothing, nothing[:, 0], states)
 
-    def _anew(self) -> FloatArray:
-        """Return the state as it follows from the unknowns that are saved; as it is where none are."""
-        if not (self._exactly and self.at and self.at % self._every == 0):
-            return self.state
-        return self._natural.taken_anew(self.state / self.scale) * self.scale
+    def _anew(self, state: FloatArray, at: int) -> FloatArray:
+        """Return the state at a step as it follows from the unknowns that are saved; as it is where none are."""
+        if not (self._exactly and at and at % self._every == 0):
+            return state
+        return self._natural.taken_anew(state / self.scale) * self.scale

@@ -68,7 +68,10 @@ class Stride:
     stiff
         What a displacement takes from the push, shape (n,).
     change
-        Of states, by what pushes at the begin less what the displacement takes, by h v and by h^2 a, shape (3, 3, n).
+        Of states, by what pushes at the begin less what the displacement takes, by h v and by h^2 a: by its causes,
+        shape (3, 3, n).
+    shift
+        Of these causes, by themselves, shape (3, 3, n).
     within
         States after every step by the same three, shape (3, L, 3, n); a displacement at the begin is to be added.
     answer
@@ -78,6 +81,7 @@ class Stride:
     length: int
     stiff: FloatArray
     change: FloatArray
+    shift: FloatArray
     within: FloatArray
     answer: FloatArray
 
@@ -93,19 +97,56 @@ class Stride:
         within, pulse, old = found[:, :, :3], found[:, :, 3], steps.old
         # By a steady push; the displacement that it balances would change it by as much less.
         within[:, :, 0] = np.cumsum(pulse, axis=1)
-        change = _repeated(steps.change(), length)[:, [3, 1, 2]].astype(float)
+        change = _repeated(steps.change(), length)[:, [3, 1, 2]]
+        shift = np.concatenate([-steps.stiff * change[:1], change[1:]]).astype(float)
         answer = (1.0 - old) * pulse
         answer[:, 1:] += old * pulse[:, :-1]  # a step is pushed by what acts at its begin too
-        return cls(length, steps.stiff, change, within, answer)
+        return cls(length, steps.stiff, change.astype(float), shift, within, answer)
 
-    def land(self, begin: FloatArray, push: FloatArray, causes: FloatArray, end: FloatArray) -> None:
-        """Put what changes a state under a push, and the state a stride later, where what loads add stands, (3, n)."""
-        causes[:] = begin
-        causes[0] = push - self.stiff * begin[0]
-        end += np.einsum("oin,in->on", self.change, causes)
-        end += begin
-        end += _GONE
-        end -= _GONE
+    def causes(self, begin: FloatArray, push: FloatArray) -> FloatArray:
+        """Return what changes a state under a push, shape (3, n)."""
+        return np.concatenate([(push - self.stiff * begin[0])[None], begin[1:]])
+
+    def land(self, begin: FloatArray, pushes: FloatArray, causes: FloatArray, ends: FloatArray) -> None:
+        """Put where a state is after every stride, and what changes it there.
+
+        Parameters
+        ----------
+        begin
+            The state, shape (3, n).
+        pushes
+            At the begin of every stride and at the end of the last one, shape (b + 1, n).
+        causes
+            The first ones are known, shape (b + 1, 3, n).
+        ends
+            What loads add in every stride; changed to the states after them, shape (b, 3, n).
+        """
+        shifts = ends.copy()
+        shifts[:, 0] *= -self.stiff
+        shifts[:, 0] += pushes[1:] - pushes[:-1]
+        for now, later, shift in zip(causes, causes[1:], shifts, strict=False):
+            np.einsum("oin,in->on", self.shift, now, out=later)
+            later += shift
+            later += now
+        ends += np.einsum("oin,bin->bon", self.change, causes[:-1])
+        ends[0] += begin
+        np.add.accumulate(ends, axis=0, out=ends)
+
+
+def alive(state: FloatArray) -> FloatArray:
+    """Return a state without the motions that are none any more.
+
+    Parameters
+    ----------
+    state
+        Shape (3, n).
+
+    Returns
+    -------
+    ndarray
+        Shape (3, n).
+    """
+    return (state + _GONE) - _GONE
 
 
 def _repeated(change: LongArray, times: int) -> LongArray:

@@ -103,8 +103,10 @@ class Superposed:
 
     def state(self) -> Arrays:
         """Return where the motions are, as `Engine` says."""
-        return {"at": np.array(self._course.at), "amounts": self._course.state}
+        course = self._course
+        return {"at": np.array(course.at), "amounts": course.state, "causes": course.causes}
 
     def restore(self, state: Arrays) -> None:
         """Go on, as `Engine` says."""
-        self._course.at, self._course.state = int(state["at"]), state["amounts"]
+        course = self._course
+        course.at, course.state, course.causes = int(state["at"]), state["amounts"], state["causes"]
