@@ -33,6 +33,8 @@ class Bundle:
         Path from the case file's folder, with ``/``, to what the file holds; the case itself among them.
     runs
         How many variants of it are to be run in all: the more, the sooner machine code pays.
+    channels
+        Whether contacts, members and energies are asked for; else runs compute the motion of the probes alone.
 
     Examples
     --------
@@ -43,6 +45,7 @@ class Bundle:
     digest: str
     files: Mapping[str, bytes] = field(compare=False)
     runs: int = 1
+    channels: bool = True
 
     def unpacked(self, folder: Path) -> Path:
         """Write the files into a folder, placed to each other as they were, and return the case file."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from flexcam.case import Case, CaseFile, build_model
@@ -107,8 +108,9 @@ def chunks_of(plan: Plan, size: int) -> tuple[Chunk, ...]:
 
 
 def evaluated(
-    source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, histories: bool = False, runs: int = 1
-) -> list[Outcome]:
+    source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, histories: bool = False, runs: int = 1,
+    channels: bool = True,
+) -> list[Outcome]:  # fmt: skip
     """Run some variants of a case: what a worker does.
 
     Parameters
@@ -122,6 +124,8 @@ def evaluated(
     runs
         How many variants there are in all: the last digits of a row depend on it, and on nothing that depends on who
         runs it.
+    channels
+        As for `evaluate`; with histories they are computed in any case.
 
     Returns
     -------
@@ -135,7 +139,8 @@ def evaluated(
     """
     file = opened(source)
     cases = [_read(file, overrides) for overrides in variants]
-    ran = iter(_evaluated([case for case in cases if isinstance(case, Case)], histories, runs))
+    run = partial(_kept, runs=runs) if histories else partial(_ran, runs=runs, channels=channels)
+    ran = iter(_evaluated([case for case in cases if isinstance(case, Case)], run))
     found = [next(ran) if isinstance(case, Case) else Outcome(case) for case in cases]
     if any(one.row.status.cause is Cause.INTERRUPTED for one in found):
         raise KeyboardInterrupt
@@ -150,11 +155,9 @@ def _read(file: CaseFile, overrides: Sequence[str]) -> Case | Row:
         return refused(refusal)
 
 
-def _evaluated(cases: Sequence[Case], histories: bool, runs: int) -> list[Outcome]:
+def _evaluated(cases: Sequence[Case], run: Callable[[Case, Model | None], Outcome]) -> list[Outcome]:
     """Run the cases of a chunk: the one place where cases become rows."""
-    models = _models(cases)
-    run = _kept if histories else _ran
-    return [run(case, model, runs) for case, model in zip(cases, models, strict=True)]
+    return [run(case, model) for case, model in zip(cases, _models(cases), strict=True)]
 
 
 def _models(cases: Sequence[Case]) -> list[Model | None]:
@@ -182,11 +185,11 @@ def _same_mechanism(one: Case, other: Case) -> bool:
     return one.with_run(speeds).record == other.with_run(speeds).record
 
 
-def _ran(case: Case, model: Model | None, runs: int) -> Outcome:
-    return Outcome(evaluate(case, model=model, runs=runs))
+def _ran(case: Case, model: Model | None, *, runs: int, channels: bool) -> Outcome:
+    return Outcome(evaluate(case, model=model, runs=runs, channels=channels))
 
 
-def _kept(case: Case, model: Model | None, runs: int) -> Outcome:
+def _kept(case: Case, model: Model | None, *, runs: int) -> Outcome:
     """Run a case and return its result file too."""
     with tempfile.TemporaryDirectory(prefix="flexcam-", ignore_cleanup_errors=True) as folder:
         row = evaluate(case, folder=Path(folder), model=model, runs=runs)

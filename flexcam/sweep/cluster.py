@@ -66,7 +66,9 @@ def _cluster(asked: Cluster, bundle: Bundle, histories: bool) -> Generator[Pool]
         executor = client.get_executor(pure=False)
 
         def submit(variants: Variants) -> Future[list[Outcome]]:
-            return executor.submit(evaluated, case, variants, histories=histories, runs=bundle.runs)
+            return executor.submit(
+                evaluated, case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels
+            )
 
         yield Pool(submit, _EVERYTHING, (KilledWorker,))
 

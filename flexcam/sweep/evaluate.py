@@ -45,7 +45,9 @@ class Row:
     seconds: float = 0.0
 
 
-def evaluate(case: Case, *, folder: Path | None = None, model: Model | None = None, runs: int = 1) -> Row:
+def evaluate(
+    case: Case, *, folder: Path | None = None, model: Model | None = None, runs: int = 1, channels: bool = True
+) -> Row:
     """Run a case and return what a sweep keeps of it.
 
     Parameters
@@ -58,6 +60,9 @@ def evaluate(case: Case, *, folder: Path | None = None, model: Model | None = No
         That of the case, where it is built already, such as for another speed.
     runs
         How many runs like this one there are.
+    channels
+        Whether contacts, members and energies are computed; without them, and without a result file, a run costs half
+        as much, and the row has the motion of the probes alone, equal to rounding.
 
     Returns
     -------
@@ -69,7 +74,7 @@ def evaluate(case: Case, *, folder: Path | None = None, model: Model | None = No
     ``evaluate(read_case("cases/tayeb/model-1-shm.toml")).scalars["deviation.peak"]`` is 1.238.
     """
     begun = time.perf_counter()
-    row = _row(case, folder, model, runs)
+    row = _row(case, folder, model, runs, channels)
     return Row(row.status, row.scalars, row.units, time.perf_counter() - begun)
 
 
@@ -77,13 +82,14 @@ _SELDOM = SaveAt(field_every=4096)
 """Fields of one of many linear runs, which nobody keeps: blocks are long, and rows are those of one run to rounding."""
 
 
-def _row(case: Case, folder: Path | None, model: Model | None, runs: int) -> Row:
+def _row(case: Case, folder: Path | None, model: Model | None, runs: int, channels: bool) -> Row:
     try:
         read, choice = chosen(case)
         ready = prepare(read, model=model)
         sinks = [] if folder is None else [result_file(ready, folder)]
         alone = sinks or runs == 1 or ready.problem.system.local_forces
         save = ready.save if alone else _SELDOM
+        save = save if channels or sinks else replace(save, channels=False)
         response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks)
         row = row_of(ready, response)
     except InputError as refusal:

@@ -23,6 +23,7 @@ _WORDS = {
     "case": "the case, or a file it names",
     "plan": "the keys, their values, or how they are sampled",
     "histories": "whether histories are kept",
+    "channels": "whether scalars beside those of the probes are computed",
 }
 """What a journal belongs to, and how it is called."""
 
@@ -93,6 +94,28 @@ class Journal:
         while left:
             left = left[os.write(self._file, left) :]
         os.fsync(self._file)
+
+
+def begun_with(path: Path, fact: str) -> bool:
+    """Tell whether a journal that is there says so of a plain fact of what it belongs to.
+
+    Parameters
+    ----------
+    path
+        The ``.jsonl`` file.
+    fact
+        Its name.
+
+    Returns
+    -------
+    bool
+        False where there is none, or it is damaged: opening it will tell.
+    """
+    try:
+        with path.open("rb") as file:
+            return json.loads(file.readline())[fact] is True
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def _lock(file: int, path: Path) -> None:

@@ -33,7 +33,7 @@ def scalars_of(ready: Prepared, response: Response) -> list[Figure]:
     ready
         A case made ready to run.
     response
-        Of its run.
+        Of its run; one without channels has the scalars of the probes alone.
 
     Returns
     -------
@@ -45,12 +45,33 @@ def scalars_of(ready: Prepared, response: Response) -> list[Figure]:
     ``scalars_of(ready, solve(ready.problem, ready.scheme))[0].name``
     """
     figures = [
-        *operation(ready.model, response, ready.revolution),
+        *(operation(ready.model, response, ready.revolution) if response.outline.channels else ()),
         *_motions(response, ready.revolution),
         *_deviations(ready, response),
         *_residual(response),
     ]
     return [figure for figure in figures if np.isfinite(figure.value)]
+
+
+def of_motion(names: Sequence[str]) -> bool:
+    """Tell whether scalars are all of the probes' motion, for which nothing else of a run is needed.
+
+    Parameters
+    ----------
+    names
+        Of scalars, or beginnings of names; none stand for all scalars.
+
+    Returns
+    -------
+    bool
+        Whether they are.
+
+    Examples
+    --------
+    >>> of_motion(["probes.valve", "deviation"]), of_motion(["contacts"]), of_motion([])
+    (True, False, False)
+    """
+    return bool(names) and all(name.partition(".")[0] in ("probes", "deviation") for name in names)
 
 
 def scalar_names(case: Case) -> list[str]:
@@ -83,6 +104,9 @@ def scalar_names(case: Case) -> list[str]:
     compared = case.record.fidelity.model != "rigid" and bool(case.record.output.probes) and bool(model.driven)
     return [*names, *(_DEVIATIONS if compared else ()), *(() if system.carried else (_RESIDUAL,))]
 
+
+_ANY_SPEED = 1.0
+"""rad/s: the motion of a rigid train over the cam angle is that of every speed, so it is built once for all."""
 
 _DEVIATIONS = ("deviation.peak", "deviation.rms")
 _RESIDUAL = "energy.residual.largest"
@@ -118,7 +142,7 @@ def _deviations(ready: Prepared, response: Response) -> Iterator[Figure]:
 
 def _rigid(ready: Prepared, response: Response) -> Response:
     """Return the rigid train's motion at the instants of a response."""
-    rigid, motion = build_rigid(ready.model, ready.case.speed), ready.problem.drive.at(response.time)
+    rigid, motion = build_rigid(ready.model, _ANY_SPEED), ready.problem.drive.at(response.time)
     return replace(response, outline=outline(rigid), probes=carried_by_cam(rigid, motion))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from flexcam.sweep.bundle import Bundle, bundle_of
 from flexcam.sweep.chunks import Chunk, chunk_size, chunks_of
 from flexcam.sweep.named import check_names
 from flexcam.sweep.plan import Plan, made_plan, sample
+from flexcam.sweep.scalars import of_motion
 from flexcam.sweep.validate import validated
 
 GRID = "grid"
@@ -40,7 +41,7 @@ class Study:
     size
         Variants per chunk.
     scalars
-        Which are kept, by name or beginning; all where empty.
+        Which are kept, by name or beginning; all where empty. Of the probes alone, nothing else is computed.
     """
 
     name: str
@@ -78,7 +79,7 @@ class Study:
         plan = hashlib.sha256(json.dumps([self.size, self.plan.variants]).encode()).hexdigest()
         return {
             "format": 1, "flexcam": __version__, "case": self.bundle.digest, "plan": plan, "histories": histories,
-            "variants": len(self.plan),
+            "variants": len(self.plan), "channels": self.bundle.channels,
         }  # fmt: skip
 
 
@@ -129,7 +130,8 @@ def study(
         raise refuse(where, "true", "false", why, "--set fidelity.estimate=false")
     kept = tuple(scalars or (own.scalars if own else ()))
     check_names(file, plan, kept)
-    return Study(first.name, first.record.title, plan, bundle_of(file, plan), chunk_size(plan, first), kept)
+    bundle = replace(bundle_of(file, plan), channels=not of_motion(kept))
+    return Study(first.name, first.record.title, plan, bundle, chunk_size(plan, first), kept)
 
 
 def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ...]:

@@ -15,7 +15,7 @@ from flexcam.sweep.chunks import Chunk, Outcome
 from flexcam.sweep.evaluate import Row
 from flexcam.sweep.execute import executed
 from flexcam.sweep.files import can_write_parquet, write_table
-from flexcam.sweep.journal import Journal
+from flexcam.sweep.journal import Journal, begun_with
 from flexcam.sweep.study import Study
 from flexcam.sweep.table import Table, tabulated
 from flexcam.sweep.workers import Here, Workers
@@ -71,7 +71,7 @@ def swept(asked: Study, workers: Workers | None = None, *, advance: Callable[[in
     Returns
     -------
     Table
-        A row per variant, the same whoever ran it, with all scalars.
+        A row per variant, the same whoever ran it, with all scalars: of the probes alone where none else is asked for.
 
     Raises
     ------
@@ -119,12 +119,19 @@ def sweep_files(
     """
     if target.parquet:
         can_write_parquet()
+    asked = _complete(asked, target)
     try:
         with _opened(asked, target) as journal:
             table = _kept(_journaled(asked, target, journal, workers or Here(), advance or _silent), asked.scalars)
             return table, [write_table(table, path, overwrite=True) for path in target.tables(asked.name)]
     except KeyboardInterrupt:
         raise RunFailedError(_stopped(asked, target)) from None
+
+
+def _complete(asked: Study, target: Target) -> Study:
+    """Return a sweep that computes all scalars where its journal has them, or result files are kept."""
+    begun = target.resume and begun_with(target.journal(asked.name), "channels")
+    return replace(asked, bundle=replace(asked.bundle, channels=True)) if begun or target.histories else asked
 
 
 def _journaled(asked: Study, target: Target, journal: Journal, workers: Workers, tell: Callable[[int], None]) -> Table:

@@ -96,7 +96,7 @@ def _unpacked(bundle: Bundle) -> Generator[Path]:
 def _here(bundle: Bundle, histories: bool) -> Generator[Pool]:
     def submit(variants: Variants) -> Future[list[Outcome]]:
         future: Future[list[Outcome]] = Future()
-        future.set_result(evaluated(case, variants, histories=histories, runs=bundle.runs))
+        future.set_result(evaluated(case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels))
         return future
 
     with _unpacked(bundle) as case:
@@ -112,7 +112,9 @@ def _processes(bundle: Bundle, count: int, histories: bool) -> Generator[Pool]:
 
         def submit(variants: Variants) -> Future[list[Outcome]]:
             with undisturbed():
-                return executor.submit(evaluated, case, variants, histories=histories, runs=bundle.runs)
+                return executor.submit(
+                    evaluated, case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels
+                )
 
         with undisturbed():
             awake = executor.submit(_version)
