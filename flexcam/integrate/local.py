@@ -7,7 +7,7 @@ are affine in f, and only a small system is left to iterate on (`settle`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -124,24 +124,24 @@ class LocalForces:
             found[scalar] = False
         return found
 
-    def schedule(self, motion: CamMotion, at: IntArray | None = None) -> Schedule:
-        """Return what follows from the cam motion at some instants; `at` is the places of the last block's."""
-        cam, speed = self._evaluated(motion.angle, at), motion.speed
+    def schedule(self, motion: CamMotion) -> Schedule:
+        """Return what follows from the cam motion at some instants."""
+        cam, speed = motion.cam, motion.speed
+        # What lies within a block only looks at it more closely.
+        if motion.known is None and len(cam.angle) and not cam.angle[0] < self._last.angle[-1]:
+            self._last = cam
         return Schedule(
             self.sense.weights(cam), self.sense.weights(cam, 1, speed), self.act.weights(cam),
             _weights(*self._offsets, cam, 0), _weights(*self._offsets, cam, 1, speed),
             motion.angle, self.sense.owner, self.act.owner, cam,
         )  # fmt: skip
 
-    def _evaluated(self, angle: FloatArray, at: IntArray | None) -> Evaluated:
-        """Return functions of the cam at some angles, rad, ascending; those of the last block are remembered."""
-        last = self._last.angle
-        if at is not None and len(at) == len(last) and np.array_equal(angle[at], last):
-            return Evaluated(angle, self._last, at) if len(at) < len(angle) else self._last
-        found = Evaluated(angle)
-        if len(angle) and not angle[0] < last[-1]:  # what lies within a block only looks at it more closely
-            self._last = found
-        return found
+    def recalled(self, motion: CamMotion, at: IntArray) -> CamMotion:
+        """Return a motion of the cam with what is known of the last block's instants, if these are at some places."""
+        angle, last = motion.angle, self._last.angle
+        if len(at) != len(last) or not np.array_equal(angle[at], last):
+            return motion
+        return replace(motion, known=Evaluated(angle, self._last, at) if len(at) < len(angle) else self._last)
 
     def sensed(self, d: FloatArray, v: FloatArray, schedule: Schedule) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return gamma, gamma', and the part of gamma' that the cam alone causes.

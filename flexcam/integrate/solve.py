@@ -38,7 +38,7 @@ from flexcam.response import (
     Stats,
     Status,
 )
-from flexcam.system import CamMotion, Evaluated, Motions, Observed, Probe, System
+from flexcam.system import CamMotion, Motions, Observed, Probe, System
 
 
 def outline(system: System, *, channels: bool = True) -> Outline:
@@ -264,7 +264,7 @@ class _Run:
         )  # fmt: skip
 
     def _block(self, steps: IntArray, track: Track) -> Block:
-        motion, time = self._problem.drive.at(track.time), track.time
+        motion, time = self._forces.recalled(self._problem.drive.at(track.time), track.ends), track.time
         ends = track.ends if len(track.ends) < len(time) else slice(None)
         fields, series = track.ends[self._save.fields(steps, self._problem.steps)], Series(track.d, track.v, track.a)
         probes = _probe_series(self._system.probes, series, motion)
@@ -283,7 +283,7 @@ class _Run:
 
     def _channels(self, steps: IntArray, track: Track, motion: CamMotion) -> FloatArray:
         """Return channels, energies and internal states at the ends of steps."""
-        schedule = self._forces.schedule(motion, track.ends)
+        schedule = self._forces.schedule(motion)
         seen, carried = self._observed(track, motion, schedule)
         last = steps == self._problem.steps  # of a short run nothing else may be looked at
         between = (steps + 1) % self._save.field_every == 0  # at saved fields some ways take their state anew
@@ -311,7 +311,7 @@ def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -
 def _offset(probes: tuple[Probe, ...], picked: Series, motion: CamMotion) -> Series:
     """Return what rows pick of a motion with what the cam prescribes beside it."""
     d, v, a = (np.array(one) for one in (picked.displacement, picked.velocity, picked.acceleration))
-    cam, speed = Evaluated(motion.angle), motion.speed
+    cam, speed = motion.cam, motion.speed
     for column, offset in enumerate(o for p in probes for o in p.offset):
         if offset is not None:
             slope = cam(offset, 1)

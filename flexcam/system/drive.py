@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from flexcam.checks import positive, refuse
 from flexcam.linalg import FloatArray
+from flexcam.system.evaluated import Evaluated
 from flexcam.system.local import AngleFunction
 
 
@@ -20,11 +22,19 @@ class CamMotion:
     ----------
     angle, speed, rate
         rad, rad/s, rad/s^2.
+    known
+        Functions of the cam at these angles, where some are known.
     """
 
     angle: FloatArray
     speed: FloatArray
     rate: FloatArray
+    known: Evaluated | None = None
+
+    @cached_property
+    def cam(self) -> Evaluated:
+        """Functions of the cam at these angles, each computed once for all who ask."""
+        return self.known or Evaluated(self.angle)
 
 
 class Drive(Protocol):

@@ -21,7 +21,6 @@ import numpy as np
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.system.channel import Channel
 from flexcam.system.drive import CamMotion
-from flexcam.system.evaluated import Evaluated
 from flexcam.system.local import AngleFunction, AngleVector, Constant, LocalForce
 
 
@@ -89,7 +88,7 @@ class Carried:
 
     def at(self, motion: CamMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return displacement, velocity and acceleration at some instants, shape (m, n) each."""
-        cam, functions = Evaluated(motion.angle), self.motion.functions or (Constant(1.0),)
+        cam, functions = motion.cam, self.motion.functions or (Constant(1.0),)
         each = ([cam(function, i) for function in functions] for i in range(3))
         moved, slope, bend = (np.stack(one, axis=-1) @ self.motion.vectors for one in each)
         speed, rate = motion.speed[:, None], motion.rate[:, None]

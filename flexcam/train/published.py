@@ -253,10 +253,10 @@ def couple(structure: Structure, name: str, contact: PublishedLoad, speed: float
     arm = derivative(cam.event)
 
     def torque(motion: CamMotion) -> FloatArray:
-        return (force + K * cam.event(motion.angle)) * cam.event(motion.angle, 1)
+        return (force + K * motion.cam(cam.event, 0)) * motion.cam(cam.event, 1)
 
     loads = [
-        Load(f"contacts.{name}.lift", push, lambda motion: K * cam.event(motion.angle)),
+        Load(f"contacts.{name}.lift", push, lambda motion: K * motion.cam(cam.event, 0)),
     ]
     preloaded = push - _spring_share(structure, train)
     loads.append(Load(f"contacts.{name}.preload", preloaded, steady(force), installed=True, steady=True))

@@ -81,7 +81,7 @@ class RigidTrain:
         """
 
         def history(motion: CamMotion) -> FloatArray:
-            s, slope, bend = (event(motion.angle, order) for order in range(3))
+            s, slope, bend = (motion.cam(event, order) for order in range(3))
             speed, rate = slope * motion.speed, bend * motion.speed**2 + slope * motion.rate
             h, h1, h2 = (np.stack(one, axis=-1) for one in zip(*(c(s) for c in self.coordinates), strict=True))
             inertia = (h1 * rate[..., None] + h2 * speed[..., None] ** 2) @ self.mass
