@@ -29,7 +29,7 @@ from flexcam.response import Cause, RunFailedError, Status, heed
 from flexcam.study.keys import Number, number_of
 from flexcam.sweep import Row, evaluate
 from flexcam.sweep.evaluate import refused
-from flexcam.sweep.scalars import scalar_names
+from flexcam.sweep.scalars import of_motion, scalar_names
 from flexcam.sweep.table import unknown_scalar
 from flexcam.train import build_structure, model_modes
 from flexcam.units import RPM, shaft_name
@@ -139,7 +139,7 @@ def measured(case: Case, names: Sequence[str], search: Search | None = None) -> 
     of_a_run = [name for name in names if name not in found and not name.startswith(_LIMIT)]
     if not of_a_run:
         return found
-    row = complete(evaluate(case))
+    row = complete(evaluate(case, channels=not of_motion(of_a_run)))
     if lacking := [name for name in of_a_run if name not in row.scalars]:
         raise InputError(_unknown(name, row.scalars, case.record.cams) for name in lacking)
     return found | {name: Quantity(row.scalars[name], row.units[name]) for name in of_a_run}

@@ -117,6 +117,26 @@ def test_scalars_that_no_run_had_can_be_mended_without_running_again(flexcam, tm
     assert journal(tmp_path / "results") == before
 
 
+def test_the_motion_of_the_probes_alone(flexcam, case, tmp_path):
+    """Nothing else is computed, and the journal knows; one that has everything serves every choice."""
+    words = ("sweep", case, *QUICK, *SPEEDS, "--workers", "0")
+    assert flexcam(*words, "--scalars", "deviation,probes.valve").code == 0
+    _, *rows = journal(tmp_path / "results")
+    assert not any(b"contacts." in row or b"energy." in row for row in rows)
+    before = journal(tmp_path / "results")
+    refused = flexcam(*words, "--scalars", "probes,contacts", "--resume")
+    assert refused.code == 2
+    assert "whether scalars beside those of the probes are computed" in refused.err
+    assert journal(tmp_path / "results") == before
+    assert flexcam(*words, "--scalars", "probes", "--resume").code == 0
+    assert flexcam(*words, "--overwrite").code == 0
+    everything = journal(tmp_path / "results")
+    (tmp_path / "results/case.sweep.jsonl").write_bytes(b"".join(everything[:-1]))  # as a crash leaves it
+    assert flexcam(*words, "--scalars", "probes", "--resume").code == 0
+    assert b"contacts." in journal(tmp_path / "results")[-1]
+    assert flexcam(*words, "--scalars", "contacts", "--resume").code == 0
+
+
 def test_failing_variants_stop_nothing(flexcam, case):
     good, bad = (f"{{ method = 'newmark', beta = {beta} }}" for beta in (0.25, 0.001))
     words = ("sweep", case, "--set", "run.steps_per_revolution=360", "--workers", "0")

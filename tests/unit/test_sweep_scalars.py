@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from flexcam import prepare, read_case, run, solve
+from flexcam import prepare, read_case, read_result, run, solve
 from flexcam.fidelity import deviation
 from flexcam.response import Cause
 from flexcam.runner import scalar_probe
 from flexcam.sweep import evaluate
-from flexcam.sweep.scalars import scalar_names
+from flexcam.sweep.scalars import of_motion, scalar_names
 from flexcam.train import operation
 
 CASES = {
@@ -45,6 +45,28 @@ def test_a_row_is_what_run_and_compare_say(path):
         assert row.units[name] == unit
     assert row.scalars["energy.residual.largest"] == np.abs(response.channels["energy.residual"]).max()
     assert all(math.isfinite(value) for value in row.scalars.values())
+
+
+@pytest.mark.parametrize("path", CASES)
+@pytest.mark.parametrize("runs", [1, 100])
+def test_without_channels_a_row_has_the_motion_of_the_probes(path, runs):
+    """Equal to rounding: 1e-9 is some hundred roundings of an acceleration of stiff parts."""
+    case = read_case(path, CASES[path])
+    whole, row = evaluate(case, runs=runs), evaluate(case, runs=runs, channels=False)
+    assert row.status.ok
+    assert row.scalars.keys() == {name for name in whole.scalars if of_motion([name])}
+    assert len(row.scalars) >= 5
+    for name, value in row.scalars.items():
+        series = name.removeprefix("probes.").split(".")[-2:]
+        size = max(value for one, value in whole.scalars.items() if one.split(".")[-2:] == series)
+        assert abs(value - whole.scalars[name]) <= 1e-9 * size, name
+
+
+def test_a_result_file_is_whole(tmp_path):
+    """Whatever the row keeps."""
+    case = read_case("cases/li/valve-train.toml", ["run.steps_per_revolution=720"])
+    assert evaluate(case, folder=tmp_path, channels=False).scalars == evaluate(case).scalars
+    assert read_result(next(tmp_path.iterdir())).response.channels
 
 
 def test_rotations_have_their_units():
