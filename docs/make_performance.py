@@ -227,7 +227,9 @@ def _sweep(tables: dict) -> list[str]:
         "",
         f"{found['speeds']} speeds of `cases/tayeb/model-3-shm.toml`, {found['steps']} steps each, one after the other in one process:",
         f"{found['row_ms']:.1f} ms per speed for the whole row of a sweep (every channel and scalar, flexible against rigid),",
-        f"{found['probes_ms']:.1f} ms for the motion of the probes alone. Processes share the speeds among them.",
+        f"{found['motion_ms']:.1f} ms where the row keeps the motion of the probes alone and its deviation from the rigid train,",
+        f"{found['probes_ms']:.1f} ms for the motion of the probes without a row. The command for {found['commanded']} speeds and the",
+        f"motion of the probes (`flexcam sweep --scalars probes --workers 2`) takes {found['command_s']:.1f} s, its start included.",
         "",
     ]
 
