@@ -15,9 +15,9 @@ class FailedError(RuntimeError):
     """A process that ended with a fault; its text is the last line it said."""
 
 
-def seconds(command: Sequence[str | Path]) -> float:
+def seconds(command: Sequence[str | Path], **variables: str) -> float:
     """Run a command from the root of the project with one thread of linear algebra and return how long it took, s."""
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"} | variables
     began = time.perf_counter()
     ended = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     took = time.perf_counter() - began

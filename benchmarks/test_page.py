@@ -7,7 +7,7 @@ import importlib.util
 import pytest
 
 from benchmarks import machine
-from benchmarks.measure import assembly, bounds, contact, linear, modes, process, sweep
+from benchmarks.measure import assembly, bounds, compiler, contact, linear, modes, peaks, process, saving, sweep
 from benchmarks.processes import ROOT
 
 
@@ -22,12 +22,16 @@ def smallest(monkeypatch):
     monkeypatch.setattr(sweep, "SPEEDS", 3)
     monkeypatch.setattr(assembly, "ELEMENTS", (10,))
     monkeypatch.setattr(modes, "SHAFTS", modes.SHAFTS[:1])
+    monkeypatch.setattr(peaks, "WORKS", {"Python": "pass"})
+    monkeypatch.setattr(saving, "STEPS", 100)
+    monkeypatch.setattr(compiler, "CASE", ROOT / "cases/tayeb/model-1-shm.toml")
+    monkeypatch.setattr(compiler, "REPEATS", 1)
     monkeypatch.setattr(process, "COMMANDS", {"Python alone": ["-c", "pass"]})
 
 
 @pytest.mark.usefixtures("smallest")
 def test_the_page_is_made_of_what_is_measured():
-    rooms = (bounds, linear, contact, sweep, assembly, modes, process)
+    rooms = (bounds, linear, contact, sweep, assembly, modes, peaks, saving, process, compiler)
     tables = {room.__name__.rpartition(".")[2]: room.measured() for room in rooms}
     found = {"machine": machine.described(), "date": machine.today(), "versions": machine.versions("flexcam")}
     spec = importlib.util.spec_from_file_location("make_performance", ROOT / "docs/make_performance.py")

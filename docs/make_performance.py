@@ -267,6 +267,47 @@ def _modes(tables: dict) -> list[str]:
     ]
 
 
+def _peaks(tables: dict) -> list[str]:
+    """Return the most memory of some processes."""
+    rows = [f"| {row['work']} | {row['mb']} |" for row in tables["peaks"]]
+    return [
+        "## Memory",
+        "",
+        "The most that a process of its own holds, Python and libraries included (Linux).",
+        "",
+        "| work | MB |",
+        "|---|---|",
+        *rows,
+        "",
+    ]
+
+
+def _saving(tables: dict) -> list[str]:
+    """Return what result files cost."""
+    found = tables["saving"]
+    ratio = found["saving_run_s"] / found["run_s"]
+    return [
+        "## Saving",
+        "",
+        f"A full field of {found['nodes']} nodes at {found['steps']} steps, {found['mb']:.0f} MB with all else that a result has, is written in",
+        f"{found['field_s']:.2f} s. A run of `cases/tayeb/model-3-shm.toml` at its own interval takes {1e3 * found['run_s']:.0f} ms in memory, and",
+        f"{1e3 * found['saving_run_s']:.0f} ms with its result file: {ratio:.2f} times as long.",
+        "",
+    ]
+
+
+def _compiler(tables: dict) -> list[str]:
+    """Return what the compiler takes."""
+    found = tables["compiler"]
+    return [
+        "## Machine code",
+        "",
+        f"`flexcam run cases/pushrod-engine/intake.toml` takes {found['first_s']:.1f} s where machine code is to be made first, which",
+        f"then is kept, {found['later_s']:.1f} s from then on, and {found['without_s']:.1f} s without it (`--set run.path=general`).",
+        "",
+    ]
+
+
 def _process(tables: dict) -> list[str]:
     """Return whole commands."""
     rows = [f"| {row['command']} | {row['seconds']:.2f} |" for row in tables["process"]]
@@ -283,7 +324,8 @@ def _process(tables: dict) -> list[str]:
 
 
 SECTIONS: dict[str, Callable[[dict], list[str]]] = {
-    "linear": _linear, "bounds": _bounds, "contact": _contact, "sweep": _sweep, "assembly": _assembly, "modes": _modes, "process": _process,
+    "linear": _linear, "bounds": _bounds, "contact": _contact, "sweep": _sweep, "assembly": _assembly, "modes": _modes, "peaks": _peaks,
+    "saving": _saving, "process": _process, "compiler": _compiler,
 }  # fmt: skip
 """Their order on the page, by the table of the JSON each shows."""
 

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable
 
 from benchmarks import machine
-from benchmarks.measure import assembly, bounds, contact, linear, modes, process, sweep
+from benchmarks.measure import assembly, bounds, compiler, contact, linear, modes, peaks, process, saving, sweep
 from benchmarks.processes import ROOT
 
 KEPT = ROOT / "docs/performance.json"
@@ -22,7 +22,10 @@ TABLES: dict[str, Callable[[], object]] = {
     "sweep": sweep.measured,
     "assembly": assembly.measured,
     "modes": modes.measured,
+    "peaks": peaks.measured,
+    "saving": saving.measured,
     "process": process.measured,
+    "compiler": compiler.measured,
 }
 """Another table of the page: a file here with ``measured``, a line here, a function in ``docs/make_performance.py``."""
 

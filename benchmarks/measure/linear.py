@@ -27,6 +27,12 @@ def measured() -> list[dict[str, object]]:
     return rows
 
 
+def steps(work: Work) -> None:
+    """Walk through the long run of a shaft, its probes saved."""
+    _, many = _problems(work)
+    solved(many, save=_save("probes", many))
+
+
 def _problems(work: Work) -> tuple[Problem, Problem]:
     """Return a short and a long run of a shaft; the longer the shaft, the fewer steps."""
     system = shaft(work)

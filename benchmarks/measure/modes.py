@@ -19,3 +19,9 @@ def measured() -> list[dict[str, float]]:
         took = least(lambda one=system: modes(one.mass, one.stiffness, COUNT), REPEATS)
         rows.append({"unknowns": system.size, "bearings": work.spans + 1, "seconds": took})
     return rows
+
+
+def lowest(work: Work) -> None:
+    """Find the modes of a shaft."""
+    system = shaft(work)
+    modes(system.mass, system.stiffness, COUNT)

@@ -1,0 +1,69 @@
+"""What saving costs: a full field written, and a run with its result file beside one without."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.processes import ROOT
+from benchmarks.timing import least
+from flexcam import prepare, read_case
+from flexcam.fidelity.rungs import with_elements
+from flexcam.integrate import solve
+from flexcam.response import Block, Response, Stats, Status
+from flexcam.runner import Prepared, result_file
+
+CASE = ROOT / "cases/tayeb/model-3-shm.toml"
+STEPS, ELEMENTS = 2000, 10
+
+
+class Kept:
+    """Sink that keeps the blocks as they come."""
+
+    def __init__(self) -> None:
+        self.blocks: list[Block] = []
+
+    def write(self, block: Block) -> None:
+        """Keep a block."""
+        self.blocks.append(block)
+
+    def close(self, status: Status, stats: Stats) -> None:
+        """Keep how the run ended."""
+        self.end = status, stats
+
+
+def full_field() -> tuple[Prepared, Kept]:
+    """Return a run of the model on 102 nodes, every step of 2000 saved, with its blocks."""
+    turns = f"run.revolutions={STEPS / 3600:.12f}"
+    ready = prepare(with_elements(read_case(CASE, [turns, "output.field_every=1"]), ELEMENTS))
+    kept = Kept()
+    assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[kept]).stats.steps == STEPS
+    return ready, kept
+
+
+def saved(ready: Prepared, kept: Kept, folder: Path) -> Path:
+    """Write blocks into a result file."""
+    file = result_file(ready, folder, overwrite=True)
+    for block in kept.blocks:
+        file.write(block)
+    file.close(*kept.end)
+    return file.path
+
+
+def ran(ready: Prepared, folders: Sequence[Path]) -> Response:
+    """Run a case, with its result file in each folder."""
+    files = [result_file(ready, folder, overwrite=True) for folder in folders]
+    return solve(ready.problem, ready.scheme, save=ready.save, sinks=files)
+
+
+def measured() -> dict[str, float]:
+    """Return seconds of a full field, of a run and of the run with its file."""
+    (ready, kept), usual = full_field(), prepare(read_case(CASE))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        return {
+            "nodes": len(ready.model.mesh.nodes), "steps": STEPS,
+            "field_s": least(lambda: saved(ready, kept, folder)), "mb": saved(ready, kept, folder).stat().st_size / 1e6,
+            "run_s": least(lambda: ran(usual, [])), "saving_run_s": least(lambda: ran(usual, [folder])),
+        }  # fmt: skip
