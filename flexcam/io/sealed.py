@@ -40,7 +40,11 @@ def keep_sum(dataset: Any, value: int) -> None:  # noqa: ANN401 - h5py has no ty
     value
         CRC-32 of its rows.
     """
-    dataset.attrs.modify(SUM, np.uint32(value))  # in place, where it is there already
+    name, kept = SUM.encode(), np.array(value, np.uint32)
+    if _module.h5a.exists(dataset.id, name):
+        _module.h5a.open(dataset.id, name).write(kept)  # in place, without the new attribute that h5py would make
+    else:
+        dataset.attrs.create(SUM, kept)
 
 
 def digest(file: Any) -> str:  # noqa: ANN401

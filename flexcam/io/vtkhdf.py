@@ -94,6 +94,8 @@ class ResultFile:
             )  # fmt: skip
             with plainly():
                 self._create(geometry, save, about)
+                began = time.perf_counter()
+                self._flush()
         except OSError as fault:
             self._abandon()
             allowed, remedy = "a file that can be written", "free space or name another folder"
@@ -102,7 +104,7 @@ class ResultFile:
             self._draft.discard()
             raise
         if resume is None:
-            self._draft.show()
+            self._draft.show(began)
 
     def _create(self, geometry: Geometry, save: SaveAt, about: Mapping[str, str]) -> None:
         _need_room(self._draft.path, geometry, self._outline, about)
@@ -117,8 +119,6 @@ class ResultFile:
         _write_mesh(self._file, geometry)
         texts(self._file.create_group("about"), {"format": str(FORMAT), **about})
         make_checkpoint(self._file)
-        self._seal()
-        self._file.flush()
 
     def _create_history(self, rows: int) -> None:
         history = self._file.create_group("history")
@@ -171,8 +171,7 @@ class ResultFile:
             began = time.perf_counter()
             with plainly():
                 write_checkpoint(self._file, checkpoint)
-                self._seal()
-                self._file.flush()
+                self._flush()
             self._draft.show(began)
 
     def _point_data(self, block: Block) -> dict[str, FloatArray]:
@@ -182,6 +181,11 @@ class ResultFile:
             name: nodal[series][:, geometry.node, first : first + 3] for name, (series, first, _) in VECTORS.items()
         }
         return {**vectors, **geometry.recovered(nodal["displacement"], nodal["acceleration"])}
+
+    def _flush(self) -> None:
+        """Have all that is written in the file, under its seal."""
+        self._seal()
+        self._file.flush()
 
     def _seal(self) -> None:
         """Make the file one that a reader can hold against what was written."""

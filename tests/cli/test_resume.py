@@ -167,8 +167,8 @@ def test_another_case(broken, case, refused):
 def test_another_version(package, broken, refused, monkeypatch):
     from flexcam.runner import saving
 
-    partial, known = broken(), saving.version
-    monkeypatch.setattr(saving, "version", lambda name: "99.0" if name == package else known(name))
+    partial, known = broken(), saving._version
+    monkeypatch.setattr(saving, "_version", lambda name: "99.0" if name == package else known(name))
     refused(partial, SAME, f"--resume: {package}: given 99.0", known(package))
 
 
