@@ -78,6 +78,37 @@ class DofMap:
         """
         return DofMap(self.numbers, (*self.names, *names))
 
+    def freed(self, node: int, components: IntArray, called: str) -> DofMap:
+        """Return the numbering with held components of a node free as well.
+
+        Parameters
+        ----------
+        node
+            Node number.
+        components
+            Their places, 0 to 5, in ascending order, shape (k,).
+        called
+            Name of the node.
+
+        Returns
+        -------
+        DofMap
+            With k more unknowns; the others keep names and order.
+
+        Examples
+        --------
+        >>> mesh = Mesh([[0, 0, 0], [1, 0, 0]], {"bar": [0, 1]}, {"root": [0], "tip": [1]})
+        >>> dof_map(mesh, [("root", COMPONENTS)]).freed(0, np.array([3]), "root").names[:2]
+        ('root.rx', 'tip.ux')
+        """
+        free, names = self.numbers >= 0, list(self.names)
+        free[node, components] = True
+        numbers = np.full(free.shape, -1, dtype=np.intp)
+        numbers[free] = np.arange(np.count_nonzero(free))
+        for place in components.tolist():
+            names.insert(int(numbers[node, place]), f"{called}.{COMPONENTS[place]}")
+        return DofMap(numbers, tuple(names))
+
     def unit(self, name: str) -> FloatArray:
         """Return the row that picks an unknown by its name, shape (size,)."""
         row = np.zeros(self.size)

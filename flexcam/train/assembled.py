@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -35,19 +36,41 @@ def build_structure(model: Model) -> Structure:
     InputError
         If a part is attached to something that does not exist.
     """
-    beams = fem.beams(model.mesh, model.members)
     inner = [inner_name(name, i) for name, spring in model.springs.items() for i in range(1, spring.elements)]
     dofs = fem.dof_map(model.mesh, model.supports.items(), _single(model))
-    dofs = dofs.extended([*model.further_unknowns, *inner])
-    nothing = Triplets.zeros(dofs.size)
+    bare = structure_in(model, dofs.extended([*model.further_unknowns, *inner]))
+    stretches = (stretch for stretch, spring, _ in _stretches(bare) if spring > 0.0)
+    return replace(bare, free=fem.free_motions(model.mesh, bare.dofs, stretches))
+
+
+def structure_in(model: Model, dofs: fem.DofMap) -> Structure:
+    """Assemble the passive part of a model in given unknowns.
+
+    Parameters
+    ----------
+    model
+        The model.
+    dofs
+        Which components are free, whatever the model's supports say, and what no node has.
+
+    Returns
+    -------
+    Structure
+        Its matrices; motions that cost no strain are not looked for.
+
+    Raises
+    ------
+    InputError
+        If a part is attached to something that does not exist.
+    """
+    beams, nothing = fem.beams(model.mesh, model.members), Triplets.zeros(dofs.size)
     bare = Structure(model, beams, dofs, nothing, nothing, nothing, np.zeros((dofs.size, 0)))
     mass, stiffness, dampers = [fem.mass(beams, dofs), *_masses(bare)], [fem.stiffness(beams, dofs)], [nothing]
     for stretch, spring, damper in _stretches(bare):
         stiffness.append(along(stretch, spring))
         dampers.append(along(stretch, damper))
     mass, stiffness, dampers = (Triplets.joined(parts) for parts in (mass, stiffness, dampers))
-    free = fem.free_motions(model.mesh, dofs, (stretch for stretch, spring, _ in _stretches(bare) if spring > 0.0))
-    return Structure(model, beams, dofs, mass, stiffness, dampers, free)
+    return replace(bare, mass=mass, stiffness=stiffness, dampers=dampers)
 
 
 def _masses(bare: Structure) -> Iterator[Triplets]:

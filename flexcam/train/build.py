@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -13,7 +13,7 @@ from flexcam.checks import refuse
 from flexcam.fem import COMPONENTS
 from flexcam.fem.damping import modal_damping, rayleigh_damping
 from flexcam.linalg import DENSE_LIMIT, IntArray, Triplets, by_group, groups
-from flexcam.system import Channel, Observable, Observed, Probe, Selection, System
+from flexcam.system import Channel, Observable, Observed, Probe, Selection, System, total
 from flexcam.train.adjuster import couple_adjuster
 from flexcam.train.assembled import build_structure
 from flexcam.train.bowing import bowings
@@ -21,11 +21,12 @@ from flexcam.train.cam_contact import couple_cam
 from flexcam.train.coils import coils
 from flexcam.train.contacts import couple_lash, couple_seat
 from flexcam.train.coupling import Coupling
+from flexcam.train.held_ends import HeldEnd, held_ends, missing, taken
 from flexcam.train.lever import lever_joints
 from flexcam.train.loads import constant_loads
 from flexcam.train.model import Adjuster, CamContact, Contact, Lash, Model, PublishedLoad, Seat
 from flexcam.train.published import couple
-from flexcam.train.shaft import shafts, with_cams_at_ends
+from flexcam.train.shaft import shafts
 from flexcam.train.springs import inner_name
 from flexcam.train.structure import Structure, find_node
 
@@ -55,27 +56,63 @@ def build_system(model: Model, speed: float) -> System:
     """
     structure = build_structure(model)
     contacts = [_coupled(structure, name, contact, speed) for name, contact in model.contacts.items()]
-    damping, joined, probes = _at_any_speed(structure)
-    couplings = [*contacts, *joined]
+    damping, joined, probes, ends = _at_any_speed(structure)
+    couplings = [*contacts, *joined, Coupling(tuple(constant_loads(structure)), (), ())]
+    parts = _parts(couplings)
+    shown = zip(couplings, parts, strict=True)
+    own = [replace(one, value=_within(one.value, part)) for coupling, part in shown for one in coupling.channels]
     return System(
         mass=structure.mass,
         damping=damping,
         stiffness=structure.stiffness,
         names=structure.dofs.names,
-        loads=(*(load for c in couplings for load in c.loads), *constant_loads(structure)),
+        loads=tuple(load for c in couplings for load in c.loads),
         local_forces=tuple(force for c in couplings for force in c.forces),
         probes=probes,
-        channels=with_cams_at_ends(structure, _numbered(couplings)),
+        channels=(*own, *(_torque(end, others, contacts, parts, speed) for end, others in ends)),
         free=structure.free,
     )
 
 
 @lru_cache(maxsize=4)
-def _at_any_speed(structure: Structure) -> tuple[Triplets, tuple[Coupling, ...], tuple[Probe, ...]]:
-    """Return what is the same at any speed: damping, couplings other than contacts, and probes."""
+def _at_any_speed(
+    structure: Structure,
+) -> tuple[Triplets, tuple[Coupling, ...], tuple[Probe, ...], tuple[tuple[HeldEnd, list[Observable]], ...]]:
+    """Return what is the same at any speed.
+
+    Damping, couplings other than contacts, probes, and where a shaft is held, with what these couplings do there.
+    """
     couplings = lever_joints(structure), coils(structure), bowings(structure), shafts(structure)
     probes = (probe_of(structure, point) for point in structure.model.probes)
-    return structure.dampers + _damping(structure), couplings, (*probes, *_inner_probes(structure))
+    ends = tuple((end, _others(end)) for end in held_ends(structure))
+    return structure.dampers + _damping(structure), couplings, (*probes, *_inner_probes(structure)), ends
+
+
+def _others(end: HeldEnd) -> list[Observable]:
+    """Return what others than contacts leave a held rotation to bear, in the order in which they are coupled."""
+    freed = end.freed
+    asked = (lever_joints, end.levers), (coils, end.springs), (bowings, end.bends), (shafts, True)
+    found = [make(freed) if there else Coupling((), (), ()) for make, there in asked]
+    constant = Coupling(tuple(constant_loads(freed)), (), ())
+    return [taken(end, one.loads, one.forces) for one in (*found, constant)]
+
+
+def _torque(
+    end: HeldEnd, others: Sequence[Observable], contacts: Sequence[Coupling], parts: Sequence[_Part], speed: float
+) -> Channel:
+    """Return the torque that holds a shaft's rotation."""
+    model = end.freed.model
+    each = [missing(end), *map(_within, others, parts[len(contacts) :])]
+    for part, (name, contact), coupling in zip(parts, model.contacts.items(), contacts, strict=False):
+        if not end.bears(contact):
+            continue
+        if isinstance(contact, PublishedLoad):  # no need to look for its stiffness again
+            value = coupling.channels[1].value
+        else:
+            again = _coupled(end.freed, name, contact, speed)
+            value = taken(end, again.loads, again.forces)
+        each.append(_within(value, part))
+    return Channel(f"supports.{end.name}.torque", "N m", total(*each))
 
 
 def _coupled(structure: Structure, name: str, contact: Contact, speed: float) -> Coupling:
@@ -122,16 +159,16 @@ def _modal_damping(structure: Structure, part: IntArray, ratio: float) -> Triple
     return Triplets(size, part[own.rows], part[own.cols], own.values)
 
 
-def _numbered(couplings: Iterable[Coupling]) -> Iterable[Channel]:
-    """Yield the channels, each shown what concerns its own coupling."""
+def _parts(couplings: Iterable[Coupling]) -> list[_Part]:
+    """Return what shows each coupling what concerns it."""
+    found: list[_Part] = []
     loads = scalars = states = 0
     for coupling in couplings:
         sizes = [(len(f.sense), len(f.law.start_state)) for f in coupling.forces]
         ends = loads + len(coupling.loads), scalars + sum(c for c, _ in sizes), states + sum(s for _, s in sizes)
-        own = slice(loads, ends[0]), slice(scalars, ends[1]), slice(states, ends[2])
-        part = _Part(*own)
-        yield from (replace(channel, value=_within(channel.value, part)) for channel in coupling.channels)
+        found.append(_Part(slice(loads, ends[0]), slice(scalars, ends[1]), slice(states, ends[2])))
         loads, scalars, states = ends
+    return found
 
 
 class _Part:

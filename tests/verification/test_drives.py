@@ -213,6 +213,58 @@ def test_a_cam_at_the_end_that_is_driven(felt):
     np.testing.assert_allclose(given, asked if felt else 0.0, atol=1e-9 * np.abs(asked).max())
 
 
+def test_a_contact_at_the_end_that_is_driven(case):
+    """No element passes on its torque either; the inertia of the bare shaft is nothing beside it."""
+    made = case(SWINGS)
+    end = ["cams.intake.at=drive", "nodes.tappet=[0, 0.03, 0]", "nodes.top=[0, 0.08, 0]"]
+    response = run(read_case(made.path, [*end, "contacts.intake.model=unilateral", "contacts.intake.friction=0.1"]))
+    asked, given = response.channels["contacts.intake.torque"], response.channels["supports.drive.torque"]
+    assert np.abs(asked).max() > 3.0
+    np.testing.assert_allclose(given, asked, atol=1e-4 * np.abs(asked).max())
+
+
+def test_the_torque_of_a_drive_balances_everything(case):
+    """Moments about the shaft: springs, dampers, given moments, weight and inertia of bodies beside it, the cam."""
+    bodies = """
+disc = { at = "drive", mass = 0.3, inertia = [2e-3, 1e-3, 1e-3], offset = [0.0, 0.02, -0.03] }
+gear = { at = "cam", mass = 0.2, inertia = [1e-3, 1e-3, 1e-3], offset = [0.01, -0.04, 0.05] }
+[loads]
+brake = { at = "drive", direction = "rx", force = 7.0 }
+pump = { at = "cam", direction = "-rx", force = 3.0 }
+"""
+    made = case(SWINGS + "\ndamping = { alpha = 40.0, beta = 1e-6 }\ngravity = [0.0, -9.81, 3.0]", masses=bodies)
+    text = made.path.read_text(encoding="utf-8").replace(
+        "[springs]",
+        """[springs]
+coupling = { at = "drive", to = "cam", direction = "rx", stiffness = 4e4, damping = 2.0 }
+askew = { at = "drive", to = "cam", direction = [0.0, 0.0, 0.0, 0.6, 0.8, 0.0], stiffness = 3e4 }
+ground = { at = "cam", direction = "rx", stiffness = 900.0, damping = 0.05 }""",
+    )
+    made.path.write_text(text, encoding="utf-8")
+    response = run(read_case(made.path))
+    rate = prepare(made).problem.drive.at(response.time).rate
+    d, v, a = (getattr(response["cam"], one) for one in ("displacement", "velocity", "acceleration"))
+    still = np.zeros_like(d)
+
+    def momentum(unknown, turned):
+        """Return angular momentum about the shaft, or its rate: a disc's, a gear's, the shaft's own."""
+        total = 1.0 * math.pi / 32.0 * 0.04**4 * 0.05 * 0.5 * (unknown[:, 3] + 2.0 * turned)
+        disc, gear = (0.3, 2e-3, (0.0, 0.02, -0.03), still), (0.2, 1e-3, (0.01, -0.04, 0.05), unknown)
+        for mass, own, (x, y, z), at in (disc, gear):
+            turning = at[:, 3] + turned
+            sidewise = at[:, 1] - turning * z + at[:, 5] * x
+            upwards = at[:, 2] + turning * y - at[:, 4] * x
+            total = total + own * turning + mass * (y * upwards - z * sidewise)
+        return total
+
+    weight = sum(mass * (y * 3.0 + z * 9.81) for mass, y, z in ((0.3, 0.02, -0.03), (0.2, -0.04, 0.05)))
+    held = momentum(a, rate) + 40.0 * momentum(v, 0.0) + 900.0 * d[:, 3] + (0.05 + 1e-6 * 900.0) * v[:, 3]
+    held += response.channels["contacts.intake.torque"] - weight + (3.0 - 7.0)
+    given = response.channels["supports.drive.torque"]
+    assert np.abs(given).max() > 10.0
+    np.testing.assert_allclose(given, held, atol=1e-8 * np.abs(given).max())
+
+
 def continued(case, tmp_path, lines, *, speed):
     """Return where a run ended and where the next one, from its result and at another speed, begins."""
     made = read_case(case(lines).path, ["run.revolutions=0.3"])
