@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from flexcam import fem
 from flexcam.linalg import FloatArray, null_space, pins
+from flexcam.train.model import Model
 from flexcam.train.structure import Structure
 
 
@@ -17,7 +18,8 @@ def buckling_load(structure: Structure, member: str) -> float:
 
     The lowest P of ``K + P Kg(-1)`` over the member's own elements, held where the model holds its nodes; what other
     members and springs add is left out, so that the load is Euler's for a pushrod between guides. A motion that the
-    supports leave free bends nothing: its ends are taken as hinged there.
+    supports leave free bends nothing: its ends are taken as hinged there. Elements are divided where less than four
+    lie between supports, as a single one is up to half too stiff.
 
     Parameters
     ----------
@@ -29,27 +31,58 @@ def buckling_load(structure: Structure, member: str) -> float:
     Returns
     -------
     float
-        N; infinite where the supports leave nothing to buckle.
+        N; infinite where the supports leave no node of the model to buckle.
 
     Examples
     --------
     A pushrod guided at both ends bears ``pi^2 E I/L^2``.
     """
-    alone = structure.beams.part(structure.model.mesh.element_ranges()[member])
-    K, G = fem.stiffness(alone, structure.dofs), fem.geometric(alone, np.full(len(alone), -1.0), structure.dofs)
-    numbers = structure.dofs.numbers[np.unique(alone.nodes)]
+    own = structure.beams.part(structure.model.mesh.element_ranges()[member])
+    if math.isinf(load := _load(own, structure.dofs)) or (parts := _parts(structure.model, member)) == 1:
+        return load
+    return _load(*_divided(structure.model, member, parts))
+
+
+def _load(alone: fem.Beams, dofs: fem.DofMap) -> float:
+    """Return the lowest load of elements by themselves, N."""
+    K, G = fem.stiffness(alone, dofs), fem.geometric(alone, np.full(len(alone), -1.0), dofs)
+    numbers = dofs.numbers[np.unique(alone.nodes)]
     used = np.unique(numbers[numbers >= 0])
     K, squeezed = K.part(used), -G.part(used).dense()
     free = np.linalg.qr(null_space(K))[0]
     kept = np.setdiff1d(np.arange(len(used)), pins(free) if free.shape[1] else [])
     if not len(kept):
         return math.inf
-    ends = np.isin(used, structure.dofs.numbers[[alone.nodes[0, 0], alone.nodes[-1, 1]], :3])
+    ends = np.isin(used, dofs.numbers[[alone.nodes[0, 0], alone.nodes[-1, 1]], :3])
     pressed = _hinged(squeezed, free, ends)[np.ix_(kept, kept)]
     root = np.linalg.cholesky(K.part(kept).dense())
     scaled = np.linalg.solve(root, np.linalg.solve(root, pressed).T)
     largest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).max())
     return 1.0 / largest if largest > 1e-12 * float(np.abs(scaled).max(initial=1.0)) else math.inf
+
+
+_ENOUGH = 4
+"""Elements between supports from which on the load is right to 1 %, however they are held."""
+
+_MANY = 100
+"""Elements of a member up to which they are divided as far: their matrices are dense."""
+
+
+def _parts(model: Model, member: str) -> int:
+    """Return in how many parts each element of a member must be divided, so that there are enough."""
+    line, points = model.mesh.lines[member], model.mesh.points
+    held = {node for point in model.supports for node in points[point].tolist()}
+    inner = [i for i in range(1, len(line) - 1) if int(line[i]) in held]
+    wanted = math.ceil(_ENOUGH / int(np.diff([0, *inner, len(line) - 1]).min()))
+    return min(wanted, max(2, _MANY // len(line)))
+
+
+def _divided(model: Model, member: str, parts: int) -> tuple[fem.Beams, fem.DofMap]:
+    """Return a member's elements, each divided, and their numbering in its supports."""
+    nodes, line = np.unique(model.mesh.lines[member], return_inverse=True)
+    points = {point: np.flatnonzero(np.isin(nodes, model.mesh.points[point])) for point in model.supports}
+    mesh = fem.refined(fem.Mesh(model.mesh.nodes[nodes], {member: line}, points), {member: parts})
+    return fem.beams(mesh, model.members), fem.dof_map(mesh, model.supports.items())
 
 
 def _hinged(pressed: FloatArray, free: FloatArray, ends: NDArray[np.bool_]) -> FloatArray:

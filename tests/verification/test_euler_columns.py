@@ -68,6 +68,11 @@ supports = {supports}
 [run]
 speed = "60 rpm"
 """
+RIGIDITY = 207e9 * Section.tube(0.008, 0.005).Iz
+
+
+def load_of_rod(path):
+    return buckling_load(build_structure(build_model(read_case(path))), "rod")
 
 
 @pytest.mark.parametrize("supports", ["{}", '{ root = ["ux", "uy", "uz"] }', '{ root = ["uy"], tip = ["uz"] }'])
@@ -76,6 +81,36 @@ def test_ends_that_supports_leave_free_are_hinged(tmp_path, supports, tip):
     """A rod that springs or other members hold: Euler's load whichever way it lies and whatever else is held."""
     path = tmp_path / "rod.toml"
     path.write_text(ROD.format(tip=list(tip), supports=supports), encoding="utf-8")
-    euler = math.pi**2 * 207e9 * Section.tube(0.008, 0.005).Iz / 0.25**2
     # Eight cubic elements are (pi/8)^4/720 = 3.3e-5 too stiff.
-    assert buckling_load(build_structure(build_model(read_case(path))), "rod") == pytest.approx(euler, rel=4e-5)
+    assert load_of_rod(path) == pytest.approx(math.pi**2 * RIGIDITY / 0.25**2, rel=4e-5)
+
+
+HELD = 'root = ["ux", "uy", "uz"]', 'tip = ["uy", "uz", "rx", "ry", "rz"]'
+GUIDED = 4.493409457909064**2
+"""Of a column that is hinged at one end and clamped at the other: tan x = x."""
+
+
+@pytest.mark.parametrize("elements", [1, 2, 3, 4])
+def test_few_elements_are_divided(record, tmp_path, elements):
+    """A single element between hinge and guide would bear 30 E I/L^2."""
+    path = tmp_path / "rod.toml"
+    text = ROD.format(tip=[0.35, 0.0, 0.0], supports="{ " + ", ".join(HELD) + " }")
+    path.write_text(text.replace("elements = 8", f"elements = {elements}"), encoding="utf-8")
+    record(
+        source=SOURCE, case="hinged and clamped, divided", quantity=f"P L^2/EI, {elements} elements", unit="1",
+        reference=GUIDED, computed=load_of_rod(path) * 0.25**2 / RIGIDITY,
+        tolerance=3e-3, reason="four cubic elements at least: (4.5/4)^4/720 = 2e-3",
+    )  # fmt: skip
+
+
+def test_guides_part_a_member_into_spans(record, tmp_path):
+    """The span between two guides that hold its slope, 4 pi^2, beside one that is hinged at its end."""
+    path = tmp_path / "rod.toml"
+    text = ROD.format(tip=[0.35, 0.0, 0.0], supports="{ " + ", ".join((*HELD, HELD[1].replace("tip", "guide"))) + " }")
+    text = text.replace('["root", "tip"], elements = 8', '["root", "guide", "tip"]')
+    path.write_text(text.replace("nodes = { ", "nodes = { guide = [0.26, 0.0, 0.0], ", 1), encoding="utf-8")
+    record(
+        source=SOURCE, case="two guided spans of an element each", quantity="P L^2/EI of the longer one", unit="1",
+        reference=GUIDED, computed=load_of_rod(path) * 0.16**2 / RIGIDITY,
+        tolerance=3e-3, reason="as above",
+    )  # fmt: skip
