@@ -45,7 +45,7 @@ def stability_table(found: Stability, scale: float) -> Table:
         ("periodic motion", _grows(found)),
         ("off the cam", f"{math.degrees(found.open_on_the_lift):.3g} deg of the lift"),
         ("resonances", _counted(found, scale)),
-        *((f"harmonic {one.harmonic}", _met(one, scale)) for one in found.within[:_SHOWN]),
+        *((_named(found, one), _met(one, scale)) for one in found.within[:_SHOWN]),
         ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in found.verdict) or _calm(found)),
     ]  # fmt: skip
     return facts(f"Stability at {shaft_speed(found.rpm * RPM, scale)}", rows)
@@ -62,6 +62,12 @@ def _integrated(found: Discrete) -> str:
         return "not looked at"
     words = f"spectral radius {found.radius:.9g}, largest at {found.frequency:.5g} Hz ({', '.join(found.moving)})"
     return words + (f"; steps up to {found.critical_step:.4g} s" if math.isfinite(found.critical_step) else "")
+
+
+def _named(found: Stability, one: Resonance) -> str:
+    """Return a harmonic, and where there are several cams, the contact whose it is."""
+    several = len({other.contact for other in found.resonances}) > 1
+    return f"harmonic {one.harmonic}" + (f", {one.contact}" if several else "")
 
 
 def _met(one: Resonance, scale: float) -> str:
@@ -113,7 +119,7 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
         "multipliers": multipliers, "growth": None if found.floquet is None else found.floquet.growth,
         "chatters": found.chatters, "note": found.why_not, "open_on_the_lift_deg": math.degrees(found.open_on_the_lift),
         "resonances": [
-            {"rpm": scale * one.rpm, "harmonic": one.harmonic, "amplitude_m": one.amplitude,
+            {"contact": one.contact, "rpm": scale * one.rpm, "harmonic": one.harmonic, "amplitude_m": one.amplitude,
              "load_n": one.load, "frequency_hz": one.frequency, "moves": one.words}
             for one in found.within[: 4 * _SHOWN]
         ],

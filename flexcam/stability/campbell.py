@@ -151,7 +151,7 @@ def campbell(
         else:
             _follow(lines, i, len(rpm), here, structure.mass, modes)
     lines.sort(key=lambda line: float(np.nanmin(line.frequencies)))
-    met = _crossings(rpm, lines, lifts, loads)
+    met = _crossings(name, rpm, lines, lifts, loads)
     frequencies = np.array([line.frequencies for line in lines]).reshape(len(lines), len(rpm)).T
     reached, words = tuple(line.reached for line in lines), tuple(line.words for line in lines)
     return Campbell(name, rpm, frequencies, reached, words, lifts, loads, met, tuple(statuses))
@@ -188,7 +188,7 @@ def _assigned(likeness: FloatArray) -> NDArray[np.bool_]:
 
 
 def _crossings(
-    rpm: FloatArray, lines: Sequence[_Line], lifts: Mapping[int, float], loads: FloatArray
+    contact: str, rpm: FloatArray, lines: Sequence[_Line], lifts: Mapping[int, float], loads: FloatArray
 ) -> tuple[Resonance, ...]:
     """Return where the lines of orders meet those of modes, straight between speeds."""
     met: list[Resonance] = []
@@ -200,7 +200,7 @@ def _crossings(
                     continue
                 part = above[i] / (above[i] - above[i + 1]) if above[i] != above[i + 1] else 0.0
                 speed, load = (float(one[i] + part * (one[i + 1] - one[i])) for one in (rpm, loads[:, column]))
-                met.append(Resonance(speed, n, size, load, mode, n * speed / 60.0, line.words))
+                met.append(Resonance(contact, speed, n, size, load, mode, n * speed / 60.0, line.words))
     return tuple(sorted(met, key=lambda one: one.rpm))
 
 

@@ -28,6 +28,8 @@ class Resonance:
 
     Parameters
     ----------
+    contact
+        Name of the contact whose cam and force it is in.
     rpm
         Camshaft speed at which it does.
     harmonic
@@ -44,6 +46,7 @@ class Resonance:
         What moves in it.
     """
 
+    contact: str
     rpm: float
     harmonic: int
     amplitude: float
@@ -82,9 +85,10 @@ def resonances(ready: Prepared, response: Response) -> tuple[Resonance, ...]:
         for n, amplitude in lifts.items():
             for i in reached.felt:
                 frequency, words = float(reached.found.modes.frequencies[i]), reached.found.words(i)
-                met.append(Resonance(60.0 * frequency / n, n, amplitude, float(loads[n - 1]), i, frequency, words))
-    rpm = ready.case.speed / RPM
-    return tuple(sorted(met, key=lambda one: abs(math.log(one.rpm / rpm))))
+                rpm, load = 60.0 * frequency / n, float(loads[n - 1])
+                met.append(Resonance(name, rpm, n, amplitude, load, i, frequency, words))
+    own = ready.case.speed / RPM
+    return tuple(sorted(met, key=lambda one: abs(math.log(one.rpm / own))))
 
 
 def lift_harmonics(event: Event, count: int) -> dict[int, float]:

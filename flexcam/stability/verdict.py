@@ -23,7 +23,7 @@ _NEAR = 0.03
 """Distance of a harmonic from a mode, as a part of its frequency, that counts as resonance."""
 
 _HEARD = 0.01
-"""Part of the largest harmonic of all contact forces from which on one makes a resonance; weaker ones are listed."""
+"""Part of the largest harmonic of a contact's own force from which on one makes a resonance; weaker ones are listed."""
 
 _REACH = 2.0
 """Times the case's speed up to which resonances are told one by one."""
@@ -66,10 +66,12 @@ class Stability:
 
     @property
     def resonant(self) -> tuple[Resonance, ...]:
-        """Resonances that the case's speed meets, with harmonics that are in the contact forces."""
-        least = _HEARD * max((one.load for one in self.resonances), default=0.0)
+        """Resonances that the case's speed meets, with harmonics that are in the force of their contact."""
+        largest: dict[str, float] = {}
+        for one in self.resonances:
+            largest[one.contact] = max(one.load, largest.get(one.contact, 0.0))
         near = (one for one in self.resonances if abs(one.rpm / self.rpm - 1.0) <= _NEAR)
-        return tuple(one for one in near if one.load >= least)
+        return tuple(one for one in near if one.load >= _HEARD * largest[one.contact])
 
     @property
     def highest(self) -> float:

@@ -132,3 +132,43 @@ def test_harmonics_in_the_load(flexcam):
     ratios = [one["load_n"] / one["amplitude_m"] for one in found if one["harmonic"] == 1]
     assert ratios
     assert ratios[0] == pytest.approx(1.02e5, rel=0.02)  # pushrod in series with 40 kN/m at (40/25)^2
+
+
+TWO = """
+format = 1
+[nodes]
+shaft = [0.0, 0.0, 0.0]
+heavy = [0.0, 0.05, 0.0]
+light = [0.0, 0.0, 0.05]
+[masses]
+heavy = { at = "heavy", mass = 10.0 }
+light = { at = "light", mass = 0.001 }
+[springs]
+heavy = { at = "heavy", direction = "uy", stiffness = 4e5, installed_force = 9e4 }
+light = { at = "light", direction = "uz", stiffness = 80.0, installed_force = 2.0 }
+[cams]
+heavy = { at = "shaft", axis = [1, 0, 0], law = "4-5-6-7", lift = "10 mm", rise = "90 deg", return = "90 deg" }
+light = { at = "shaft", axis = [1, 0, 0], law = "4-5-6-7", lift = "10 mm", rise = "90 deg", return = "90 deg" }
+[contacts]
+heavy = { cam = "heavy", follower = "heavy", direction = "uy", model = "bilateral", stiffness = 1e9 }
+light = { cam = "light", follower = "light", direction = "uz", model = "bilateral", stiffness = 900.0 }
+[run]
+speed = "SPEED rad/s"
+revolutions = 2
+steps_per_revolution = 720
+start = "equilibrium"
+damping = { alpha = 20.0 }
+"""
+
+
+def test_a_light_train_beside_a_heavy_one_is_heard(flexcam, tmp_path):
+    """The second harmonic meets its own 990 rad/s with a thousandth of the force that the same lift asks beside it."""
+    path = tmp_path / "two.toml"
+    own = math.sqrt(980.0 / 0.001)
+    path.write_text(TWO.replace("SPEED", repr(own / 2.0)), encoding="utf-8")
+    found = flexcam("stability", path, "--json").json
+    met = found["resonances"][0]
+    assert (met["contact"], met["harmonic"]) == ("light", 2)
+    assert met["load_n"] < 2e-3 * 10.0 * met["amplitude_m"] * own**2
+    assert "resonance" in found["verdict"]
+    assert "harmonic 2, light" in flexcam("stability", path).out
