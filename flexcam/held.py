@@ -1,4 +1,4 @@
-"""What is open, loose or idle before a cam turns: contacts no spring closes, members nothing touches, loads on nothing.
+"""What is open, loose, idle or struck before a cam turns: contacts no spring closes, members nothing touches, and more.
 
 May import what stands below `starting`.
 """
@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexcam.case import Case
 from flexcam.integrate import Method, Problem, solve
 from flexcam.response import Response, RunFailedError
 from flexcam.train import Adjuster, Cam, CamContact, Lash, Model, Seat
@@ -59,6 +60,41 @@ def _told(name: str) -> str:
 
 _LIFTED = 1e-9
 """Part of its lift from which a cam counts as off its base circle."""
+
+
+def struck(case: Case, model: Model, problem: Problem) -> list[str]:
+    """Return the cams that lift already when a run starts from rest, which strikes their trains, in words.
+
+    Parameters
+    ----------
+    case, model
+        A case and its model.
+    problem
+        Of its run; a rigid one moves as the cam has it from the first instant.
+
+    Returns
+    -------
+    list
+        A sentence per cam that drives something.
+    """
+    if case.record.run.start != "rest" or not problem.system.size:
+        return []
+    begin = problem.drive.at(np.zeros(1))
+    found: list[str] = []
+    for name in dict.fromkeys(one.cam for one in model.driven.values()):
+        event = model.cams[name].event
+        lift, slope = (float(event(begin.angle, order)[0]) for order in (0, 1))
+        if abs(lift) > _RAISED * event.height:
+            moves = f"{1e3 * lift:.3g} mm and {slope * float(begin.speed[0]):.3g} m/s"
+            found.append(
+                f"Warning: cams.{name}: the run starts in the middle of its lift, at {moves}, and strikes a train at "
+                f'rest; turn it onto its base circle (phase), or take start = "equilibrium" or "periodic"'
+            )
+    return found
+
+
+_RAISED = 1e-3
+"""Part of its lift from which a cam strikes what rests; measured lifts are no quieter on the base circle."""
 
 
 def idle_loads(model: Model, problem: Problem) -> list[str]:

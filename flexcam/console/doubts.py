@@ -8,7 +8,7 @@ from flexcam.case import unusual
 from flexcam.console.lobes import lobe_doubts
 from flexcam.console.mishaps import mishaps
 from flexcam.console.watched import Watched
-from flexcam.held import idle_loads, loose, unheld
+from flexcam.held import idle_loads, loose, struck, unheld
 from flexcam.linalg import share_lost
 from flexcam.memory import Extremes
 from flexcam.response import Stats
@@ -84,7 +84,7 @@ def input_doubts(ready: Prepared) -> list[str]:
     list
         Sentences; none where everything is usual.
     """
-    standing = unheld(ready.model, ready.problem, ready.scheme)
+    standing = [*unheld(ready.model, ready.problem, ready.scheme), *struck(ready.case, ready.model, ready.problem)]
     idle = [*loose(ready.model), *idle_loads(ready.model, ready.problem)]
     return [*unusual(ready.case), *lobe_doubts(ready.model), *idle, *standing, *coarse_steps(ready)]
 

@@ -158,6 +158,22 @@ def test_a_contact_that_no_spring_closes(start, tmp_path, tried):
     tried("planted", f"springs that cannot hold contact, start {start}", 1, "told, with the remedy")
 
 
+@pytest.mark.parametrize(
+    ("phase", "start", "told"),
+    [(-40, "rest", 1), (340, "rest", 1), (0, "rest", 0), (-40, "equilibrium", 0), (-40, "periodic", 0)],
+)
+def test_a_run_that_starts_on_a_flank(phase, start, told):
+    """40 deg into a harmonic rise over 180 deg the lift is 3 mm (1 - cos 40 deg)."""
+    case = read_case(CASE, [f"cams.intake.phase={phase} deg", f"run.start={start}"])
+    found = [one for one in input_doubts(prepare(case)) if "middle of its lift" in one]
+    assert len(found) == told
+    if phase == -40 and told:
+        assert "cams.intake" in found[0]
+        assert "0.702 mm and 0.606 m/s" in found[0]
+        assert 'start = "equilibrium"' in found[0]
+    assert input_doubts(prepare(case, rigid=True)) == []
+
+
 def test_run_tells_it_and_the_result_keeps_it(tmp_path, capsys):
     words = [
         "run",
