@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from flexcam.checks import Fault, InputError, refuse, said
-from flexcam.io.regular import text_of
+from flexcam.io.regular import lines_of
 from flexcam.io.target import free_to_write, made_folder
 from flexcam.io.whole import whole
 from flexcam.linalg import FloatArray
@@ -128,10 +128,10 @@ def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwri
 def _lines(path: Path) -> list[tuple[int, str]]:
     """Return the rows that hold something, with their numbers."""
     try:
-        text = text_of(path)
+        lines = lines_of(path)
     except (OSError, UnicodeDecodeError) as fault:
         raise refuse("lift table", str(path), "a readable text file", said(fault)) from None
-    rows = [(number, line.partition("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1)]
+    rows = [(number, line.partition("#")[0].strip()) for number, line in enumerate(lines, start=1)]
     return [(number, line) for number, line in rows if line]
 
 

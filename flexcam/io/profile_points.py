@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from flexcam.checks import Fault, InputError, refuse, said
-from flexcam.io.regular import text_of
+from flexcam.io.regular import lines_of
 from flexcam.linalg import FloatArray
 
 _LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
@@ -38,7 +38,7 @@ def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
         If the file cannot be read, its columns are not found, a row holds no numbers or the unit is not said.
     """
     try:
-        lines = text_of(path).splitlines()
+        lines = lines_of(path)
     except (OSError, UnicodeDecodeError) as fault:
         raise refuse("profile", str(path), "a readable text file", said(fault)) from None
     rows = [(number, _parts(line)) for number, line in enumerate(lines, start=1) if line.partition("#")[0].strip()]

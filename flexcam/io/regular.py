@@ -64,3 +64,27 @@ def text_of(path: Path, encoding: str = "utf-8-sig") -> str:
     if size > _LARGEST_TEXT:
         raise OSError(f"it has {size} bytes, more than any such file")
     return path.read_text(encoding=encoding)
+
+
+def lines_of(path: Path) -> list[str]:
+    """Return the lines of a file as an editor counts them.
+
+    No letter but the ends of lines of Unix, Windows and old Macs ends one: `str.splitlines` would count
+    others, such as U+0085 and U+2028, and name a wrong line from there on.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    list
+        Without their ends.
+
+    Raises
+    ------
+    OSError, UnicodeDecodeError
+        As `text_of`.
+    """
+    return text_of(path).split("\n")  # all three ends are read as this one

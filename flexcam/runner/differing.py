@@ -69,7 +69,7 @@ Part = tuple[str, str, str]
 
 def _lines(now: str, then: str) -> Iterator[Part]:
     """Yield the first line in which two texts differ; a missing one has ended."""
-    pairs = zip_longest(now.splitlines(), then.splitlines(), fillvalue="its end")
+    pairs = zip_longest(now.split("\n"), then.split("\n"), fillvalue="its end")
     first = next(((i, *pair) for i, pair in enumerate(pairs, start=1) if pair[0] != pair[1]), None)
     number, *both = first or (1, now, then)
     yield f", line {number}", both[0].strip() or "an empty line", both[1].strip() or "an empty line"

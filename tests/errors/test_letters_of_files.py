@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from flexcam import InputError, prepare, read_case, solve
 from flexcam.cli import main
 from flexcam.runner import result_file
+from flexcam.runner.differing import differing
 from flexcam.view import save_figure
 
 SMALL = """
@@ -90,3 +91,11 @@ def test_letters_that_a_font_lacks_are_drawn_in_silence(tmp_path):
     figure = Figure()
     figure.subplots().set_title("\u52d5\u5f01 \u001b")
     assert save_figure(figure, tmp_path / "drawn.png").stat().st_size > 0
+
+
+def test_the_line_in_which_two_cases_differ():
+    """Counted as an editor does, whatever letters a comment holds."""
+    then = "# a\x85b\u2028c\nformat = 1\nspeed = 3\n"
+    (fault,) = differing({"case": then.replace("3", "4")}, {"case": then})
+    assert fault.where == "--resume: the text of the case, line 3"
+    assert (fault.given, fault.allowed) == ("speed = 4", "speed = 3")

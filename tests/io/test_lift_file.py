@@ -18,6 +18,10 @@ ONCE = {"rtol": 4e-16, "atol": 0.0}
 """One factor, rounded once and multiplied once."""
 
 
+OTHER_ENDS = "\x0b\x0c\x1c\x85\u2028\u2029"
+"""Letters at which Python ends lines, and editors do not."""
+
+
 @pytest.fixture
 def read(tmp_path):
     """Read a table of these bytes or this text."""
@@ -196,3 +200,13 @@ def test_lifts_read_back_bit_for_bit(tmp_path):
     with pytest.raises(InputError, match=r"\.toml"):
         write_lift(lift, tmp_path / "a.csv", about={})
     assert [path.name for path in tmp_path.iterdir()] == ["a.toml"]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_are_those_of_an_editor(read, end):
+    """Whatever stands in a comment: the rows keep their numbers, and a faulty one is named by its own."""
+    rows = [f"# cut{OTHER_ENDS}here", "cam_deg, lift_mm", "0, 0", f"# {OTHER_ENDS}", "10, 1", "20, 2"]
+    assert read(end.join(rows)).lines == (3, 5, 6)
+    with pytest.raises(InputError) as refused:
+        read(end.join([*rows, "30; x"]))
+    assert [fault.where for fault in refused.value.faults] == ["lift.csv, line 7"]

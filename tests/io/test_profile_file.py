@@ -13,7 +13,7 @@ from ezdxf import units
 from flexcam.cam import FlatFollower, RollerFollower, SwingRollerFollower, cam_profile
 from flexcam.cams import profile_table
 from flexcam.checks import InputError
-from flexcam.io import ProfileTable, write_profile
+from flexcam.io import ProfileTable, read_profile, write_profile
 from flexcam.motion import LAWS, LiftEvent
 
 pyvista = pytest.importorskip("pyvista")
@@ -164,3 +164,13 @@ def test_a_table_of_one_curve(tmp_path):
     ]  # fmt: skip
     assert len(ezdxf.readfile(files[1]).modelspace().query("LWPOLYLINE")) == 1
     assert pyvista.read(files[2]).points.tolist()[0] == pyvista.read(files[2]).points.tolist()[-1] == [0.01, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_of_points_are_those_of_an_editor(end, tmp_path):
+    """Python ends lines at more letters; a faulty row is named by its own number."""
+    path = tmp_path / "points.csv"
+    path.write_bytes(end.join(["# \x0b\x0c\x1c\x85\u2028\u2029", "x_mm, y_mm", "10, 0", "0, x"]).encode())
+    with pytest.raises(InputError) as refused:
+        read_profile(path)
+    assert [fault.where for fault in refused.value.faults] == ["points.csv, line 4"]
