@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from decimal import Context, Decimal
 
 from flexcam.checks import did_you_mean, refuse
 
@@ -25,35 +26,45 @@ _LARGEST = 10**308
 """Whole numbers may be longer than any float."""
 
 _NONE: Exponents = (0, 0, 0, 0)
-_PREFIXED: dict[str, tuple[float, Exponents]] = {
-    "m": (1.0, (1, 0, 0, 0)),
-    "g": (1e-3, (0, 1, 0, 0)),
-    "s": (1.0, (0, 0, 1, 0)),
-    "N": (1.0, (1, 1, -2, 0)),
-    "Pa": (1.0, (-1, 1, -2, 0)),
-    "J": (1.0, (2, 1, -2, 0)),
-    "W": (1.0, (2, 1, -3, 0)),
-    "Hz": (1.0, (0, 0, -1, 0)),
-    "rad": (1.0, (0, 0, 0, 1)),
+_PREFIXED: dict[str, tuple[Decimal, Exponents]] = {
+    "m": (Decimal(1), (1, 0, 0, 0)),
+    "g": (Decimal("1e-3"), (0, 1, 0, 0)),
+    "s": (Decimal(1), (0, 0, 1, 0)),
+    "N": (Decimal(1), (1, 1, -2, 0)),
+    "Pa": (Decimal(1), (-1, 1, -2, 0)),
+    "J": (Decimal(1), (2, 1, -2, 0)),
+    "W": (Decimal(1), (2, 1, -3, 0)),
+    "Hz": (Decimal(1), (0, 0, -1, 0)),
+    "rad": (Decimal(1), (0, 0, 0, 1)),
 }
-_PREFIXES = {"": 1.0, "G": 1e9, "M": 1e6, "k": 1e3, "d": 1e-1, "c": 1e-2, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "n": 1e-9}
-_PLAIN: dict[str, tuple[float, Exponents]] = {
-    "1": (1.0, _NONE),
-    "%": (0.01, _NONE),
-    "t": (1e3, (0, 1, 0, 0)),
-    "bar": (1e5, (-1, 1, -2, 0)),
-    "deg": (math.pi / 180.0, (0, 0, 0, 1)),
-    "°": (math.pi / 180.0, (0, 0, 0, 1)),
-    "rev": (2.0 * math.pi, (0, 0, 0, 1)),
-    "rpm": (RPM, (0, 0, -1, 1)),
-    "min": (60.0, (0, 0, 1, 0)),
-    "h": (3600.0, (0, 0, 1, 0)),
-    "in": (0.0254, (1, 0, 0, 0)),
-    "ft": (0.3048, (1, 0, 0, 0)),
-    "lb": (0.45359237, (0, 1, 0, 0)),
-    "lbf": (4.4482216152605, (1, 1, -2, 0)),
-    "psi": (6894.757293168361, (-1, 1, -2, 0)),
+_PREFIXES = {
+    prefix: Decimal(size)
+    for prefix, size in {
+        "": "1", "G": "1e9", "M": "1e6", "k": "1e3", "d": "1e-1", "c": "1e-2", "m": "1e-3", "u": "1e-6", "µ": "1e-6",
+        "n": "1e-9",
+    }.items()
+}  # fmt: skip
+_PLAIN: dict[str, tuple[Decimal, Exponents]] = {
+    "1": (Decimal(1), _NONE),
+    "%": (Decimal("0.01"), _NONE),
+    "t": (Decimal("1e3"), (0, 1, 0, 0)),
+    "bar": (Decimal("1e5"), (-1, 1, -2, 0)),
+    "deg": (Decimal(math.pi / 180.0), (0, 0, 0, 1)),
+    "°": (Decimal(math.pi / 180.0), (0, 0, 0, 1)),
+    "rev": (Decimal(2.0 * math.pi), (0, 0, 0, 1)),
+    "rpm": (Decimal(RPM), (0, 0, -1, 1)),
+    "min": (Decimal(60), (0, 0, 1, 0)),
+    "h": (Decimal(3600), (0, 0, 1, 0)),
+    "in": (Decimal("0.0254"), (1, 0, 0, 0)),
+    "ft": (Decimal("0.3048"), (1, 0, 0, 0)),
+    "lb": (Decimal("0.45359237"), (0, 1, 0, 0)),
+    "lbf": (Decimal("4.4482216152605"), (1, 1, -2, 0)),
+    "psi": (Decimal("6894.757293168361"), (-1, 1, -2, 0)),
 }
+"""Exact where the unit is a decimal number of SI, so that a text is the same float as its SI number."""
+
+_EXACT = Context(prec=60, traps=[])
+"""Digits of the arithmetic of units: a single rounding is left, that to a float. What is too large is infinite."""
 
 
 @dataclass(frozen=True)
@@ -117,13 +128,13 @@ DIMENSIONS = _table(
 )
 
 
-def _unit(symbol: str) -> tuple[float, Exponents] | None:
+def _unit(symbol: str) -> tuple[Decimal, Exponents] | None:
     if symbol in _PLAIN:
         return _PLAIN[symbol]
     for base, (factor, exponents) in _PREFIXED.items():
         prefix = symbol.removesuffix(base)
         if symbol.endswith(base) and prefix in _PREFIXES:
-            return _PREFIXES[prefix] * factor, exponents
+            return _EXACT.multiply(_PREFIXES[prefix], factor), exponents
     return None
 
 
@@ -131,8 +142,8 @@ def _known_symbols() -> list[str]:
     return [*_PLAIN, *(prefix + base for base in _PREFIXED for prefix in _PREFIXES)]
 
 
-def _unit_product(text: str, where: str) -> tuple[float, Exponents]:
-    factor, exponents, position, divide = 1.0, _NONE, 0, False
+def _unit_product(text: str, where: str) -> tuple[Decimal, Exponents]:
+    factor, exponents, position, divide = Decimal(1), _NONE, 0, False
     while position < len(text):
         match = _FACTOR.match(text, position)
         found = _unit(match[2]) if match else None
@@ -147,7 +158,7 @@ def _unit_product(text: str, where: str) -> tuple[float, Exponents]:
         # As in print, everything up to the next '*' or '/' stays below a '/': N s/m, kg/(m s) is kg/m/s.
         divide = match[1] == "/" or (match[1] == "" and divide)
         power = int(match[3] or 1) * (-1 if divide else 1)
-        factor *= found[0] ** power
+        factor = _EXACT.multiply(factor, _EXACT.power(found[0], power))
         exponents = tuple(a + power * b for a, b in zip(exponents, found[1], strict=True))
         position = match.end()
     return factor, exponents  # pyright: ignore[reportReturnType]
@@ -186,8 +197,8 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
 
     Examples
     --------
-    >>> parse("25 mm", "length")
-    0.025
+    >>> parse("25 mm", "length"), parse("0.62 g/cm^3", "density")
+    (0.025, 620.0)
     >>> round(parse("3000rpm", "speed"), 6)
     314.159265
     """
@@ -197,19 +208,19 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):  # pyright: ignore[reportUnnecessaryIsInstance] - file content
         raise refuse(where, value, allowed)
     if not isinstance(value, str):
-        number, text = float(value) if abs(value) < _LARGEST else math.inf, ""
+        number, text = Decimal(value) if abs(value) < _LARGEST else Decimal("inf"), ""
     elif match := _NUMBER.match(value):
-        number, text = float(match[1]), match[2]
+        number, text = _EXACT.create_decimal(match[1]), match[2]
     else:
         raise refuse(where, repr(value), allowed, "it does not begin with a number")
-    factor, exponents = _unit_product(text, where) if text else (1.0, kind.exponents)
+    factor, exponents = _unit_product(text, where) if text else (Decimal(1), kind.exponents)
     if not _same_kind(exponents, kind.exponents):
         why = f"the unit {text!r} does not measure {article} {kind.name}"
         remedy = (
             f"give the {kind.name} in a unit of its own, as in {kind.example!r}" if kind.si else "leave the unit out"
         )
         raise refuse(where, repr(value), allowed, why, remedy)
-    si = number * factor
+    si = float(_EXACT.multiply(number, factor))
     if not math.isfinite(si):
         raise refuse(where, repr(value), allowed, "the number is not finite")
     if noise and abs(si) < kind.least:
