@@ -6,6 +6,7 @@ May import `case` and everything below it; `flexcam synthesize` prints what stan
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from flexcam.case import Case, build_model
 from flexcam.checks import did_you_mean, refuse
 from flexcam.linalg import ComplexArray, FloatArray
+from flexcam.motion import Event
 from flexcam.runner import modes
 from flexcam.synthesis import (
     HarmonicFit,
@@ -23,7 +25,7 @@ from flexcam.synthesis import (
     off_design,
     polydyne,
 )
-from flexcam.train import Model, lift_transfer, valve_ratio
+from flexcam.train import Cam, Model, lift_transfer, valve_ratio
 from flexcam.units import RPM
 
 OFF_DESIGN = (0.25, 0.5, 0.75, 0.9, 1.0, 1.1)
@@ -116,13 +118,11 @@ def harmonic_cam(
         why = "not one harmonic lies below the first mode"
         raise refuse("count", given, "a lower speed, a stiffer train, or a number of harmonics", why, "give --count")
     number = limit if count is None else count
-    fit = harmonic_fit(model.cams[_which(model, cam)].event, number, tolerance=tolerance, bound=bound)
+    fit = harmonic_fit(model.cams[_which(model.cams, cam)].event, number, tolerance=tolerance, bound=bound)
     return HarmonicCam(fit, number, frequency, limit)
 
 
-def polydyne_cam(
-    case: Case, cam: str | None, *, speed: float | None = None, transfer: Transfer | None = None, count: int = 60
-) -> PolydyneCam:
+def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, count: int = 60) -> PolydyneCam:
     """Return the cam that makes the valve of a case follow the lift which the case's cam would give it if rigid.
 
     Parameters
@@ -133,8 +133,6 @@ def polydyne_cam(
         Name of the cam; None for the only one.
     speed
         Design speed of the camshaft, rad/s; None for the case's.
-    transfer
-        Of a simpler train, such as `flexcam.synthesis.SingleMass`; None for the case's own.
     count
         Harmonics.
 
@@ -149,15 +147,45 @@ def polydyne_cam(
         If no contact drives the train, or the train does not answer to a harmonic.
     """
     model = build_model(case)
-    name, at = _which(model, cam), case.speed if speed is None else speed
-    answer = transfer or _train(model, name, at)
-    wanted = model.cams[name].event
-    design = polydyne(wanted, answer, at, count=count)
+    name, at = _which(model.cams, cam), case.speed if speed is None else speed
+    return _designed(model.cams[name].event, _train(model, name, at), at, valve_ratio(model, name), count)
+
+
+def polydyne_of(cams: Mapping[str, Cam], cam: str | None, transfer: Transfer, speed: float, count: int) -> PolydyneCam:
+    """Return the cam that makes a train follow the lift of a cam, from how the train answers; no case is needed.
+
+    Parameters
+    ----------
+    cams
+        By name.
+    cam
+        Name of the cam; None for the only one.
+    transfer
+        Of the train, such as `flexcam.synthesis.SingleMass`.
+    speed
+        Design speed of the camshaft, rad/s.
+    count
+        Harmonics.
+
+    Returns
+    -------
+    PolydyneCam
+        The cam, and what it does at other speeds.
+
+    Raises
+    ------
+    InputError
+        If there is no such cam, or the train does not answer to a harmonic.
+    """
+    return _designed(cams[_which(cams, cam)].event, transfer, speed, 1.0, count)
+
+
+def _designed(wanted: Event, answer: Transfer, speed: float, ratio: float, count: int) -> PolydyneCam:
+    design = polydyne(wanted, answer, speed, count=count)
     plain = Polydyne(design.wanted, design.wanted, 0.0)
-    speeds = at * np.array(OFF_DESIGN)
-    ratio = valve_ratio(model, name) if transfer is None else 1.0
+    speeds = speed * np.array(OFF_DESIGN)
     before, after = (ratio * off_design(cam, answer, speeds.tolist()) for cam in (plain, design))
-    return PolydyneCam(design, at, speeds, before, after, ratio)
+    return PolydyneCam(design, speed, speeds, before, after, ratio)
 
 
 def _train(model: Model, cam: str, speed: float) -> Transfer:
@@ -181,10 +209,10 @@ def _train(model: Model, cam: str, speed: float) -> Transfer:
     return relative
 
 
-def _which(model: Model, cam: str | None) -> str:
-    if cam is None and len(model.cams) == 1:
-        return next(iter(model.cams))
-    if cam is None or cam not in model.cams:
-        given, known = "no name" if cam is None else repr(cam), ", ".join(model.cams)
-        raise refuse("--cam", given, known or "a cam in the case", "", did_you_mean(cam or "", model.cams))
+def _which(cams: Mapping[str, Cam], cam: str | None) -> str:
+    if cam is None and len(cams) == 1:
+        return next(iter(cams))
+    if cam is None or cam not in cams:
+        given, known = "no name" if cam is None else repr(cam), ", ".join(cams)
+        raise refuse("--cam", given, known or "a cam in the case", "", did_you_mean(cam or "", cams))
     return cam

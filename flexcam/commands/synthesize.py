@@ -9,6 +9,8 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 
 from flexcam import __version__
+from flexcam.cams import CamSet, load_cams
+from flexcam.case.read import holds_mechanism
 from flexcam.checks import positive, refuse
 from flexcam.commands.app import Json, Overrides, Overwrite, Picture, app, free_picture, load, quantity
 from flexcam.commands.cams import CamName
@@ -22,7 +24,7 @@ from flexcam.console.synthesis import (
     synthesis_json,
     synthesis_table,
 )
-from flexcam.design import harmonic_cam, polydyne_cam
+from flexcam.design import harmonic_cam, polydyne_cam, polydyne_of
 from flexcam.io import made_folder, write_law, write_lift
 from flexcam.motion import event_extremes
 from flexcam.synthesis import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesized, minimax, pareto
@@ -40,6 +42,7 @@ app.command(synthesize)
 
 Output = Annotated[Path | None, Parameter(["-o", "--output"], help="File (.toml) that a case can name.")]
 CasePath = Annotated[Path, Parameter(help="Case file (TOML).")]
+CamsPath = Annotated[Path, Parameter(help="Case file; with --frequency also a file with [cams.NAME] alone.")]
 Minimize = Annotated[
     list[str], Parameter("--minimize", negative=(), help="Cv, Ca, Cj, Cm or rms, or CRITERION=WEIGHT. May be repeated.")
 ]
@@ -209,11 +212,11 @@ def synthesize_harmonic(
     name="polydyne",
     help_prologue="""\
 flexcam synthesize polydyne case.toml --speed 3000rpm -o intake-polydyne.toml
-flexcam synthesize polydyne case.toml --frequency "400 Hz" --damping 0.02
+flexcam synthesize polydyne cams.toml --frequency "400 Hz" --damping 0.02 --speed 3000rpm
 """,
 )
 def synthesize_polydyne(
-    case: CasePath, *, name: CamName = None,
+    case: CamsPath, *, name: CamName = None,
     speed: Annotated[str | None, Parameter(help="Design speed of the camshaft; the case's by default.")] = None,
     frequency: Annotated[str | None, Parameter(help="Of one mass on a spring, instead of the case's train.")] = None,
     damping: Annotated[float, Parameter(help="Of that mass, part of the critical.")] = 0.0,
@@ -224,12 +227,15 @@ def synthesize_polydyne(
     at = None if speed is None else positive("--speed", quantity("--speed", speed, "speed", "rpm"), "rad/s")
     if damping and frequency is None:
         raise refuse("--damping", damping, "nothing without --frequency", "the case's train has its own")
-    mass = (
-        None
-        if frequency is None
-        else SingleMass(2.0 * math.pi * quantity("--frequency", frequency, "rate", "Hz"), damping)
-    )
-    found = polydyne_cam(load(case, overrides), name, speed=at, transfer=mass, count=count)
+    if frequency is not None:
+        omega = 2.0 * math.pi * quantity("--frequency", frequency, "rate", "Hz")
+        cams = load_cams(case, overrides or ())
+        found = polydyne_of(cams.cams, name, SingleMass(omega, damping), _speed_of(cams, at), count)
+    elif holds_mechanism(case):
+        found = polydyne_cam(load(case, overrides), name, speed=at, count=count)
+    else:
+        given, remedy = f"{case.name}, which has cams alone", "add --frequency for one mass on a spring"
+        raise refuse("case", given, "a case with the train that the cam drives", "", remedy)
     about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed / RPM}
     files = [] if output is None else [write_lift(found.design.event, output, about=about, overwrite=overwrite)]
     if as_json:
@@ -246,3 +252,11 @@ def synthesize_polydyne(
     out().print(polydyne_table(found))
     for path in files:
         out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
+
+
+def _speed_of(cams: CamSet, given: float | None) -> float:
+    """Return the design speed: the one asked for, or that of the file."""
+    speed = given if given is not None else cams.speed
+    if speed is None:
+        raise refuse("--speed", "nothing", "the design speed, such as 3000rpm", f"{cams.name} has cams alone, no speed")
+    return speed

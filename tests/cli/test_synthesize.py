@@ -130,6 +130,40 @@ def test_polydyne_of_one_mass(told, tmp_path):
     assert lift["cosine"] + lift["sine"] == pytest.approx(expected, rel=1e-12, abs=1e-15)
 
 
+CAMS = """
+format = 1
+[cams.intake]
+law = "shm"
+lift = "6 mm"
+rise = "180 deg"
+return = "180 deg"
+"""
+
+
+@pytest.mark.parametrize(("line", "words"), [("", ("--speed", "3000 rpm")), ('speed = "3000 rpm"', ())])
+def test_polydyne_of_one_mass_needs_no_train(told, tmp_path, line, words):
+    """A file with cams alone will do; the speed is asked for, or its own."""
+    path = tmp_path / "cams.toml"
+    path.write_text(line + CAMS, encoding="utf-8")
+    found = facts(told, "synthesize", "polydyne", path, "--frequency", "397 Hz", "--count", "7", *words)
+    alike = facts(told, *POLYDYNE, "--frequency", "397 Hz", "--speed", "3000 rpm", "--count", "7")
+    assert found == alike
+    assert found["lift"][1] - found["lift"][0] == pytest.approx(0.006 * (1 - (50 / 397) ** 2), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("words", "where", "more"),
+    [(("--frequency", "397 Hz"), "--speed", "3000rpm"), (("--speed", "3000 rpm"), "cams.toml", "--frequency")],
+)
+def test_a_polydyne_cam_without_a_train_or_a_speed(told, tmp_path, words, where, more):
+    path = tmp_path / "cams.toml"
+    path.write_text(CAMS, encoding="utf-8")
+    done = told("synthesize", "polydyne", path, *words)
+    assert done.code == 2
+    assert where in done.err
+    assert more in done.err
+
+
 def test_harmonics_below_the_first_mode(told, tmp_path):
     """Of 67.11 Hz, at 10 Hz: six. In the dwell of 200 deg the lift stays within 20 um."""
     found = facts(told, *SHORT, "-o", "few.toml")
