@@ -93,15 +93,6 @@ def _mesh(case: Case) -> Mesh:
 def _inline_mesh(case: Case) -> Mesh:
     names = list(case.record.nodes)
     index = {name: np.array([i]) for i, name in enumerate(names)}
-    twice = [
-        Fault(case.place(("members", name, "nodes")), repr(node), "a chain that meets each node once",
-              "a closed member has no end to start from", "make two members of it")
-        for name, member in case.record.members.items()
-        for node in dict.fromkeys(member.nodes or [])
-        if (member.nodes or []).count(node) > 1
-    ]  # fmt: skip
-    if twice:
-        raise InputError(twice)
     lines = {name: np.array([names.index(node) for node in m.nodes or []]) for name, m in case.record.members.items()}
     return Mesh(np.array(list(case.record.nodes.values())), lines, index)
 

@@ -12,6 +12,7 @@ from typing import Any, TypeVar, cast
 from pydantic import ValidationError
 
 from flexcam.case.case import Case
+from flexcam.case.coinciding import coinciding
 from flexcam.case.lines import Places, in_order
 from flexcam.case.raw import overridden, parsed, tables_of
 from flexcam.case.records import CamsRecord, CaseRecord
@@ -148,6 +149,7 @@ class CaseFile:
         own, mesh_faults = self._mesh(raw, places) if mesh is None or "mesh" not in raw else (mesh, [])
         record, record_faults = _record(CaseRecord, raw, places, self.path)
         found += [*record_faults, *mesh_faults, *References(raw, own, places).faults(), *_either_or(raw, places)]
+        found += coinciding(raw if record is None else {**raw, "nodes": record.nodes}, places)
         if found or record is None:
             raise InputError(in_order(found))
         return Case(self.path, self.text, tuple(overrides), record, own, places)

@@ -111,6 +111,11 @@ MANY = {
         [('camshaft = { nodes', 'camshaft = { orientation = [2, 0, 0], nodes'), ("[nodes]", '[bearings]\nlost = { at = "lost", stiffness = "1 MN/m" }\n[nodes]\nlost = [0, 0, 1]')],
         ["members.camshaft.orientation (line ", "bearings.lost (line "],
     ),
+    "nodes at one place beside a unit and a name": (
+        [('front = ["60 mm"', 'front = ["0 mm"'), ('"207 GPa"', '"207 Gpa"'), ('section = "tube"', 'section = "tub"'),
+         ('["drive", "front", "cam", "rear"]', '["drive", "front", "cam", "rear", "cam"]')],
+        ["nodes.front (line ", "members.camshaft.nodes (line ", "materials.steel.E", "members.pushrod.section"],
+    ),
     "points of rockers": (
         [('to = "valve"', 'to = "cam"'), ('from = "pushrod-top"', 'from = "pushrodtop"')], ["rockers.rocker.to", "rockers.rocker.from"],
     ),

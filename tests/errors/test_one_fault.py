@@ -124,7 +124,7 @@ FAULTS = {
     "four coordinates": ('rear = ["180 mm", ', 'rear = ["180 mm", 0, ', "nodes.rear", "180 mm", "3"),
     "three arms": ('arms = ["25 mm", ', 'arms = ["25 mm", 1, ', "rockers.rocker.arms", "25 mm", "2"),
     # geometry
-    "two nodes at one place": ('rear = ["180 mm"', 'rear = ["60 mm"', "nodes", "", "rear"),
+    "two nodes at one place": ('rear = ["180 mm"', 'rear = ["60 mm"', "nodes.rear", "front", "shared node"),
     "closed member": ('"cam", "rear"]', '"cam", "drive"]', "members.camshaft", "drive", "chain"),
     "node twice in a row": ('"cam", "rear"]', '"cam", "cam"]', "members.camshaft", "cam", ""),
     "member of one node": ('["tappet", "pushrod-top"]', '["tappet"]', "members.pushrod.nodes", "tappet", "2"),
