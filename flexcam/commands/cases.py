@@ -127,7 +127,8 @@ def modes(
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
     if as_json:
         print_json({
-            "status": "ok", "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
+            "status": "ok", "title": read.record.title,
+            "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
             "effective_masses": found.effective.tolist(), "lost": found.modes.lost,
             "rounding": found.modes.rounding.tolist(), "warnings": doubts(found),
             "moves": [found.words(i) for i in range(len(found.shares))],
@@ -135,7 +136,7 @@ def modes(
             "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    out().print(mode_table(found))
+    out().print(mode_table(found, read.title))
     for sentence in doubts(found):
         out().print("\n" + sentence)
     if likeness is not None:

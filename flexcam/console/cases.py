@@ -210,13 +210,15 @@ def mac_words(likeness: FloatArray, nodes: int) -> str:
     return f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}."
 
 
-def mode_table(modes: ModelModes) -> Table:
+def mode_table(modes: ModelModes, of: str = "") -> Table:
     """Return frequencies, effective masses and what moves.
 
     Parameters
     ----------
     modes
         The modes.
+    of
+        What the case is called, where nothing above the table says so.
 
     Returns
     -------
@@ -224,7 +226,7 @@ def mode_table(modes: ModelModes) -> Table:
         For rich.
     """
     places = decimals(float(np.abs(modes.effective[:, :3]).max(initial=0.0)), 4)
-    made = table("Modes", ("no.", "Hz", "camshaft rpm", "ux kg", "uy kg", "uz kg"), ())
+    made = table(f"{of}: modes" if of else "Modes", ("no.", "Hz", "camshaft rpm", "ux kg", "uy kg", "uz kg"), ())
     made.add_column("what moves (share of the kinetic energy)", justify="left")
     for i, frequency in enumerate(modes.modes.frequencies):
         masses = [fixed(m, places) for m in modes.effective[i, :3]]

@@ -51,6 +51,17 @@ def test_the_same_case_with_nodes_of_its_own(flexcam, case, tayeb):
     assert own == pytest.approx(mesh, rel=1e-6, abs=1e-3)
 
 
+@pytest.mark.parametrize("verb", ["check", "modes", "run"])
+def test_the_case_is_named_first(verb, flexcam, case):
+    """By its title, or by its file where it has none."""
+    anew = ["--overwrite"] if verb == "run" else []
+    assert flexcam(verb, "case.toml", *anew).out.startswith("Nodes in the file")
+    assert flexcam(verb, "case.toml", "--set", "title=[odd] name", *anew).out.startswith("[odd] name")
+    assert flexcam(verb, "case.toml", "--set", 'title=""', *anew).out.startswith("case")
+    if not anew:
+        assert flexcam(verb, "case.toml", "--json").json["title"] == "Nodes in the file"
+
+
 @pytest.mark.parametrize("verb", ["compare", "orders", "campbell", "modes"])
 def test_no_number_is_cut_in_a_narrow_terminal(verb, flexcam, case, monkeypatch):
     few = ("--count", "2") if verb in ("orders", "campbell") else ()
