@@ -1,12 +1,13 @@
 """Pictures, movies and pages of a stage, by the ending of their name."""
 
-# pyright: reportUnknownMemberType=false
-# pyvista leaves most of its types open.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyvista and imageio leave most of their types open.
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib.util import find_spec
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -81,27 +82,41 @@ def save(stage: Stage, path: Path, frames: Sequence[int], still: int) -> None:
 
 
 def _save(stage: Stage, path: Path, frames: Sequence[int], still: int) -> None:
-    if path.suffix in (".gif", ".mp4"):
-        _movie(stage, path, frames)
-        return
-    stage.show(still)
-    if path.suffix == ".png":
-        stage.plotter.screenshot(path)
-    else:
-        stage.plotter.render()
-        write_page(stage.plotter.render_window, path, stage.title)
+    match path.suffix:
+        case ".gif":
+            path.write_bytes(_gif(stage, frames))
+        case ".mp4":
+            _movie(stage, path, frames)
+        case ".png":
+            stage.show(still)
+            stage.plotter.screenshot(path)
+        case _:
+            stage.show(still)
+            stage.plotter.render()
+            write_page(stage.plotter.render_window, path, stage.title)
     stage.plotter.close()
 
 
+def _gif(stage: Stage, frames: Sequence[int]) -> bytes:
+    """Return a movie as a file holds it: a writer to the file would print what the system refuses, and go on."""
+    from imageio.v2 import get_writer
+
+    made = BytesIO()
+    duration = 1000.0 / _PER_SECOND  # ms
+    stage.plotter.mwriter = get_writer(made, format=".gif", mode="I", duration=duration, loop=0)
+    for i in frames:
+        stage.show(i)
+        stage.plotter.write_frame()
+    stage.plotter.mwriter.close()
+    return made.getvalue()
+
+
 def _movie(stage: Stage, path: Path, frames: Sequence[int]) -> None:
-    if path.suffix == ".gif":
-        stage.plotter.open_gif(str(path), fps=_PER_SECOND, loop=0)
-    else:
-        stage.plotter.open_movie(str(path), framerate=_PER_SECOND, macro_block_size=2)
+    quiet = {"ffmpeg_log_level": "quiet"}  # what it would print is told below
+    stage.plotter.open_movie(str(path), framerate=_PER_SECOND, macro_block_size=2, **quiet)
     for i in frames:
         stage.show(i)
         stage.plotter.write_frame()
     stage.plotter.close()
-    ends = path.read_bytes()[-1:] == b";" if path.suffix == ".gif" else b"moov" in path.read_bytes()
-    if not ends:  # its writer is silent where the disk is full
+    if b"moov" not in path.read_bytes():  # its writer is silent where the disk is full
         raise OSError("its end is missing: no space left, perhaps")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 import resource
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+from imageio.v2 import get_writer
 
 from flexcam import prepare, read_case, solve
 from flexcam.cli import main
@@ -73,18 +76,46 @@ def test_a_disk_that_is_full(tmp_path, capsys, result, name):
     assert not [one for one in tmp_path.rglob("*") if one.name.startswith(".flexcam")]
 
 
-@pytest.mark.parametrize("name", ["movie.gif", "movie.mp4"])
-def test_a_movie_whose_writer_keeps_silent(tmp_path, name):
+def test_a_movie_whose_writer_keeps_silent(tmp_path):
     """Writers of movies may end without a word on a full disk."""
-    (tmp_path / name).write_text("what stood there before")
+    (tmp_path / "movie.mp4").write_text("what stood there before")
 
     def opened(path, **options):
-        Path(path).write_bytes(b"GIF89a ftyp")
+        Path(path).write_bytes(b"ftyp")
 
-    plotter = SimpleNamespace(open_gif=opened, open_movie=opened, write_frame=lambda: None, close=lambda: None)
+    plotter = SimpleNamespace(open_movie=opened, write_frame=lambda: None, close=lambda: None)
     stage = SimpleNamespace(plotter=plotter, show=lambda instant: None)
     with pytest.raises(RunFailedError, match="its end is missing"):
-        save(stage, tmp_path / name, [0, 1], 0)
+        save(stage, tmp_path / "movie.mp4", [0, 1], 0)
+    assert [one.read_text() for one in tmp_path.iterdir()] == ["what stood there before"]
+
+
+class Filmed:
+    """A plotter of noise, whose pictures take room; like that of pyvista it passes over what its writer says."""
+
+    def open_gif(self, path, **options):
+        self.mwriter = get_writer(path, mode="I")
+
+    def write_frame(self):
+        self.mwriter.append_data(np.random.default_rng(1).integers(0, 255, (60, 80, 3), dtype=np.uint8))
+
+    def close(self):
+        with suppress(OSError):
+            self.mwriter.close()
+
+
+def test_a_movie_of_pictures_on_a_full_disk(tmp_path, capfd):
+    """Its writer's own words, lines of Python's, are nothing to tell a user."""
+    (tmp_path / "movie.gif").write_text("what stood there before")
+    stage = SimpleNamespace(plotter=Filmed(), show=lambda instant: None)
+    with (
+        full_disk(),
+        pytest.raises(RunFailedError, match=r"movie\.gif could not be written: File too large; free space"),
+    ):
+        save(stage, tmp_path / "movie.gif", [0, 1, 2], 0)
+    del stage
+    gc.collect()
+    assert capfd.readouterr() == ("", "")
     assert [one.read_text() for one in tmp_path.iterdir()] == ["what stood there before"]
 
 
