@@ -17,7 +17,7 @@ from flexcam.case import given_follower
 from flexcam.checks import did_you_mean, positive, refuse
 from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity
 from flexcam.console.cams import cam_json, cam_table, overlap_table, read_table, smoothing_table
-from flexcam.io import free_to_write, made_folder, read_profile, write_lift_table, write_profile
+from flexcam.io import free_to_write, made_folder, named_as_folder, read_profile, write_lift_table, write_profile
 from flexcam.terminal import out, print_json
 
 _LEAST_POINTS, _MOST_POINTS = 12, 100_000
@@ -45,6 +45,8 @@ def cam(
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Say what the cams of a file do: lift, joints, valve events, profile and its limits; write profiles to files."""
+    if folder is not None:
+        named_as_folder(folder)
     cams = load_cams(case, overrides or ())
     if name is not None and name not in cams.cams:
         raise refuse("--cam", repr(name), ", ".join(cams.cams), "", did_you_mean(name, cams.cams))

@@ -27,7 +27,7 @@ from flexcam.console.cases import (
 )
 from flexcam.console.doubts import doubts, input_doubts
 from flexcam.integrate import integrated
-from flexcam.io import made_folder, write_modes
+from flexcam.io import made_folder, named_as_folder, write_modes
 from flexcam.runner import (
     budget_of,
     geometry_of,
@@ -114,6 +114,8 @@ def modes(
     """
     if count < 1:
         raise refuse("--count", count, "a whole number from 1")
+    if folder is not None:
+        named_as_folder(folder)
     read = load(case, overrides)
     found = case_modes(read, count, prestress=prestress)
     likeness, compared = None, 0

@@ -19,6 +19,7 @@ from flexcam.io import (
     free_to_write,
     macro_of,
     made_folder,
+    named_as_folder,
     read_result,
     verified,
     write_csv,
@@ -61,7 +62,7 @@ def export(
     """Write a result as a ParaView collection or CSV table, or a case's mesh for Gmsh, Abaqus or CalculiX."""
     if macro and form != "pvd":
         raise refuse("--paraview", f"--format {form}", "--format pvd", "the macro opens that collection")
-    target = made_folder(folder or source.parent) / f"{source.stem}.{form}"
+    target = made_folder(source.parent if folder is None else named_as_folder(folder)) / f"{source.stem}.{form}"
     if form in ("msh", "inp"):
         write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
         files = [target]

@@ -12,6 +12,7 @@ from flexcam import sweep as sweeps
 from flexcam.checks import refuse
 from flexcam.commands.app import AllowLarge, CaseFile, Folder, Json, Overwrite, app
 from flexcam.console.sweep import sweep_json, sweep_status, sweep_table, sweep_words
+from flexcam.io import named_as_folder
 from flexcam.response import Status
 from flexcam.terminal import counting, out, print_json
 
@@ -60,7 +61,7 @@ def sweep(
     """
     kept = [name.strip() for words in scalars or [] for name in words.split(",")]
     asked = sweeps.study(case, settings or (), sampled=sample, seed=seed, scalars=kept, limit=limit)
-    target = sweeps.Target(folder, resume, overwrite, histories, parquet)
+    target = sweeps.Target(named_as_folder(folder), resume, overwrite, histories, parquet)
     runners = _workers(scheduler, workers)
     if not allow_large:
         together = 1 if scheduler or workers == 0 else workers or _cores()

@@ -21,7 +21,7 @@ from flexcam.io.regular import text_of
 from flexcam.io.result import Result, read_result
 from flexcam.io.result_size import points_drawn, result_bytes
 from flexcam.io.sealed import seal, seal_fault
-from flexcam.io.target import free_to_write, made_folder, takes_files
+from flexcam.io.target import free_to_write, made_folder, named_as_folder, takes_files
 from flexcam.io.toml_text import toml_text
 from flexcam.io.unfinished import Unfinished
 from flexcam.io.verify import Verified, verified
@@ -44,6 +44,7 @@ __all__ = [
     "hold",
     "macro_of",
     "made_folder",
+    "named_as_folder",
     "named_file",
     "partial_of",
     "points_drawn",

@@ -54,6 +54,36 @@ def _barred(folder: Path) -> str:
     return f"{above} is a symbolic link that leads nowhere" if above.is_symlink() else f"{above} is a file"
 
 
+_OF_FILES = frozenset((
+    ".h5", ".hdf5", ".vtkhdf", ".csv", ".parquet", ".toml", ".json", ".html", ".svg", ".png", ".pdf", ".pvd", ".vtp",
+    ".dxf", ".msh", ".inp",
+))  # fmt: skip
+
+
+def named_as_folder(path: Path) -> Path:
+    """Return the name of a folder for files that are named after something else, such as the case.
+
+    Parameters
+    ----------
+    path
+        The folder, which need not exist.
+
+    Returns
+    -------
+    Path
+        The same.
+
+    Raises
+    ------
+    InputError
+        If it ends like a file that flexcam writes, and nothing stands there already.
+    """
+    if path.suffix.lower() not in _OF_FILES or path.exists():
+        return path
+    allowed, why = "a folder", "its files have names of their own, after the case"
+    raise refuse("folder", str(path), allowed, why, f"name a folder, such as -o {path.with_suffix('')}")
+
+
 def made_folder(path: Path) -> Path:
     """Return a folder, made with its parents if it does not exist.
 

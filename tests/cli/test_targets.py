@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from flexcam import InputError
-from flexcam.io import free_to_write, made_folder, takes_files
+from flexcam.io import free_to_write, made_folder, named_as_folder, takes_files
 
 CHECKS = {"folder": made_folder, "try": takes_files, "file": lambda path: free_to_write("result", path, overwrite=True)}
 
@@ -46,6 +46,16 @@ def test_a_folder_that_takes_no_file(flexcam, case):
         told = flexcam("run", case, "-o", given).err
         assert f"folder: given {given}" in told
         assert "[Errno" not in told
+
+
+def test_a_folder_named_like_a_file(flexcam, case, tmp_path):
+    """It is refused with the name that was likely meant; one that is there already is taken."""
+    told = flexcam("sweep", case, "--set", "run.speed=1000,2000rpm", "-o", "sub/grid.h5").err
+    assert "folder: given sub/grid.h5" in told
+    assert "-o sub/grid" in told
+    (tmp_path / "mine.h5").mkdir()
+    for name in ("mine.h5", "results.v2", "0.5"):
+        assert named_as_folder(tmp_path / name) == tmp_path / name
 
 
 def test_an_ordinary_link_to_a_folder_is_followed(tmp_path):
