@@ -21,6 +21,7 @@ from flexcam.modal import modes as modes_of
 from flexcam.response import Cause, RunFailedError
 from flexcam.system import ConstantSpeed
 from flexcam.train import buckling_load, build_structure, operation
+from tests.pinned_rod import LENGTH, TUBE, pinned_rod, push
 
 SLENDER, ELEMENTS, AXIAL = "slenderness of a beam", "elements per span", "axial load"
 DIAMETER, FIRST = 0.02, 1.8751040687119611
@@ -139,54 +140,15 @@ def test_more_elements_are_refused(expect, steel, elements, asked):
                    "rounding in the stiffness", "fewer elements")  # fmt: skip
 
 
-LENGTH = 0.4
-TUBE = fem.Section.tube(0.008, 0.005)
-COLUMN = """
-format = 1
-[nodes]
-root = [0.0, 0.0, 0.0]
-mid = [0.2, 0.0, 0.0]
-tip = [0.4, 0.0, 0.0]
-[materials.steel]
-E = "207 GPa"
-nu = 0.29
-density = "7800 kg/m^3"
-[sections]
-tube = {{ shape = "tube", outer_diameter = "8 mm", inner_diameter = "5 mm" }}
-[members.rod]
-nodes = ["root", "mid", "tip"]
-material = "steel"
-section = "tube"
-elements = 4
-rotary_inertia = false
-geometric_stiffness = true
-bow = {bow}
-[supports]
-root = ["ux", "uy", "uz", "rx"]
-tip = ["uy", "uz"]
-[loads.push]
-at = "tip"
-direction = "ux"
-force = {force!r}
-[run]
-speed = "60 rpm"
-step = "10 us"
-revolutions = 3e-5
-start = "equilibrium"
-[output]
-probes = ["mid", "tip"]
-"""
-
-
 @pytest.fixture
 def column(tmp_path):
     """Return the case of a pinned tube under a part of its own critical load."""
 
     def make(part, bow=0.0):
         path = tmp_path / "column.toml"
-        path.write_text(COLUMN.format(bow=bow, force=0.0), encoding="utf-8")
+        path.write_text(pinned_rod(bow), encoding="utf-8")
         own = buckling_load(build_structure(build_model(read_case(path))), "rod")
-        path.write_text(COLUMN.format(bow=bow, force=-part * own), encoding="utf-8")
+        path.write_text(pinned_rod(bow, push(-part * own)), encoding="utf-8")
         return read_case(path)
 
     return make

@@ -14,41 +14,9 @@ from flexcam.integrate.local import LocalForces
 from flexcam.integrate.paths import way_of
 from flexcam.integrate.within import reached
 from flexcam.system import Load
+from tests.pinned_rod import pinned_rod, push
 
-ROD = """
-format = 1
-[nodes]
-root = [0.0, 0.0, 0.0]
-mid = [0.2, 0.0, 0.0]
-tip = [0.4, 0.0, 0.0]
-[materials.steel]
-E = "207 GPa"
-nu = 0.29
-density = "7800 kg/m^3"
-[sections]
-tube = {{ shape = "tube", outer_diameter = "8 mm", inner_diameter = "5 mm" }}
-[members.rod]
-nodes = ["root", "mid", "tip"]
-material = "steel"
-section = "tube"
-elements = 2
-geometric_stiffness = true
-bow = {bow}
-[supports]
-root = ["ux", "uy", "uz", "rx"]
-tip = ["uy", "uz"]
-[loads.squeeze]
-at = "tip"
-direction = "ux"
-force = "-200 N"
-[run]
-speed = "3000 rpm"
-steps_per_revolution = 400
-revolutions = 1
-start = "equilibrium"
-[output]
-probes = ["mid", "tip"]
-"""
+FASTER = 'speed = "3000 rpm"\nsteps_per_revolution = 400\nrevolutions = 1'
 PLANES = {"y": {"uy", "rz"}, "z": {"uz", "ry"}, "along": {"ux"}}
 
 
@@ -56,11 +24,11 @@ PLANES = {"y": {"uy", "rz"}, "z": {"uz", "ry"}, "along": {"ux"}}
 def rod(tmp_path):
     """Return what is to be solved of a tube that is squeezed, with a bow in its x-y plane and loads across it."""
 
-    def make(bow="0.2 mm", *across):
+    def make(bow=2e-4, *aside):
         path = tmp_path / "rod.toml"
-        path.write_text(ROD.format(bow=f'"{bow}"'), encoding="utf-8")
+        path.write_text(pinned_rod(bow, push(-200.0), elements=2, rotary_inertia=True, run=FASTER), encoding="utf-8")
         ready = prepare(read_case(path))
-        pushes = [("tip.ux", -150.0), *((f"mid.{one}", size) for one, size in across)]
+        pushes = [("tip.ux", -150.0), *((f"mid.{one}", size) for one, size in aside)]
         return replace(ready, problem=loaded(ready.problem, pushes, wave))
 
     return make
@@ -84,9 +52,9 @@ def moving(problem):
 
 
 @pytest.mark.parametrize(("bow", "across", "planes"), [
-    ("0.2 mm", (), ("along", "y")), ("0 mm", (), ("along",)), ("0 mm", (("uz", 1.0),), ("along", "z")),
-    ("0 mm", (("uy", 1.0),), ("along", "y")), ("0.2 mm", (("uz", 1e-9),), ("along", "y", "z")),
-    ("0 mm", (("uy", 1.0), ("uz", 1.0)), ("along", "y", "z")),
+    (2e-4, (), ("along", "y")), (0.0, (), ("along",)), (0.0, (("uz", 1.0),), ("along", "z")),
+    (0.0, (("uy", 1.0),), ("along", "y")), (2e-4, (("uz", 1e-9),), ("along", "y", "z")),
+    (0.0, (("uy", 1.0), ("uz", 1.0)), ("along", "y", "z")),
 ])  # fmt: skip
 def test_only_planes_that_something_bends_move(rod, bow, across, planes):
     ready = rod(bow, *across)
@@ -120,7 +88,7 @@ def test_a_bow_bends_from_rest(rod):
 
 def test_bending_wakes_what_it_shortens(rod):
     """What is pushed across alone bends, and its ends come nearer."""
-    plain = rod("0 mm").problem
+    plain = rod(0.0).problem
     plain = replace(plain, system=replace(plain.system, loads=plain.system.loads[:-1]))
     assert moving(plain) == set()
     assert moving(loaded(plain, [("mid.uz", 1.0)], wave)) == PLANES["along"] | PLANES["z"]
@@ -128,7 +96,7 @@ def test_bending_wakes_what_it_shortens(rod):
 
 def test_a_steady_push_across_wakes_a_plane(rod):
     """It rests in balance while the squeeze is steady; what changes the squeeze changes the bending."""
-    pushed = loaded(rod("0 mm").problem, [("mid.uz", 1.0)], lambda motion: np.ones_like(motion.angle), steady=True)
+    pushed = loaded(rod(0.0).problem, [("mid.uz", 1.0)], lambda motion: np.ones_like(motion.angle), steady=True)
     resting = replace(pushed, start=equilibrium(pushed.system, pushed.drive))
     assert np.abs(resting.start.displacement[resting.system.names.index("mid.uz")]) > 0.0
     assert moving(resting) == PLANES["along"] | PLANES["z"]
@@ -136,7 +104,7 @@ def test_a_steady_push_across_wakes_a_plane(rod):
 
 @pytest.mark.parametrize(("across", "scalars"), [((), 4), ((("uz", 1.0),), 7)])
 def test_machine_code_skips_the_plane_and_agrees(rod, across, scalars):
-    ready = rod("0.2 mm", *across)
+    ready = rod(2e-4, *across)
     general, compiled = (solve(replace(ready.problem, path=path), ready.scheme) for path in ("general", "compiled"))
     way = way_of(replace(ready.problem, path="compiled"), ready.scheme, ready.save)
     assert set(PackedForces.of(LocalForces(way.problem.system)).laws[:, 2].tolist()) == {scalars}
@@ -147,7 +115,7 @@ def test_machine_code_skips_the_plane_and_agrees(rod, across, scalars):
 
 def test_machine_code_has_a_straight_strut(rod):
     """Nothing bends it: its stretch alone is left of an element, and no force beyond that of a bar."""
-    ready = rod("0 mm")
+    ready = rod(0.0)
     way = way_of(replace(ready.problem, path="compiled"), ready.scheme, ready.save)
     assert set(PackedForces.of(LocalForces(way.problem.system)).laws[:, 2].tolist()) == {1}
     general, compiled = (solve(replace(ready.problem, path=path), ready.scheme) for path in ("general", "compiled"))

@@ -20,53 +20,18 @@ import numpy as np
 import pytest
 
 from flexcam import build_model, modes, prepare, read_case, run
-from flexcam.fem import Section
 from flexcam.integrate import Problem, State, equilibrium, newmark, solve
 from flexcam.response import SaveAt
 from flexcam.runner import result_file
 from flexcam.system import ConstantSpeed, Load
+from tests.pinned_rod import LENGTH, TUBE, across, pinned_rod, push
 
 SOURCE = "Geometric stiffness within a run"
-E, DENSITY, LENGTH, TUBE = 207e9, 7800.0, 0.4, Section.tube(0.008, 0.005)
+E, DENSITY = 207e9, 7800.0
 EI, EA = E * TUBE.Iz, E * TUBE.A
 EULER = math.pi**2 * EI / LENGTH**2
 OMEGA = math.pi**2 / LENGTH**2 * math.sqrt(EI / (DENSITY * TUBE.A))
 """Lateral frequency without axial force, rad/s."""
-
-COLUMN = """
-format = 1
-[nodes]
-root = [0.0, 0.0, 0.0]
-mid = [0.2, 0.0, 0.0]
-tip = [0.4, 0.0, 0.0]
-[materials.steel]
-E = "207 GPa"
-nu = 0.29
-density = "7800 kg/m^3"
-[sections]
-tube = {{ shape = "tube", outer_diameter = "8 mm", inner_diameter = "5 mm" }}
-[members.rod]
-nodes = ["root", "mid", "tip"]
-material = "steel"
-section = "tube"
-elements = {elements}
-rotary_inertia = false
-geometric_stiffness = true
-bow = {bow}
-[supports]
-root = ["ux", "uy", "uz", "rx"]
-tip = ["uy", "uz"]
-{loads}
-[run]
-speed = "60 rpm"
-step = "10 us"
-revolutions = 3e-5
-start = "equilibrium"
-[output]
-probes = ["mid", "tip"]
-"""
-PUSH = '[loads.push]\nat = "tip"\ndirection = "ux"\nforce = {}\n'
-ACROSS = '[loads.across]\nat = "mid"\ndirection = "uy"\nforce = {}\n'
 
 
 @pytest.fixture
@@ -75,7 +40,7 @@ def column(tmp_path):
 
     def make(bow, loads="", elements=4):
         path = tmp_path / "column.toml"
-        path.write_text(COLUMN.format(bow=bow, loads=loads, elements=elements), encoding="utf-8")
+        path.write_text(pinned_rod(bow, loads, elements=elements), encoding="utf-8")
         return read_case(path)
 
     return make
@@ -96,7 +61,7 @@ def pushed(case, force, step, steps, start=None):
 def test_static_deflection(record, column, part):
     """Shallow: the bow is small against the length, so that the axial force is P all along."""
     bow = 1e-5
-    response = run(column(bow, PUSH.format(-part * EULER)))
+    response = run(column(bow, push(-part * EULER)))
     more = response["mid.uy"].displacement[-1]
     # Eight elements raise Euler's load by (pi/8)^4/720 = 3e-5; near it, P/(Pcr - P) counts that 1/(1 - part) times.
     tolerance = 1e-4 / (1.0 - part)
@@ -111,7 +76,7 @@ def test_static_deflection(record, column, part):
 def test_shortening_and_axial_force_of_a_bowed_column(record, column, part):
     """The tip moves by P L/EA and by the deepening of the bow; the channel tells P, and the part of Euler's load."""
     bow = 1e-3
-    response = run(column(bow, PUSH.format(-part * EULER), elements=4))
+    response = run(column(bow, push(-part * EULER), elements=4))
     whole = bow / (1.0 - part)
     drawn = math.pi**2 / (4.0 * LENGTH) * (whole**2 - bow**2)
     # The tube is inclined by up to pi d/L: forces across and along mix by the square of it, which a shallow arch omits.
@@ -138,7 +103,7 @@ def test_slowly_rising_force(record, column):
     bow, end, steps = 1e-5, 20.0 * 2.0 * math.pi / OMEGA, 400
     force = rising(end)
     start = equilibrium(
-        prepare(column(bow, PUSH.format(-1e-3 * EULER), elements=2)).problem.system, ConstantSpeed(1.0)
+        prepare(column(bow, push(-1e-3 * EULER), elements=2)).problem.system, ConstantSpeed(1.0)
     )  # fmt: skip
     response = pushed(column(bow, elements=2), force, end / steps, steps, start)
     part = -force(response.time) / EULER
@@ -156,7 +121,7 @@ def test_force_that_rises_from_nothing(column):
 
 
 def test_a_block_of_one_instant(column):
-    ready = prepare(column(1e-4, PUSH.format(-100.0), elements=1))
+    ready = prepare(column(1e-4, push(-100.0), elements=1))
     response = solve(ready.problem, ready.scheme, save=SaveAt(field_every=1, fields_per_block=1))
     assert response.status.ok
 
@@ -171,7 +136,7 @@ def frequency(time, values):
 @pytest.mark.parametrize("part", [-1.0, 0.6])
 def test_lateral_frequency(record, column, part):
     """Struck sideways by little under a steady force (tension where the part is negative)."""
-    case = column(0.0, PUSH.format(-part * EULER), elements=2)
+    case = column(0.0, push(-part * EULER), elements=2)
     system = prepare(case).problem.system
     still = equilibrium(system, ConstantSpeed(1.0))
     expected = OMEGA * math.sqrt(1.0 - part)
@@ -202,7 +167,7 @@ def node_places(case):
 @pytest.mark.parametrize("bow", [0.0, 1e-3])
 def test_a_bent_beam_draws_its_ends_together(record, column, force, bow):
     """No axial force: the chord follows from bending alone; against its bow the beam grows longer."""
-    response = run(column(bow, ACROSS.format(force), elements=4))
+    response = run(column(bow, across(force), elements=4))
     deep = force * LENGTH**3 / (48.0 * EI)
     assert response["mid.uy"].displacement[-1] == pytest.approx(deep, rel=1e-6)
     drawn = force**2 * LENGTH**5 / (960.0 * EI**2) + force * bow * LENGTH**2 / (math.pi**2 * EI)
@@ -214,7 +179,7 @@ def test_a_bent_beam_draws_its_ends_together(record, column, force, bow):
 
 def test_a_released_bend_shortens_twice_as_often(record, column):
     """Let go from a bend, the beam swings with w and its tip comes and goes with 2 w (both ways of bending shorten)."""
-    case = column(0.0, ACROSS.format(10.0), elements=2)
+    case = column(0.0, across(10.0), elements=2)
     system = prepare(case).problem.system
     bent = equilibrium(system, ConstantSpeed(1.0))
     steps, periods = 400, 4
@@ -237,7 +202,7 @@ def test_pulsating_force(record, column, orders, grows):
     part, bow, periods, per_period = 0.2, 1e-6, 20, 40
     step = 2.0 * math.pi / OMEGA / per_period
     case = column(bow, elements=1)
-    start = equilibrium(prepare(column(bow, PUSH.format(part * EULER), elements=1)).problem.system, ConstantSpeed(1.0))
+    start = equilibrium(prepare(column(bow, push(part * EULER), elements=1)).problem.system, ConstantSpeed(1.0))
     response = pushed(
         case, lambda time: part * EULER * np.cos(orders * OMEGA * time), step, periods * per_period, start
     )
@@ -353,7 +318,7 @@ LINEAR_ONLY = (
 
 
 def test_section_force_of_a_bowed_column_in_the_result_file(column, tmp_path):
-    ready = prepare(column(1e-3, PUSH.format(-0.5 * EULER)))
+    ready = prepare(column(1e-3, push(-0.5 * EULER)))
     sink = result_file(ready, tmp_path / "results")
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
     with h5py.File(sink.path) as file:
@@ -363,6 +328,6 @@ def test_section_force_of_a_bowed_column_in_the_result_file(column, tmp_path):
 
 def test_modes_of_a_bowed_column_under_load(column):
     """Across the plane of the bow, the lowest frequency is that of a straight column under P."""
-    found = modes(column(1e-3, PUSH.format(-0.5 * EULER)), 3, prestress="equilibrium").modes.frequencies
+    found = modes(column(1e-3, push(-0.5 * EULER)), 3, prestress="equilibrium").modes.frequencies
     expected = OMEGA * math.sqrt(0.5) / (2.0 * math.pi)
     assert np.abs(np.asarray(found) - expected).min() < 2e-3 * expected
