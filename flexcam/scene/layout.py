@@ -144,7 +144,7 @@ def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlace]
     for contact in model.driven.values():
         if rocker_of(model, contact) is not None:
             continue
-        nodes = moved_nodes(model, contact)
+        nodes = set(moved_nodes(model, contact))
         seated = [p for p in model.mesh.points if (s := seat_at(model, p)) and model.mesh.node(s.at) in nodes]
         for point in seated:
             seat = seat_at(model, point)

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexcam.checks import refuse
-from flexcam.fem import Mesh
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.system import Shapes, System, projected
 from flexcam.train.assembled import build_structure
 from flexcam.train.build import build_system
 from flexcam.train.condense import rigid_lumped, static_shapes
+from flexcam.train.driven import moved_nodes
 from flexcam.train.model import CamContact, Model, PublishedLoad
 from flexcam.train.published import follower_train
 from flexcam.train.structure import Structure
@@ -156,11 +156,7 @@ def _train(structure: Structure, contact: PublishedLoad | CamContact) -> list[tu
     model, direction = structure.model, contact.direction
     if not structure.is_node(contact.follower):
         return [(contact.follower, structure.row(contact.follower, direction))]
-    nodes = _outward(model, model.mesh.node(contact.follower))
-    for play in model.plays:
-        start, end = (model.mesh.node(name) for name in play.ends)
-        if start in nodes and end not in nodes:
-            nodes += _outward(model, end)
+    nodes = moved_nodes(model, contact)
     found = {model.mesh.node_name(node): structure.dofs.vector(node, direction) for node in nodes}
     for rocker in model.rockers.values():
         if rocker.finger or model.mesh.node(rocker.start) not in nodes:
@@ -170,18 +166,3 @@ def _train(structure: Structure, contact: PublishedLoad | CamContact) -> list[tu
             del found[rocker.start]  # the point moves in proportion to it
         found[rocker.point] = point
     return [(name, row) for name, row in found.items() if row.any()]
-
-
-def _outward(model: Model, start: int) -> list[int]:
-    """Return the nodes that members and links connect to a node, nearest first."""
-    pairs = [*model.mesh.elements().tolist(), *_links(model, model.mesh)]
-    reached = [start]
-    for node in reached:  # grows as it goes
-        reached += [b if a == node else a for a, b in pairs if node in (a, b) and not {a, b} <= set(reached)]
-    return list(dict.fromkeys(reached))
-
-
-def _links(model: Model, mesh: Mesh) -> list[list[int]]:
-    points = mesh.points
-    ends = [(one.at, one.to) for one in model.springs.values() if one.link and one.to is not None]
-    return [[mesh.node(a), mesh.node(b)] for a, b in ends if a in points and b in points]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from flexcam.train.model import CamContact, Lash, Model, PublishedLoad, Rocker
 
 Driven = PublishedLoad | CamContact
 
 
-def moved_nodes(model: Model, contact: Driven) -> set[int]:
+def moved_nodes(model: Model, contact: Driven) -> list[int]:
     """Return the nodes that a follower moves through members, links and plays.
 
     Parameters
@@ -17,17 +19,41 @@ def moved_nodes(model: Model, contact: Driven) -> set[int]:
 
     Returns
     -------
-    set
-        Node numbers; none where a finger is the follower.
+    list
+        Node numbers, from the follower on, nearest first: before a play, then behind it, in whatever order the model
+        has its plays. None where a finger is the follower.
     """
     if contact.follower not in model.mesh.points:
-        return set()
-    found = set(model.connected(model.mesh.node(contact.follower)).tolist())
-    for _ in model.plays:  # each pass goes on by one play at least
-        for play in model.plays:
-            if model.mesh.node(play.ends[0]) in found:
-                found.update(model.connected(model.mesh.node(play.ends[1])).tolist())
+        return []
+    joined = _joined(model)
+    found = dict.fromkeys(_outward(joined, model.mesh.node(contact.follower)))
+    plays = [(model.mesh.node(play.ends[0]), model.mesh.node(play.ends[1])) for play in model.plays]
+    while behind := [end for start, end in plays if start in found and end not in found]:
+        found |= dict.fromkeys(_outward(joined, behind[0]))
+    return list(found)
+
+
+def _joined(model: Model) -> dict[int, list[int]]:
+    """Return by node the nodes that members and links join to it."""
+    points = model.mesh.points
+    ends = [(one.at, one.to) for one in model.springs.values() if one.link and one.to is not None]
+    links = [[model.mesh.node(a), model.mesh.node(b)] for a, b in ends if a in points and b in points]
+    found: dict[int, list[int]] = {}
+    for a, b in [*model.mesh.elements().tolist(), *links]:
+        found.setdefault(a, []).append(b)
+        found.setdefault(b, []).append(a)
     return found
+
+
+def _outward(joined: Mapping[int, Sequence[int]], start: int) -> list[int]:
+    """Return the nodes that are joined to a node in any number of steps, nearest first."""
+    reached = {start: None}
+    waiting = [start]
+    for node in waiting:  # grows as it goes
+        fresh = [one for one in joined.get(node, ()) if one not in reached]
+        waiting += dict.fromkeys(fresh)
+        reached |= dict.fromkeys(fresh)
+    return list(reached)
 
 
 def rocker_of(model: Model, contact: Driven) -> Rocker | None:
@@ -43,7 +69,7 @@ def rocker_of(model: Model, contact: Driven) -> Rocker | None:
     Rocker or None
         The first one.
     """
-    nodes, points = moved_nodes(model, contact), model.mesh.points
+    nodes, points = set(moved_nodes(model, contact)), model.mesh.points
     own = (
         one
         for one in model.rockers.values()

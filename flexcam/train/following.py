@@ -27,7 +27,9 @@ def completed(structure: Structure, motion: FloatArray) -> FloatArray:
     ndarray
         Shape (n,).
     """
-    moved = _linked(structure, _pushed_on(structure, motion))
+    moved = motion
+    for _ in [None, *structure.model.plays]:  # each pass goes on by one play at least, whatever their order
+        moved = _linked(structure, _pushed_on(structure, moved))
     for rocker in structure.model.rockers.values():
         driven = float(structure.row(rocker.start, rocker.direction) @ moved)
         for name, share in _shares(structure, rocker).items():

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
+from flexcam.train import chain_of
 from flexcam.train.driven import moved_nodes, play_of
 from flexcam.train.operation import main_lift
 
@@ -56,7 +58,30 @@ def test_a_play_is_that_of_its_own_train(model):
 
 def test_a_follower_moves_what_is_behind_its_play(model):
     names = {
-        name: {model.mesh.node_name(node) for node in moved_nodes(model, model.driven[name])}
+        name: [model.mesh.node_name(node) for node in moved_nodes(model, model.driven[name])]
         for name in ("first", "second")
     }
-    assert names == {"first": {"tappet", "tip"}, "second": {"other"}}
+    assert names == {"first": ["tappet", "tip"], "second": ["other"]}
+
+
+NEAR = 'near = { from = "tappet", to = "tip", direction = "uy", model = "lash", gap = "0.3 mm", stiffness = "20 MN/m" }'
+FAR = 'far = { from = "tip", to = "other", direction = "uy", model = "lash", gap = "0.2 mm", stiffness = "20 MN/m" }'
+
+
+@pytest.fixture(params=[(NEAR, FAR), (FAR, NEAR)], ids=["near first", "far first"])
+def in_series(request, tmp_path):
+    """Return the case of a train with two plays in series, in either order."""
+    path = tmp_path / "series.toml"
+    lines = [one for one in TWO.splitlines() if not one.startswith(("play", "second", "two"))]
+    text = "\n".join(lines).replace("[run]", "\n".join([*request.param, "[run]"]))
+    path.write_text(text.replace('"600 rpm"', '"60 rpm"'), encoding="utf-8")
+    return read_case(path)
+
+
+def test_plays_in_series_are_followed_in_any_order(in_series):
+    model = prepare(in_series).model
+    reached = [model.mesh.node_name(node) for node in moved_nodes(model, model.driven["first"])]
+    assert reached == ["tappet", "tip", "other"]
+    found = chain_of(model, 60.0, 3)
+    assert found.points == ("tappet", "tip", "other")
+    np.testing.assert_allclose(found.masses, 0.1, rtol=1e-9)
