@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from flexcam.train.model import CamContact, Lash, Model, PublishedLoad, Rocker
+from flexcam.train.model import CamContact, Lash, Model, Play, PublishedLoad, Rocker
 
 Driven = PublishedLoad | CamContact
 
@@ -31,6 +31,32 @@ def moved_nodes(model: Model, contact: Driven) -> list[int]:
     while behind := [end for start, end in plays if start in found and end not in found]:
         found |= dict.fromkeys(_outward(joined, behind[0]))
     return list(found)
+
+
+def plays_before(model: Model, node: int, plays: Sequence[Play]) -> list[Play]:
+    """Return the plays between nodes that are taken up one after the other before a node moves.
+
+    Parameters
+    ----------
+    model
+        The model.
+    node
+        Its number.
+    plays
+        Of one train.
+
+    Returns
+    -------
+    list
+        From the cam on; none where no play stands before it.
+    """
+    found: list[Play] = []
+    left = list(plays)
+    while before := [one for one in left if model.mesh.node(one.ends[1]) in model.connected(node)]:
+        found.insert(0, before[0])
+        left.remove(before[0])
+        node = model.mesh.node(before[0].ends[0])
+    return found
 
 
 def _joined(model: Model) -> dict[int, list[int]]:
@@ -98,8 +124,16 @@ def play_of(model: Model, cam: str) -> float:
         if isinstance(play, Lash):
             cams = {contact.cam for contact in model.driven.values() if _within(model, contact, play)}
             if not cams or cam in cams:
-                gaps.append(play.gap / (model.rockers[play.rocker].ratio if play.rocker else 1.0))
+                gaps.append(_taken_up(model, play))
     return max(gaps)
+
+
+def _taken_up(model: Model, play: Lash) -> float:
+    """Return a play with those before it, as the follower sees them, m."""
+    rocker = model.rockers[play.rocker] if play.rocker else None
+    start = rocker.start if rocker else play.ends[0] if play.ends else ""
+    before = plays_before(model, model.mesh.node(start), model.plays) if start in model.mesh.points else []
+    return play.gap / (rocker.ratio if rocker else 1.0) + sum(one.gap for one in before)
 
 
 def _within(model: Model, contact: Driven, play: Lash) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -30,10 +30,22 @@ from flexcam.system import (
 )  # fmt: skip
 from flexcam.train.assembled import build_structure
 from flexcam.train.build import probe_of
+from flexcam.train.driven import plays_before
 from flexcam.train.following import completed, shifted, with_springs
 from flexcam.train.lever import refuse_far_turns
 from flexcam.train.loads import steady_load
-from flexcam.train.model import Adjuster, CamContact, Lash, Lever, Model, PublishedLoad, Seat, path_name, tip_name
+from flexcam.train.model import (
+    Adjuster,
+    CamContact,
+    Lash,
+    Lever,
+    Model,
+    Play,
+    PublishedLoad,
+    Seat,
+    path_name,
+    tip_name,
+)
 from flexcam.train.published import FollowerTrain, follower_train, preload
 from flexcam.train.springs import spring_parts
 from flexcam.train.structure import Structure
@@ -192,18 +204,20 @@ def _split(
         motions.append(moved)
         coordinates.append(_held_back(coordinate, gap))
 
-    for play in model.plays:
-        row = structure.row(play.ends[0], play.direction)
-        driven = float(row @ train.motion)
-        if driven != 0.0:
-            behind = completed(structure, driven * shifted(structure, model.mesh.node(play.ends[1]), play.direction))
-            add(behind, _proportional, row, play.gap / driven, play.plunger_force * driven)
+    rows = {play: structure.row(play.ends[0], play.direction) for play in model.plays}
+    shares = {play: float(row @ train.motion) for play, row in rows.items()}
+    plays = [play for play, share in shares.items() if share != 0.0]
+    before = {play: plays_before(model, model.mesh.node(play.ends[0]), plays) for play in plays}
+    for play in sorted(plays, key=lambda one: len(before[one])):  # one behind another comes after it
+        taken, share = sum(one.gap / shares[one] for one in (*before[play], play)), shares[play]
+        behind = completed(structure, share * shifted(structure, model.mesh.node(play.ends[1]), play.direction))
+        add(behind, _proportional, rows[play], taken, play.plunger_force * share)
     for name, rocker in model.rockers.items():
         row = structure.row(rocker.start, rocker.direction)
         driven = float(row @ train.motion)
         if driven == 0.0:
             continue
-        gap, push = _gap_before(model, rocker.point), _push(model.lash_of(name))
+        gap, push = _gap_before(model, rocker.point, plays), _push(model.lash_of(name))
         if isinstance(rocker, Lever):
             add(_units(structure, [path_name(name)]), _turned(rocker, 0, driven), row)
             add(_units(structure, [tip_name(name)]), _turned(rocker, 1, driven), row)
@@ -329,16 +343,15 @@ def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrai
     return Probe(probe.name, probe.components, np.zeros((len(probe.components), 0)), offsets)
 
 
-def _gap_before(model: Model, point: str) -> float:
-    """Return the play that is taken up before a point moves."""
+def _gap_before(model: Model, point: str, plays: Sequence[Play]) -> float:
+    """Return the play that is taken up before a point moves, by those between nodes too."""
     names = [name for name, one in model.rockers.items() if one.point == point]
     play = model.lash_of(names[0]) if names else None
     gap = play.gap if isinstance(play, Lash) else 0.0
     start = model.rockers[names[0]].start if names else point
     ratio = model.rockers[names[0]].ratio if names else 1.0
     if start in model.mesh.points:
-        at = model.mesh.connected(model.mesh.node(start))
-        gap += ratio * sum(one.gap for one in model.plays if model.mesh.node(one.ends[1]) in at)
+        gap += ratio * sum(one.gap for one in plays_before(model, model.mesh.node(start), plays))
     return gap
 
 

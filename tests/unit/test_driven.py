@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
-from flexcam import prepare, read_case
+from flexcam import prepare, read_case, run
 from flexcam.train import chain_of
 from flexcam.train.driven import moved_nodes, play_of
 from flexcam.train.operation import main_lift
@@ -74,7 +76,8 @@ def in_series(request, tmp_path):
     path = tmp_path / "series.toml"
     lines = [one for one in TWO.splitlines() if not one.startswith(("play", "second", "two"))]
     text = "\n".join(lines).replace("[run]", "\n".join([*request.param, "[run]"]))
-    path.write_text(text.replace('"600 rpm"', '"60 rpm"'), encoding="utf-8")
+    text = text.replace('"600 rpm"', '"60 rpm"') + '\n[output]\nprobes = ["tappet", "tip", "other"]\n'
+    path.write_text(text, encoding="utf-8")
     return read_case(path)
 
 
@@ -85,3 +88,17 @@ def test_plays_in_series_are_followed_in_any_order(in_series):
     found = chain_of(model, 60.0, 3)
     assert found.points == ("tappet", "tip", "other")
     np.testing.assert_allclose(found.masses, 0.1, rtol=1e-9)
+
+
+def test_plays_in_series_add_up(in_series):
+    """The rigid train's last body lags by both; at its nose the cam bears all three springs at their strokes."""
+    model = prepare(in_series).model
+    assert play_of(model, "one") == pytest.approx(0.5e-3)
+    response = run(read_case(in_series.path, ["run.revolutions=1", "run.steps_per_revolution=360"]), rigid=True)
+    lifts = [response[f"{name}.uy"].displacement for name in ("tappet", "tip", "other")]
+    for lift, gap in zip(lifts, (0.0, 0.3e-3, 0.5e-3), strict=True):
+        np.testing.assert_allclose(lift, np.maximum(lifts[0] - gap, 0.0), atol=1e-12)
+    at = int(np.argmax(lifts[0]))
+    springs = 10.0 + 1e3 * 6e-3 + 200.0 + 20e3 * 5.7e-3 + 200.0 + 20e3 * 5.5e-3
+    inertia = 0.3 * 7.52 * 6e-3 * (2.0 * math.pi / math.radians(80.0)) ** 2  # the law's largest acceleration is 7.51
+    assert abs(response.channels["contacts.first.force"][at] - springs) <= inertia
