@@ -68,7 +68,8 @@ class Traded:
     status
         How the run ended.
     best
-        Whether no other is both cheaper (by `work`, then by steps) and closer in the worst of its quantities.
+        Whether no other is both cheaper (by `work`, then by steps) and closer in the worst of its quantities; one that
+        knows more of them is closer, whatever its errors.
     """
 
     rung: str
@@ -238,9 +239,11 @@ def front(found: Sequence[Traded]) -> list[Traded]:
     list
         From least work on.
     """
-    least = math.inf
+    every = len({name for one in found for name in one.errors})
+    least = every, math.inf
     marked: list[Traded] = []
     for one in sorted(found, key=lambda one: (one.work, one.steps, one.worst)):
-        marked.append(replace(one, best=one.worst < least))
-        least = min(least, one.worst)
+        error = every - len(one.errors), one.worst  # what a model does not know it gets wrong
+        marked.append(replace(one, best=error < least))
+        least = min(least, error)
     return marked

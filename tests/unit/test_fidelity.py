@@ -82,6 +82,12 @@ class TestFront:
     def test_runs_that_ended_early_are_never_best(self):
         assert [one.best for one in front([rung(100, None), rung(200, 0.3)])] == [False, True]
 
+    def test_a_model_that_knows_less_hides_none_that_knows_more(self):
+        """A rigid train has no force on its seat: small errors of what it has are no reason to leave the others out."""
+        whole = [replace(one, errors=one.errors | {"force seat": 0.9}) for one in (rung(100, 0.5), rung(200, 0.1))]
+        found = front([rung(0, 0.05), rung(50, 0.06), *whole, rung(300, 0.01)])
+        assert [one.best for one in found] == [True, False, True, False, False]
+
 
 class TestLadder:
     def test_models_of_a_case(self):
