@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from flexcam import fidelity
 from flexcam.budget import affordable
 from flexcam.case import Case
+from flexcam.checks import InputError
 from flexcam.commands.app import (
     AllowLarge,
     CaseFile,
@@ -114,5 +115,8 @@ def _estimated(
         late = failure.status.cause is Cause.TIME_LIMIT
         why = failure.status.text if not late else "the time given to the command was over"
         return (), (f"Warning: no error is estimated, as a run with other steps or elements ended: {why}",)
+    except InputError as refusal:  # a method, a path or a start that does not take other steps or elements
+        told = "; ".join(str(fault) for fault in refusal.faults)
+        return (), (f"Warning: no error is estimated, as a run with other steps or elements is refused: {told}",)
     except KeyboardInterrupt:
         return (), ("Warning: no error is estimated, as that was interrupted",)

@@ -251,6 +251,19 @@ def test_the_estimate_of_a_coarser_model_counts_its_distance_to_beams(ran, fine)
         assert error["model"] == pytest.approx(true, rel=0.01)
 
 
+def test_a_run_whose_errors_cannot_be_estimated_is_told_all_the_same(flexcam, tayeb):
+    """Twice the elements need shorter steps than the method was given; the run itself is complete and stays."""
+    keys = ['run.integrator={ method = "central-difference" }', "run.steps_per_revolution=4000", "run.revolutions=0.05"]
+    laid = [word for key in (*keys, "fidelity.estimate=true") for word in ("--set", key)]
+    done = flexcam("run", tayeb(1), *laid, "--json")
+    assert done.code == 0
+    assert done.json["errors"] == []
+    said = next(one for one in done.json["warnings"] if "no error is estimated" in one)
+    assert "is refused: run.step" in said
+    assert "central-difference" in said
+    assert len(read_result(done.json["result"]).response.time) == 201
+
+
 def test_a_tolerance_with_an_estimate(ran):
     done = ran('tolerance="10 %"', "estimate=true").json
     assert done["choice"]["met"]
