@@ -111,7 +111,7 @@ def reference(case: Case, probe: str, until: float | None = None) -> Reference:
         If it ends early.
     """
     steps = steps_of(case)
-    beams = as_beams(case)
+    beams = as_beams(case).with_run({"path": "auto"})  # which its size decides; the ways agree to rounding
     try:
         finest, coarser = (
             measured_run(Rung("reference", "", with_elements(beams, factor=elements)).stepped(n * steps), probe, until)

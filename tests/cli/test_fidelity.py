@@ -131,6 +131,13 @@ def test_the_cheapest_within_a_tolerance(ran, ladder, fine, asked, tolerance):
     assert (choice["cheaper"] is None) == (asked == "20 %")  # nothing is cheaper than the rigid train at fewest steps
 
 
+def test_a_tolerance_on_a_way_that_is_asked_for(ran):
+    """The reference and the rigid train go their own way."""
+    done = ran('tolerance="1 %"', words=("--set", "run.path=modal"))
+    assert done.code == 0
+    assert done.json["choice"]["model"]["model"] == "sdof"
+
+
 @pytest.mark.parametrize("asked", ["0", "1e-14"])
 def test_a_tolerance_that_nothing_meets(ran, asked):
     done = ran(f"tolerance={asked}")

@@ -114,6 +114,12 @@ class TestLadder:
             assert not one.case.record.fidelity.estimate
         assert ladder(asked)[-2].case.record.fidelity.modes is None
 
+    def test_the_way_through_time_is_that_of_models_with_motions(self):
+        """A rigid train has none to carry, so that it cannot go the way that the others are asked to."""
+        rungs = ladder(read_case(INLINE, ["run.path=modal"]))
+        assert [one.case.record.run.path for one in rungs] == ["auto", *["modal"] * 5]
+        assert rungs[0].prepared().problem.path == "auto"
+
     def test_candidates_begin_with_the_least_work(self):
         """By what is integrated: one mass at many steps costs less than the beams at few."""
         found = candidates(read_case(INLINE, ["run.steps_per_revolution=480"]))
