@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from flexcam.case import Case
 from flexcam.checks import InputError
+from flexcam.fidelity.carried import carried_start
 from flexcam.fidelity.measure import Measured, measured
 from flexcam.integrate import solve
 from flexcam.response import Response, RunFailedError
@@ -112,7 +113,7 @@ def with_elements(case: Case, factor: int | None = None, each: int | None = None
     Returns
     -------
     Case
-        Its text is that of the old one.
+        Its text is that of the old one; a start given at nodes is that of the old one, seen at more or fewer of them.
     """
     members = {
         name: one.model_copy(update={"elements": each or one.elements * (factor or 1)})
@@ -122,7 +123,8 @@ def with_elements(case: Case, factor: int | None = None, each: int | None = None
         name: one.model_copy(update={"elements": one.elements * (factor or 1)}) if one.elements > 1 else one
         for name, one in case.record.springs.items()
     }
-    return replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))
+    made = replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))
+    return carried_start(case, made)
 
 
 def as_beams(case: Case) -> Case:

@@ -1,0 +1,75 @@
+"""A start given at the nodes of one mesh, seen at those of another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import build_model, prepare, read_case
+from flexcam.fidelity import estimate
+from flexcam.fidelity.rungs import with_elements
+from flexcam.train import build_structure
+
+ROOT = Path(__file__).parents[2]
+CANTILEVER = ROOT / "cases/checks/cantilever.toml"
+CAMSHAFT = ROOT / "cases/camshaft-4cyl/camshaft.toml"
+TIP = (
+    'run.start={ displacement = { "tip.ux" = "2 mm", "tip.ry" = "1 deg", "tip.uz" = "1 um" }, '
+    'velocity = { "tip.rz" = 3.0 } }'
+)
+
+
+def motions(case):
+    """Return displacements and velocities that a case starts with, and the heights of its nodes along z."""
+    dofs, start = build_structure(build_model(case)).dofs, prepare(case).problem.start
+    return dofs.nodal(start.displacement), dofs.nodal(start.velocity), build_model(case).mesh.nodes[:, 2]
+
+
+@pytest.mark.parametrize("own", [1, 2])
+def test_a_bar_is_bent_between_its_nodes(own):
+    """Clamped at one end: a cubic with the deflection and the slope of the tip; stretch and twist are linear."""
+    case = read_case(CANTILEVER, [f"members.beam.elements={own}", TIP])
+    moved, moving, z = motions(with_elements(case, factor=6 // own))
+    middle = z / 0.5 if own == 1 else np.maximum(z / 0.25 - 1.0, 0.0)  # the node in the middle is given at rest
+    length, slope = 0.5 / own, np.radians(1.0)
+    # v(x) = a x^2 + b x^3 with v(1) = 2 mm and v'(1) = slope L
+    b = slope * length - 2.0 * 2e-3
+    a = 2e-3 - b
+    np.testing.assert_allclose(moved[:, 0], a * middle**2 + b * middle**3, atol=1e-15)
+    np.testing.assert_allclose(moved[:, 4], (2.0 * a * middle + 3.0 * b * middle**2) / length, atol=1e-15)
+    np.testing.assert_allclose(moved[:, 2], 1e-6 * middle, atol=1e-18)
+    np.testing.assert_allclose(moving[:, 5], 3.0 * middle, atol=1e-15)
+    assert not moved[:, [1, 3, 5]].any()
+
+
+def test_fewer_elements_and_the_same():
+    """Nodes of fewer elements are among those of more; names of inner nodes are those of their own mesh."""
+    finest = with_elements(read_case(CANTILEVER, ["members.beam.elements=1", TIP]), factor=8)
+    for each in (1, 2, 4, 8):
+        coarser = with_elements(finest, each=each)
+        for own, fine in zip(motions(coarser)[:2], motions(finest)[:2], strict=True):
+            heights = motions(coarser)[2]
+            at = [int(np.argmin(np.abs(motions(finest)[2] - height))) for height in heights]
+            np.testing.assert_allclose(own, fine[at], atol=1e-16)
+    assert (
+        read_case(CANTILEVER, [TIP]).record.run.start
+        == with_elements(read_case(CANTILEVER, [TIP]), factor=1).record.run.start
+    )
+
+
+def test_more_elements_begin_without_a_blow():
+    """Buckets that are given on the move: nodes between their ends move with them, and the mesh is no error of note."""
+    case = read_case(CAMSHAFT, ["run.steps_per_revolution=360", "run.revolutions=0.02"])
+    for name in ("displacement", "velocity"):
+        given, own = (getattr(one.record.run.start, name) for one in (with_elements(case, factor=3), case))
+        assert {round(x, 12) for x in given.values()} == {round(x, 12) for x in own.values()}
+        assert len(given) == 2 * len(own)  # two nodes between those of every bucket
+    lift = next(one for one in estimate(case, "intake-4-follower.uy") if one.quantity == "lift")
+    assert lift.space < 1e-3 * lift.size
+
+
+def test_other_starts_stay():
+    case = read_case(CAMSHAFT, ["run.start=rest"])
+    assert with_elements(case, factor=2).record.run.start == "rest"
