@@ -84,11 +84,15 @@ def choose(
     Raises
     ------
     InputError
-        If the probe has several scalars.
+        If the probe has several scalars, or the case has no such quantity.
     RunFailedError
         If the reference ends early, or the time is over before a model is found.
     """
     against = reference(case, probe, until)
+    known = list(dict.fromkeys(name.partition(" ")[0] for name in against.errors))
+    if missing := [name for name in tolerance if name not in known]:
+        where, why = case.place(("fidelity", "tolerance")), "no other quantity is in the case"
+        raise refuse(where, ", ".join(missing), ", ".join(known), why, "leave it out")
     met: list[tuple[Rung, Traded]] = []
     missed: list[tuple[Rung, Traded]] = []
     for rung in candidates(case):

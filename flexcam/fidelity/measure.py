@@ -36,9 +36,10 @@ class Measured:
         return _UNITS.get(quantity, "N")
 
     def size(self, quantity: str) -> float:
-        """Return the largest absolute value of a quantity, of the lift its range."""
+        """Return the largest absolute value of a quantity, of the lift its range unless it stands still."""
         values = self.values[quantity]
-        return float(np.ptp(values)) if quantity == "lift" else float(np.abs(values).max(initial=0.0))
+        moved = float(np.ptp(values)) if quantity == "lift" else 0.0
+        return moved or float(np.abs(values).max(initial=0.0))
 
 
 def measured(response: Response, probe: str) -> Measured:

@@ -120,9 +120,11 @@ def straight(model: Model) -> Model:
 def _contact(model: Model, name: str | None) -> PublishedLoad | CamContact:
     if name in model.driven:
         return model.driven[name]
-    if name is not None or len(model.driven) != 1:
-        given = repr(name) if name else f"{len(model.driven)} contacts of a cam"
-        raise refuse("contact", given, f"one of {', '.join(model.driven) or '(there is none)'}")
+    if name is not None:
+        raise refuse("contact", repr(name), f"one of {', '.join(model.driven) or '(there is none)'}")
+    if len(model.driven) != 1:
+        given, why = f"{len(model.driven)} contacts of a cam", "few masses stand for the one train that a cam drives"
+        raise refuse("contact", given, "one", why, "take another model")
     return next(iter(model.driven.values()))
 
 

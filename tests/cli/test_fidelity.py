@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flexcam import read_case, read_result, run
 
+ROOT = Path(__file__).parents[2]
 FEW = ("run.revolutions=1", "run.steps_per_revolution=360")
 FEW_SET = [word for one in FEW for word in ("--set", one)]
 
@@ -150,6 +152,33 @@ def test_a_tolerance_that_nothing_meets(ran, asked):
     assert len(read_result(done.json["result"]).response.time) > 1  # the result is kept
     if asked == "0":
         assert "The tolerance is not met" in ran(f"tolerance={asked}", json=False).out
+
+
+def test_a_case_at_rest_errs_by_where_it_stands(flexcam):
+    """The tip of a cantilever stands at F L^3/(3 E I) for ever; rigid, it stands where it was drawn."""
+    case = ROOT / "cases/checks/cantilever.toml"
+    done = flexcam("run", case, "--set", 'fidelity.tolerance="1 %"', "--json")
+    assert done.code == 0
+    assert done.json["choice"]["model"]["model"] != "rigid"
+    assert done.json["choice"]["cheaper"]["errors"] == {"lift": pytest.approx(1.0, rel=1e-9)}
+    tip = read_result(done.json["result"]).response["tip.ux"].displacement
+    assert tip[-1] == pytest.approx(100.0 * 0.5**3 / (3.0 * 207e9 * 0.02 * 0.01**3 / 12.0), rel=1e-6)
+
+
+def test_a_quantity_that_a_case_does_not_have(flexcam):
+    done = flexcam(
+        "run", ROOT / "cases/checks/cantilever.toml", "--set", 'fidelity.tolerance={ lift = 1, force = "1 %" }'
+    )
+    assert done.code == 2
+    assert "fidelity.tolerance (" in done.err
+    assert "given force; allowed: lift, velocity, acceleration" in done.err
+
+
+@pytest.mark.parametrize(("case", "count"), [("checks/cantilever", 0), ("camshaft-4cyl/camshaft", 8)])
+def test_few_masses_are_those_of_one_train(flexcam, case, count):
+    done = flexcam("check", ROOT / f"cases/{case}.toml", "--set", "fidelity.model=sdof")
+    assert done.code == 2
+    assert f"given {count} contacts of a cam; allowed: one; few masses stand for the one train" in done.err
 
 
 def test_a_table_of_tolerances(ran):

@@ -55,6 +55,9 @@ class TestDistance:
         """Of a lift its range, of the rest the largest value."""
         one = history(4, lift=lambda t: 5.0 + 2.0 * t, velocity=lambda t: -3.0 - t)
         assert (one.size("lift"), one.size("velocity")) == (2.0, 4.0)
+        assert (
+            history(4, lift=lambda t: -5.0 + 0.0 * t).size("lift") == 5.0
+        )  # what stands still errs by where it stands
         assert (one.unit("lift"), one.unit("velocity"), one.unit("force intake")) == ("m", "m/s", "N")
 
     def test_a_probe_of_several_scalars(self):
