@@ -32,6 +32,7 @@ from flexcam.io import named_as_folder, takes_files
 from flexcam.response import Cause, RunFailedError, Stats, Status
 from flexcam.runner import (
     budget_of,
+    figures_of,
     prepare,
     recent,
     result_file,
@@ -40,7 +41,7 @@ from flexcam.runner import (
     unfinished,
 )
 from flexcam.terminal import out, print_json, progress
-from flexcam.train import StrengthSink, build_structure, operation
+from flexcam.train import StrengthSink, build_structure
 
 Resume = Annotated[
     bool, Parameter("--resume", negative=(), help="Go on with the run that left a partial result in the folder.")
@@ -78,7 +79,7 @@ def run(
     strength, kept, watched = StrengthSink(build_structure(ready.model)), recent(ready), Watched.of(ready)
 
     def doubtful(stats: Stats) -> list[str]:
-        return run_doubts(ready, watched, operation(ready.model, kept.response(), ready.revolution), stats)
+        return run_doubts(ready, watched, figures_of(ready, kept.response()), stats)
 
     sink = result_file(ready, folder, overwrite=overwrite, resume=earlier, warnings=doubtful)
     running.solving = True
@@ -91,7 +92,7 @@ def run(
     estimated = _estimated(read, probe, until) if probe and response.status.ok else ((), ())
     ran = Ran(
         ready, response, watched, sink.path if response.status.ok else sink.partial,
-        figures=tuple(operation(ready.model, response, ready.revolution)),
+        figures=tuple(figures_of(ready, response)),
         stressed=strength.members() if read.record.fidelity.model == "beams" else {},
         errors=estimated[0], warnings=(*doubtful(response.stats), *estimated[1]), choice=choice,
     )  # fmt: skip

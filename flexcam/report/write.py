@@ -22,8 +22,8 @@ from flexcam.report.extras import Asked, extras
 from flexcam.report.scene import scene
 from flexcam.report.sheets import origin, sheets
 from flexcam.report.subject import Known, Subject
-from flexcam.runner import scalar_probe
-from flexcam.train import Figure, operation
+from flexcam.runner import figures_of, scalar_probe
+from flexcam.train import Figure
 from flexcam.units import RPM
 
 
@@ -96,7 +96,7 @@ def _chapter(about: Subject, name: str, main: str, asked: Asked, share: int) -> 
             name, title, (), (), (*ended, *about.lacking), tuple(sheets(about, None, [])), (), scene(about, share),
             kept.get("case", ""), origin(about),
         )  # fmt: skip
-    figures = operation(known.ready.model, known.response, known.ready.revolution)
+    figures = figures_of(known.ready, known.response)
     compared, lacking = _compared(about, known, main)
     more = extras(known.case, main, asked) if status.ok and main else []
     summary = [*words.modelled(about, known, figures), *_in_hand(known.case)]

@@ -55,6 +55,11 @@ class Status:
         """Whether the run reached its end."""
         return self.cause is Cause.DONE
 
+    @property
+    def message(self) -> str:
+        """What there is to say besides the cause, with what to do; of a run that is complete mostly nothing."""
+        return "" if self == Status() else "; ".join(filter(None, (self.text, self.remedy)))
+
     def __str__(self) -> str:
         return f"{self.cause}: {self.text}" + (f"; {self.remedy}" if self.remedy else "")
 

@@ -5,6 +5,7 @@ A new part of what begins a run goes into `prepared`, of what keeps it into `sav
 function, which it would hide.
 """
 
+from flexcam.runner.figures import figures_of
 from flexcam.runner.natural import mode_likeness, modes
 from flexcam.runner.prepared import DEFAULT_STEPS_PER_REVOLUTION, Prepared, described, prepare, standing
 from flexcam.runner.probes import scalar_probe
@@ -16,6 +17,7 @@ __all__ = [
     "Prepared",
     "budget_of",
     "described",
+    "figures_of",
     "geometry_of",
     "mode_likeness",
     "modes",

@@ -98,9 +98,12 @@ def _row(case: Case, folder: Path | None, model: Model | None, runs: int, channe
         return Row(failure.status)
     except Exception as fault:  # noqa: BLE001 - a fault in one variant must not cost the others
         return Row(_fault(fault))
-    if choice is not None and not choice.met and row.status.ok:
-        return Row(Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}"), row.scalars, row.units)
-    return row
+    if choice is None or not row.status.ok:
+        return row
+    model = f"{choice.found.rung}, {choice.found.steps} steps per revolution"
+    met = Status(text=f"chosen within the tolerance: {model}")
+    missed = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}; that is {model}")
+    return Row(met if choice.met else missed, row.scalars, row.units)
 
 
 def row_of(ready: Prepared, response: Response) -> Row:

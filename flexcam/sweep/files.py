@@ -84,8 +84,7 @@ def csv_text(table: Table) -> str:
     writer.writerow(["variant", *head, "status", "message"])
     columns = [*(one.values for one in table.inputs), *table.scalars.values()]
     for i, status in enumerate(table.statuses):
-        message = "" if status.ok else "; ".join(filter(None, (status.text, status.remedy)))
-        writer.writerow([i + 1, *(_cell(values[i]) for values in columns), str(status.cause), message])
+        writer.writerow([i + 1, *(_cell(values[i]) for values in columns), str(status.cause), status.message])
     return text.getvalue()
 
 

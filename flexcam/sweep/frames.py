@@ -43,7 +43,7 @@ def table_frame(table: Table) -> pd.DataFrame:
     columns: dict[str, Any] = {one.name: list(one.values) for one in table.inputs}
     columns |= dict(table.scalars)
     columns["status"] = [str(one.cause) for one in table.statuses]
-    columns["message"] = ["" if one.ok else one.text for one in table.statuses]
+    columns["message"] = [one.text if one.message else "" for one in table.statuses]
     frame = pd.DataFrame(columns, index=pd.RangeIndex(1, len(table) + 1, name="variant"))
     frame.attrs["units"] = {**{one.name: one.unit for one in table.inputs}, **table.units}
     return frame

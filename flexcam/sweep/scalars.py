@@ -20,8 +20,8 @@ from flexcam.integrate import carried_by_cam, outline
 from flexcam.io.csv import component_unit
 from flexcam.io.vtkhdf import SERIES
 from flexcam.response import Response
-from flexcam.runner import Prepared, described, scalar_probe
-from flexcam.train import Figure, build_rigid, operation, operation_names
+from flexcam.runner import Prepared, described, figures_of, scalar_probe
+from flexcam.train import Figure, build_rigid, operation_names
 from flexcam.units import RPM
 
 
@@ -45,7 +45,7 @@ def scalars_of(ready: Prepared, response: Response) -> list[Figure]:
     ``scalars_of(ready, solve(ready.problem, ready.scheme))[0].name``
     """
     figures = [
-        *(operation(ready.model, response, ready.revolution) if response.outline.channels else ()),
+        *(figures_of(ready, response) if response.outline.channels else ()),
         *_motions(response, ready.revolution),
         *_deviations(ready, response),
         *_residual(response),

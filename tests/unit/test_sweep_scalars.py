@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -10,10 +11,9 @@ import pytest
 from flexcam import prepare, read_case, read_result, run, solve
 from flexcam.fidelity import deviation
 from flexcam.response import Cause
-from flexcam.runner import scalar_probe
+from flexcam.runner import figures_of, scalar_probe
 from flexcam.sweep import evaluate
 from flexcam.sweep.scalars import of_motion, scalar_names
-from flexcam.train import operation
 
 CASES = {
     "cases/tayeb/model-1-shm.toml": ["run.steps_per_revolution=720"],
@@ -21,6 +21,32 @@ CASES = {
     "cases/li/valve-train.toml": ["run.steps_per_revolution=720"],
     "tests/data/inline.toml": ["fidelity.model=sdof", "run.steps_per_revolution=720"],
 }
+
+
+CAMSHAFT = {"cams.intake.twist.largest", "cams.intake.deflection.largest", "supports.drive.torque.largest"}
+
+
+def test_one_mass_has_no_camshaft():
+    """Its twist would be zero; where few masses feel their cam through a contact, they know it."""
+    rows = {model: evaluate(read_case("cases/tayeb/model-1-shm.toml", [f"fidelity.model={model}"])).scalars
+            for model in ("sdof", "beams")}  # fmt: skip
+    assert set(rows["beams"]) - set(rows["sdof"]) == CAMSHAFT
+    assert all(rows["beams"][name] > 0.0 for name in CAMSHAFT)
+    felt = evaluate(
+        read_case(
+            "cases/pushrod-engine/intake.toml", [*CASES["cases/pushrod-engine/intake.toml"], "fidelity.model=sdof"]
+        )
+    )
+    assert set(felt.scalars) >= CAMSHAFT
+
+
+@pytest.mark.parametrize(("asked", "cause"), [(0.01, Cause.DONE), (1e-9, Cause.TOLERANCE)])
+def test_a_row_says_which_model_was_chosen(asked, cause):
+    row = evaluate(read_case("tests/data/inline.toml", ["run.steps_per_revolution=120", f"fidelity.tolerance={asked}"]))
+    assert row.status.cause is cause
+    named = r"chosen within the tolerance: sdof, \d+ steps" if row.status.ok else r"that is [a-z0-9 ]+, \d+ steps"
+    assert re.search(named + " per revolution", row.status.message)
+    assert not evaluate(read_case("tests/data/inline.toml", ["run.steps_per_revolution=120"])).status.message
 
 
 @pytest.mark.parametrize("path", CASES)
@@ -31,7 +57,7 @@ def test_a_row_is_what_run_and_compare_say(path):
     assert set(row.units) == set(row.scalars)
     assert set(row.scalars) <= set(scalar_names(case))
     response = solve(ready.problem, ready.scheme, save=ready.save)
-    assert {f.name: f.value for f in operation(ready.model, response, ready.revolution)}.items() <= row.scalars.items()
+    assert {f.name: f.value for f in figures_of(ready, response)}.items() <= row.scalars.items()
     probe = scalar_probe(ready)
     found = deviation(case, probe)
     assert (row.scalars["deviation.peak"], row.scalars["deviation.rms"]) == (found.peak_deviation, found.rms_deviation)

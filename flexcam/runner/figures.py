@@ -1,0 +1,38 @@
+"""What the train of a case did in a run, as far as the case's model knows it."""
+
+from __future__ import annotations
+
+from flexcam.response import Response
+from flexcam.runner.prepared import Prepared
+from flexcam.train import Figure, operation
+
+_FEW = ("sdof", "chain")
+"""Models that keep of the camshaft what contacts feel, and of a published load, which feels none of it, nothing."""
+
+_CAMSHAFT = ("cams.", "supports.")
+
+
+def figures_of(ready: Prepared, response: Response) -> list[Figure]:
+    """Return what a train did in the last revolution of a run, without what its model does not hold.
+
+    Parameters
+    ----------
+    ready
+        A case made ready to run.
+    response
+        Of its run.
+
+    Returns
+    -------
+    list
+        As from `flexcam.train.operation`; of few masses that hold no camshaft, not its twist, deflection and torque,
+        which would be zero.
+
+    Examples
+    --------
+    ``figures_of(ready, solve(ready.problem, ready.scheme))[0].name``
+    """
+    found = operation(ready.model, response, ready.revolution)
+    if ready.case.record.fidelity.model not in _FEW:
+        return found
+    return [one for one in found if one.value or not one.name.startswith(_CAMSHAFT)]
