@@ -190,7 +190,7 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> 
     heads, most = list(columns), out().width
     whole = sum(size + 1 for size in longest if size <= _NUMBER) <= most  # else their digits take more lines
     if _width(heads, longest) > most:  # numbers are never cut: their heads take more lines, and gaps are small
-        heads = [fill(head, max(size, 1), break_long_words=False) for head, size in zip(columns, longest, strict=True)]
+        heads = [fill(head, width) for head, width in zip(columns, _widths(columns, longest, most), strict=True)]
         made.padding = (0, 1, 0, 0)
     for i, (head, size) in enumerate(zip(heads, longest, strict=True)):
         words = i == 0 or (i == len(columns) - 1 and size > _NUMBER)
@@ -204,6 +204,16 @@ _NUMBER = 14
 """Letters of a cell up to which it is a number, with its unit perhaps, and not words that may go over several lines."""
 
 _GAP = 3
+
+
+def _widths(heads: Sequence[str], longest: Sequence[int], most: int) -> list[int]:
+    """Return how wide columns are whose heads take several lines; words are broken where numbers would be cut."""
+    words = [max(map(len, head.split()), default=1) for head in heads]
+    for letters in range(max(words, default=1), 0, -1):
+        widths = [max(size, min(letters, word), 1) for size, word in zip(longest, words, strict=True)]
+        if sum(widths) + len(widths) <= most:
+            return widths
+    return [max(size, 1) for size in longest]
 
 
 def _width(heads: Sequence[str], longest: Sequence[int]) -> int:

@@ -100,9 +100,9 @@ def _row(case: Case, folder: Path | None, model: Model | None, runs: int, channe
         return Row(_fault(fault))
     if choice is None or not row.status.ok:
         return row
-    model = f"{choice.found.rung}, {choice.found.steps} steps per revolution"
-    met = Status(text=f"chosen within the tolerance: {model}")
-    missed = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}; that is {model}")
+    named = f"{choice.found.rung}, {choice.found.steps} steps per revolution"
+    met = Status(text=f"chosen within the tolerance: {named}")
+    missed = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}; that is {named}")
     return Row(met if choice.met else missed, row.scalars, row.units)
 
 

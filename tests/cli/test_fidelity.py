@@ -10,6 +10,10 @@ import numpy as np
 import pytest
 
 from flexcam import read_case, read_result, run
+from flexcam.console.fidelity import trade_table
+from flexcam.fidelity import Measured, Reference, Traded
+from flexcam.response import Status
+from flexcam.terminal import out
 
 ROOT = Path(__file__).parents[2]
 FEW = ("run.revolutions=1", "run.steps_per_revolution=360")
@@ -63,6 +67,24 @@ def test_table_and_files(trade):
     assert all(int(row["work"]) == int(row["unknowns"]) * int(row["steps_per_revolution"]) for row in rows)
     with open("trade.svg", encoding="utf-8") as file:
         assert "</svg>" in file.read()
+
+
+def test_numbers_of_many_contacts_are_whole(monkeypatch, capsys):
+    """Eight cams have eleven columns of errors: heads give way, words broken, but no digit is cut off."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+    names = [
+        "lift",
+        "velocity",
+        "acceleration",
+        *(f"force {kind}-{n}" for n in range(1, 5) for kind in ("in", "exhaust")),
+    ]
+    errors = {name: 0.012 * 10.0**i for i, name in enumerate(names)}
+    found = Traded("beams x2", "", 1440, 10444, 345_600_000, 0.0123, errors, Status())
+    against = Reference(Measured(np.zeros(1), {}), errors, dict.fromkeys(errors, 1.0), 1440)
+    out().print(trade_table(against, [found]))
+    shown = capsys.readouterr().out
+    row = next(line for line in shown.splitlines() if "beams x2" in line).split()
+    assert row == ["beams", "x2", "1440", "10444", "3.46e+08", "0.0123", *(f"{100.0 * x:.2g}" for x in errors.values())]
 
 
 def test_json_holds_the_ladder(ladder):
