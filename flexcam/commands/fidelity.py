@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from flexcam import fidelity
 from flexcam.checks import refuse
 from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load
-from flexcam.console.fidelity import TRADE_LEGEND, trade_csv, trade_json, trade_table
+from flexcam.console.fidelity import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_words
 from flexcam.io import free_to_write, write_text
 from flexcam.runner import prepare, scalar_probe
 from flexcam.terminal import counting, out, print_json
@@ -56,5 +56,7 @@ def trade(
     else:
         out().print(trade_table(against, found))
         out().print(TRADE_LEGEND)
+        for sentence in trade_words(against):
+            out().print("\n" + sentence)
         for path in files:
             out().print(path)

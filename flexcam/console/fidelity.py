@@ -62,6 +62,31 @@ def _percent(share: float | None) -> str:
     return "" if share is None else f"{100.0 * share:.2g}"
 
 
+def trade_words(against: Reference) -> list[str]:
+    """Return what is doubtful about a ladder, in words.
+
+    Parameters
+    ----------
+    against
+        The reference.
+
+    Returns
+    -------
+    list
+        A sentence where the reference itself errs by more than a few percent; none where its errors are small.
+    """
+    shares = {name: error / against.size[name] for name, error in against.errors.items() if against.size[name] > 0.0}
+    rough = [f"{name} ({_percent(share)} %)" for name, share in shares.items() if share > _ROUGH]
+    if not rough:
+        return []
+    unsure = f"Warning: the reference itself is not sure of {', '.join(rough)}"
+    return [f"{unsure}: bounces, or motions that its steps do not see; errors of that size say nothing, nor do marks"]
+
+
+_ROUGH = 0.05
+"""Part of a quantity's size from which on the error of the reference is told in words."""
+
+
 def trade_json(against: Reference, found: Sequence[Traded]) -> dict[str, object]:
     """Return the same as ``--json`` prints it.
 
@@ -79,6 +104,7 @@ def trade_json(against: Reference, found: Sequence[Traded]) -> dict[str, object]
     return {
         "reference": {"steps_per_revolution": against.steps, "errors": own, "sizes": against.size},
         "rungs": [traded_json(one) for one in found],
+        "warnings": trade_words(against),
     }
 
 

@@ -87,6 +87,19 @@ def test_numbers_of_many_contacts_are_whole(monkeypatch, capsys):
     assert row == ["beams", "x2", "1440", "10444", "3.46e+08", "0.0123", *(f"{100.0 * x:.2g}" for x in errors.values())]
 
 
+def test_a_rough_reference_is_told(flexcam, ladder):
+    """Sixty steps see nothing of how a contact of 4 MN/m rings; twice as many of the published load see it all."""
+    case, few = ROOT / "cases/li/valve-train.toml", ("--set", "run.steps_per_revolution=60", "--repeats", 1)
+    done = flexcam("trade", case, *few, "--json").json
+    own = {name: error for name, error in done["reference"]["errors"].items() if error > 0.05}
+    assert own
+    assert "acceleration" in own
+    (told,) = done["warnings"]
+    assert all(f"{name} ({100.0 * error:.2g} %)" in told for name, error in own.items())
+    assert "the reference itself is not sure of" in " ".join(flexcam("trade", case, *few).out.split())
+    assert ladder["warnings"] == []
+
+
 def test_json_holds_the_ladder(ladder):
     rungs = ladder["rungs"]
     work = [one["work"] for one in rungs]
