@@ -338,6 +338,6 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     "did you mean 'stiffness'?"
     """
     names = [other for other in known if other != name]
-    swapped = [other for other in names if sorted(other) == sorted(name)]
+    swapped = [other for other in names if sorted(other.lower()) == sorted(name.lower())]
     near = swapped or difflib.get_close_matches(name, names, n=1, cutoff=0.6)
     return f"did you mean {near[0]!r}?" if near else ""

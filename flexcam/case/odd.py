@@ -30,6 +30,7 @@ def odd(case: Case) -> Iterator[str]:
     yield from _bare_speeds(case)
     yield from _materials(case)
     yield from _sections(case)
+    yield from _models(case)
 
 
 def _bare_speeds(case: Case) -> Iterator[str]:
@@ -77,6 +78,18 @@ def _sections(case: Case) -> Iterator[str]:
         for key in ("kappa_y", "kappa_z"):
             if getattr(made, key) > _ABOVE:
                 yield f"Warning: {place}: {key} = {getattr(made, key):g} is above 1: no more than A bears shear"
+
+
+def _models(case: Case) -> Iterator[str]:
+    """Yield what is asked of a model that is not run, and a tolerance that any model meets."""
+    asked, whole = case.record.fidelity, [name for name, one in case.record.fidelity.tolerances.items() if one >= 1.0]
+    place = {key: case.place(("fidelity", key)) for key in ("masses", "modes", "tolerance")}
+    if "masses" in asked.model_fields_set and asked.model != "chain":
+        yield f"Warning: {place['masses']}: it counts the masses of a chain, and the model is {asked.model}"
+    if asked.modes is not None and asked.tolerances:
+        yield f"Warning: {place['modes']}: it asks for nothing, for fidelity.tolerance chooses the model"
+    if whole:
+        yield f"Warning: {place['tolerance']}: any model is within 100 % of {', '.join(whole)}: did you mean percent?"
 
 
 _ABOVE = 1.02

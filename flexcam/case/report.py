@@ -42,8 +42,11 @@ def faults(errors: Iterable[ErrorDetails], places: Places, root: type[BaseModel]
         In the order of the file.
     """
     found: dict[tuple[str, str], Fault] = {}
-    for error in errors:
-        path = _path(error)
+    told = [(_path(error), error) for error in errors]
+    for path, error in told:
+        inside = any(len(one) > len(path) and one[: len(path)] == path for one, _ in told)
+        if inside and isinstance(error["input"], dict):
+            continue  # a table where a number may stand too: its own faults are told
         fault = _fault(error, path, places, root)
         key = fault.where, fault.given
         found[key] = _either(found[key], fault) if key in found else fault

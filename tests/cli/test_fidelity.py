@@ -241,6 +241,40 @@ def test_wrong_forms_are_refused(ran, key, said):
     assert said in done.err
 
 
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ('tolerance={ lift = "1 %", lfit = "2 %" }', "did you mean 'lift'?"),
+        ("tolerance={ lift = -1 }", "fidelity.tolerance.lift ("), ('model="SDOF"', "did you mean 'sdof'?"),
+    ],
+)  # fmt: skip
+def test_one_wrong_key_is_one_fault(ran, key, said):
+    done = ran(key, json=False)
+    assert done.code == 2
+    assert len(done.err.strip().splitlines()) == 1
+    assert said in done.err
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        (["masses=2"], "it counts the masses of a chain, and the model is beams"),
+        (["masses=2", 'model="sdof"'], "it counts the masses of a chain, and the model is sdof"),
+        (["modes=3", 'tolerance="1 %"'], "fidelity.tolerance chooses the model"),
+        (["tolerance=1"], "any model is within 100 % of lift: did you mean percent?"),
+        (['tolerance={ force = 5, velocity = "5 %" }'], "any model is within 100 % of force"),
+        (["masses=2", "model=chain"], ""), (['tolerance="99 %"'], ""), (["modes=3"], ""),
+    ],
+)  # fmt: skip
+def test_what_asks_for_nothing_is_told(flexcam, tayeb, keys, said):
+    laid = [word for key in keys for word in ("--set", f"fidelity.{key}")]
+    done = flexcam("check", tayeb(1), *laid)
+    assert done.code == 0
+    told = " ".join((done.out + done.err).split())
+    assert said in told
+    assert ("Warning: fidelity" in told) == bool(said)
+
+
 def test_wrong_lines_are_named(flexcam, case):
     text = case.read_text(encoding="utf-8")
     line = len(text.splitlines()) + 2
