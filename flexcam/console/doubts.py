@@ -179,7 +179,8 @@ def _bodies(ready: Prepared) -> bool:
 def _coarse(found: Fineness) -> list[str]:
     """Return what steps and elements are too coarse for."""
     at = f"at the {found.frequency:.4g} Hz of the accelerations"
-    steps = f"Warning: a period has {found.steps:.3g} steps {at}; take {_LEAST_STEPS / found.steps:.2g} times as many"
+    more = math.ceil(10.0 * _LEAST_STEPS / found.steps) / 10.0
+    steps = f"Warning: a period has {found.steps:.3g} steps {at}; take {more:.2g} times as many"
     elements = [
         f"Warning: a wave of bending of member {name} has {count:.2g} of its elements {at}; "
         f"take {math.ceil(_LEAST_ELEMENTS / count)} times as many"

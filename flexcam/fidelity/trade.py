@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from flexcam.case import Case
+from flexcam.case.tables.run import ResultStartRecord
+from flexcam.checks import refuse
 from flexcam.fidelity.measure import Measured, distance, measured
 from flexcam.fidelity.rungs import Rung, as_beams, ladder, measured_run, steps_of, with_elements
 from flexcam.integrate import integrated, solve
@@ -107,9 +109,14 @@ def reference(case: Case, probe: str, until: float | None = None) -> Reference:
 
     Raises
     ------
+    InputError
+        If the case goes on from a result, which fits one mesh only.
     RunFailedError
         If it ends early.
     """
+    if isinstance(case.record.run.start, ResultStartRecord):
+        where, why = case.place(("run", "start")), "a result fits one mesh, and others are tried"
+        raise refuse(where, "a start from a result", "another start", why, "give rest, equilibrium, periodic or values")
     steps = steps_of(case)
     beams = as_beams(case).with_run({"path": "auto"})  # which its size decides; the ways agree to rounding
     try:

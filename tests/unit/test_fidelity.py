@@ -11,7 +11,7 @@ import pytest
 
 from flexcam import InputError, read_case
 from flexcam.console.fidelity import choice_words, plus_minus
-from flexcam.fidelity import Choice, Error, Measured, Reference, Traded, distance, estimate, ladder, measured
+from flexcam.fidelity import Choice, Error, Measured, Reference, Traded, distance, estimate, ladder, measured, reference
 from flexcam.fidelity.rungs import Rung, steps_of, with_elements
 from flexcam.fidelity.trade import candidates, front
 from flexcam.integrate import integrated
@@ -135,6 +135,13 @@ class TestLadder:
         """Half as often, down to 60 per revolution, and whole numbers only."""
         found = candidates(read_case(INLINE, [f"run.steps_per_revolution={steps}"]))
         assert {steps_of(one.case) for one in found} == counts
+
+
+def test_a_ladder_begins_where_every_mesh_can():
+    """A result fits one mesh: that is said, not that a finer one does not fit."""
+    case = read_case(INLINE, ['run.start={ result = "first.vtkhdf" }'])
+    with pytest.raises(InputError, match="given a start from a result; allowed: another start; a result fits one mesh"):
+        reference(case, "valve")
 
 
 def test_derived_cases_leave_the_given_one():

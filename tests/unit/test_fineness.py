@@ -110,6 +110,14 @@ def test_what_is_coarse_is_told():
     ]
 
 
+@pytest.mark.parametrize(("steps", "more"), [(19.9, "1.1"), (18.0, "1.2"), (7.0, "2.9"), (1.5, "13")])
+def test_enough_steps_are_named(steps, more):
+    """As many as that are enough, and more than there are."""
+    ready, seen, response = watched(CASE)
+    (told,) = run_doubts(ready, replace(seen, fineness=Found(Fineness(400.0, steps, {}, {}))), [], response.stats)
+    assert told.endswith(f"take {more} times as many")
+
+
 def test_the_same_is_told_of_a_result():
     ready, seen, response = watched(CASE)
     again = Watched.again(ready, response)
