@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from flexcam.response import Response
 from flexcam.runner.prepared import Prepared
 from flexcam.train import Figure, operation
@@ -26,7 +28,7 @@ def figures_of(ready: Prepared, response: Response) -> list[Figure]:
     -------
     list
         As from `flexcam.train.operation`; of few masses that hold no camshaft, not its twist, deflection and torque,
-        which would be zero.
+        which would stand still.
 
     Examples
     --------
@@ -35,4 +37,13 @@ def figures_of(ready: Prepared, response: Response) -> list[Figure]:
     found = operation(ready.model, response, ready.revolution)
     if ready.case.record.fidelity.model not in _FEW:
         return found
-    return [one for one in found if one.value or not one.name.startswith(_CAMSHAFT)]
+    return [one for one in found if not one.name.startswith(_CAMSHAFT) or _moves(response, one)]
+
+
+def _moves(response: Response, one: Figure) -> bool:
+    values = response.channels[one.name.rpartition(".")[0]]
+    return bool(np.ptp(values) > _STILL * np.abs(values).max())
+
+
+_STILL = 1e-9
+"""Part of a value by which rounding moves it."""

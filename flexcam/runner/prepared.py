@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from flexcam.budget import affordable_mesh
 from flexcam.case import Case, build_model
 from flexcam.checks import InputError, refuse
@@ -12,6 +14,7 @@ from flexcam.integrate import (
     Problem,
     refused,
 )
+from flexcam.linalg import FloatArray
 from flexcam.response import SaveAt
 from flexcam.starting import drive_of, revolution_of, started, steps_per_revolution
 from flexcam.system import Basis, Shapes, System
@@ -204,9 +207,21 @@ def _basis(case: Case, model: Model, problem: Problem, kind: str) -> Basis | Non
         except InputError as refusal:
             named = InputError(replace(one, where=_KEYS.get(one.where, one.where)) for one in refusal.faults)
             raise _placed(case, named) from None
-        return Shapes(found.shapes, found.system.names)
+        return Shapes(found.shapes, found.system.names, _answered(case, problem, found.shapes))
     by_parts = fidelity.reduction == "craig-bampton"
     return None if fidelity.modes is None else modal_basis(problem, fidelity.modes, by_parts=by_parts)
+
+
+def _answered(case: Case, problem: Problem, shapes: FloatArray) -> FloatArray | None:
+    """Return what a static start has beside the shapes of a chain, uncoupled with them: it stays as it is.
+
+    What pushes elsewhere than at the masses, such as an installed spring, is answered by more than their shapes.
+    Without this a chain would not begin in its own balance, and ring about it for ever.
+    """
+    if problem.start is None or case.record.run.start not in ("rest", "equilibrium"):
+        return None
+    begun, stiff = problem.start.displacement, problem.system.stiffness.times_all(shapes)
+    return begun - shapes @ np.linalg.lstsq(shapes.T @ stiff, stiff.T @ begun)[0]
 
 
 def _placed(case: Case, refusal: InputError) -> InputError:

@@ -347,13 +347,13 @@ def test_estimates_are_printed(ran):
 
 
 def test_the_estimate_of_a_coarser_model_counts_its_distance_to_beams(ran, fine):
-    for model in ("rigid", "sdof"):
+    for model, rest in (("rigid", 0.01), ("sdof", 0.05)):
         done = ran(f'model="{model}"', "estimate=true").json
         error = next(one for one in done["errors"] if one["quantity"] == "lift")
         valve = read_result(done["result"]).response["valve"].displacement
         true = np.abs(valve - fine.displacement[::8]).max()
-        # What is left besides the model is the error of steps and elements, below a thousandth of it here.
-        assert error["model"] == pytest.approx(true, rel=0.01)
+        # What is left besides the model is the error of steps and elements, some 1e-6 m, of 4 mm and of 42 um.
+        assert error["model"] == pytest.approx(true, rel=rest)
 
 
 def test_a_run_whose_errors_cannot_be_estimated_is_told_all_the_same(flexcam, tayeb):

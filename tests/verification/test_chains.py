@@ -122,6 +122,29 @@ def test_a_run_of_the_chain(record, count, allowed):
            reason="the mode at 67 Hz answers; two revolutions near its resonance")  # fmt: skip
 
 
+@pytest.mark.parametrize("rpm", [1000.0, 3000.0, 5200.0])
+def test_one_mass_is_the_oscillator_it_stands_for(rpm):
+    """Mass, stiffness and answer by hand: ``M x'' + K x = K h/2 (1 - cos W t)`` from rest, as the valve's motion.
+
+    The rod follows its ends; above it valve and rocker follow by the share that spring and rod leave them. The preload,
+    which the installed spring balances, moves nothing and starts no ringing.
+    """
+    case = read_case(ROOT / "cases/tayeb/model-1-shm.toml", [
+        f"run.speed={rpm}rpm", "run.steps_per_revolution=3600", "run.revolutions=1", "fidelity.model=sdof",
+    ])  # fmt: skip
+    area, ratio = np.pi / 4.0 * (0.008**2 - 0.005**2), 40.0 / 25.0
+    rod, spring, head = 207e9 * area / 0.25, ratio**2 * 40e3, ratio**2 * 0.1 + 1e-4 / 0.025**2
+    share = rod / (rod + spring)
+    M = 0.1 + head * share**2 + 7800.0 * area * 0.25 / 3.0 * (1.0 + share + share**2)
+    own, driven = np.sqrt(share * spring / M), rpm * np.pi / 30.0
+    found, r2 = run(case), (driven / own) ** 2
+    moved = 0.003 * (1.0 - (np.cos(driven * found.time) - r2 * np.cos(own * found.time)) / (1.0 - r2))
+    missed = found["valve"].displacement - ratio * share * moved
+    # Newmark's period errs by (w dt)^2/12: 1e-5 and less over the four periods of a revolution at 1000 rpm.
+    assert np.abs(missed).max() < 1e-4 * np.ptp(moved)
+    assert abs(found["valve"].displacement[0]) < 1e-12
+
+
 @pytest.mark.parametrize("sensed", [0, 1])
 def test_compliance_at_the_contact_is_exact(record, sensed):
     """What the cam's contact senses under its own force: camshaft and bearings are in it, and twist over tilt."""
