@@ -8,6 +8,7 @@ import numpy as np
 
 from flexcam.budget import affordable_mesh
 from flexcam.case import Case, build_model
+from flexcam.case.tables.run import GivenStartRecord
 from flexcam.checks import InputError, refuse
 from flexcam.integrate import (
     Method,
@@ -213,12 +214,12 @@ def _basis(case: Case, model: Model, problem: Problem, kind: str) -> Basis | Non
 
 
 def _answered(case: Case, problem: Problem, shapes: FloatArray) -> FloatArray | None:
-    """Return what a static start has beside the shapes of a chain, uncoupled with them: it stays as it is.
+    """Return what a start has beside the shapes of a chain, uncoupled with them: it stays as it is.
 
     What pushes elsewhere than at the masses, such as an installed spring, is answered by more than their shapes.
     Without this a chain would not begin in its own balance, and ring about it for ever.
     """
-    if problem.start is None or case.record.run.start not in ("rest", "equilibrium"):
+    if problem.start is None or isinstance(case.record.run.start, GivenStartRecord):
         return None
     begun, stiff = problem.start.displacement, problem.system.stiffness.times_all(shapes)
     return begun - shapes @ np.linalg.lstsq(shapes.T @ stiff, stiff.T @ begun)[0]

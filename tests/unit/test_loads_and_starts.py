@@ -205,6 +205,19 @@ def restarted(tmp_path):
     )
 
 
+@pytest.mark.parametrize("start", ["rest", "equilibrium", "periodic"])
+def test_one_mass_goes_on_from_a_result(tmp_path, start):
+    """What the installed spring and the preload bend beside the mass's shape is in the result, and stays."""
+    few = ("[output]", '[fidelity]\nmodel = "sdof"\n\n[output]'), ('start = "rest"', f'start = "{start}"')
+    first = prepare(inline(tmp_path, *few, name="first"))
+    one = solve(first.problem, first.scheme, save=first.save, sinks=[result_file(first, tmp_path)])
+    second = run(inline(tmp_path, few[0], (few[1][0], 'start = { result = "first.vtkhdf" }'), name="second"))
+    whole = run(inline(tmp_path, *few, ("revolutions = 1", "revolutions = 2"), name="whole"))
+    late, again = whole["valve"].displacement[len(one.time) - 1 :], second["valve"].displacement
+    # The state is kept in double precision, and projected once more.
+    assert np.abs(again - late).max() <= 1e-9 * np.abs(late).max()
+
+
 def test_a_run_goes_on_from_a_result(restarted):
     """State and cam angle are taken over; the acceleration follows from balance up to the residual of a solve."""
     whole, second = (run(case) for case in restarted)
