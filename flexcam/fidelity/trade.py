@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 from flexcam.case import Case
 from flexcam.case.tables.run import ResultStartRecord
-from flexcam.checks import refuse
+from flexcam.checks import Fault, InputError, refuse
 from flexcam.fidelity.measure import Measured, distance, measured
 from flexcam.fidelity.rungs import Rung, as_beams, ladder, measured_run, steps_of, with_elements
 from flexcam.integrate import integrated, solve
-from flexcam.response import Advance, Response, RunFailedError, Status, counted, heed
+from flexcam.response import Advance, Cause, Response, RunFailedError, Status, counted, heed
 from flexcam.runner import Prepared, standing
 
 _REFINED = 4
@@ -126,9 +126,26 @@ def reference(case: Case, probe: str, until: float | None = None) -> Reference:
         )
     except RunFailedError as failure:
         heed(failure.status)
-        raise
+        raise RunFailedError(_of_reference(failure.status)) from None
+    except InputError as refusal:
+        raise InputError(_of_finer(fault) for fault in refusal.faults) from None
     errors = {name: _COVERS * value for name, value in distance(finest, coarser, rms=True).items()}
     return Reference(finest, errors, {name: finest.size(name) for name in errors}, _REFINED * steps)
+
+
+_NAMED = f"the reference, of {_FINER} times the elements and {_REFINED} times the steps"
+
+
+def _of_reference(status: Status) -> Status:
+    """Return how the reference ended, which the case's own run need not."""
+    return status if status.cause is Cause.TIME_LIMIT else replace(status, text=f"{_NAMED}: {status.text}")
+
+
+def _of_finer(fault: Fault) -> Fault:
+    """Return what is refused to the reference; what is refused to the case too has been told before."""
+    if not fault.where.startswith("run."):
+        return fault
+    return replace(fault, why="; ".join(filter(None, (f"asked of {_NAMED}", fault.why))))
 
 
 def candidates(case: Case) -> list[Rung]:

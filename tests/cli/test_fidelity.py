@@ -100,6 +100,20 @@ def test_a_rough_reference_is_told(flexcam, ladder):
     assert ladder["warnings"] == []
 
 
+@pytest.mark.parametrize(
+    ("method", "code", "said"),
+    [
+        ('"newmark", beta = 0.1, gamma = 0.5', 3, "times the steps: "),
+        ('"central-difference"', 2, "times the steps; a motion"),
+    ],
+)  # fmt: skip
+def test_a_reference_that_cannot_be_is_named(trade, method, code, said):
+    """Its elements are finer than those of the case, whose own steps may be short enough."""
+    done = trade("--set", f"run.integrator={{ method = {method} }}", "--set", "run.steps_per_revolution=4000")
+    assert done.code == code
+    assert f"the reference, of 3 times the elements and 4 {said}" in done.err
+
+
 def test_json_holds_the_ladder(ladder):
     rungs = ladder["rungs"]
     work = [one["work"] for one in rungs]
