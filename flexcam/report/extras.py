@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from flexcam import fidelity
 from flexcam.case import Case
 from flexcam.checks import InputError
-from flexcam.console.fidelity import TRADE_LEGEND, error_table, plus_minus, trade_table
+from flexcam.console.fidelity import TRADE_LEGEND, error_table, plus_minus, trade_table, trade_words
 from flexcam.console.limits import limits_table
 from flexcam.limits import Limits, find_limits
 from flexcam.report.content import Picture, Sheet
@@ -123,4 +123,4 @@ def _trade(case: Case, probe: str) -> Extra:
         f"The table has the numbers ({TRADE_LEGEND})."
     )
     title = "What a cheaper model costs in error"
-    return Extra((), (table,), (Picture(title, png_of(work_precision_figure(rungs)), words),))
+    return Extra(tuple(trade_words(against)), (table,), (Picture(title, png_of(work_precision_figure(rungs)), words),))

@@ -9,12 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flexcam import read_case
 from flexcam.console.results import operation_table
 from flexcam.fem import Mesh, Section, beams
 from flexcam.fem.deflection import deflection
 from flexcam.fem.member import Member
 from flexcam.report.content import Album, Chapter, Chart, Curve, Panel, Picture, Report, Scene, Shape, Sheet
 from flexcam.report.curves import albums, left_over, scalars, thinned
+from flexcam.report.extras import Asked, extras
 from flexcam.report.html import embedded, page
 from flexcam.report.sheets import sheet
 from flexcam.response import Outline, Response, Series
@@ -245,3 +247,10 @@ def test_numbers_too_large_for_single_precision_arrive():
 def test_a_zero_of_the_train_has_no_sign():
     made = operation_table([Figure("members.rod.compression", -0.0, "N")])
     assert list(made.columns[1].cells) == ["0 N"]
+
+
+def test_a_ladder_on_a_rough_reference_says_so():
+    """Sixty steps do not see how a contact of 4 MN/m rings."""
+    case = read_case("cases/li/valve-train.toml", ["run.steps_per_revolution=60", "run.revolutions=1"])
+    (found,) = extras(case, "valve.uy", Asked(trade=True))
+    assert "the reference itself is not sure of" in found.sentences[0]
