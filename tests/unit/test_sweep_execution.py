@@ -196,9 +196,8 @@ def test_a_script_that_worker_processes_cannot_read_is_told_so(tmp_path):
     script = f"from flexcam import sweep\nsweep.swept(sweep.study({str(TAYEB)!r}, {VARIED!r}), sweep.Processes(2))\n"
     (tmp_path / "script.py").write_text(script, encoding="utf-8")
     done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    assert done.stderr.splitlines()[-1].startswith(
-        "flexcam.response.status.RunFailedError: worker-lost: no worker process could"
-    )
+    told = "flexcam.response.status.RunFailedError: worker-lost: no worker process could"
+    assert [line for line in done.stderr.splitlines() if line.startswith(told)]  # Python may add its own words behind
 
 
 def test_chunks_do_not_depend_on_who_runs_them():
