@@ -163,8 +163,9 @@ def find_limits(
 
 
 def bracketed_limits(
-    case: Case, search: Search, among: Collection[str] | None = None, *, advance: Advance | None = None
-) -> dict[str, Limit]:
+    case: Case, search: Search, among: Collection[str] | None = None,
+    *, runs: int = 1, advance: Advance | None = None,
+) -> dict[str, Limit]:  # fmt: skip
     """Find the speeds at which something gives way, without what can be told of the case at rest.
 
     Parameters
@@ -175,6 +176,8 @@ def bracketed_limits(
         Where to look, and how closely.
     among
         Which limits, of those of `LIMITS`; all that the case can meet by default.
+    runs
+        How many variants of the case are looked at like this.
     advance
         Told after each run that one more is finished.
 
@@ -199,7 +202,7 @@ def bracketed_limits(
     def ask(speed: float) -> Answers:
         if speed not in seen:
             ready = prepare(case.at_speed(speed, _REVOLUTIONS), model=model)
-            response = solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=ready.save)
+            response = solve(replace(ready.problem, runs=runs * len(speeds)), ready.scheme, save=ready.save)
             heed(response.status)
             if advance is not None:
                 advance(1)

@@ -45,7 +45,7 @@ def map_limits(
     asked = [f"limits.{name}" for name in names]
     with (
         counting(len(plan), "variants") as shown,
-        study.evaluators(file, (), asked, search, workers=workers, advance=shown) as runs,
+        study.evaluators(file, (), asked, search, workers=workers, runs=len(plan), advance=shown) as runs,
     ):
         kept = study.Kept(runs)
         found = study.limit_map(plan, names, kept).told_in(case)

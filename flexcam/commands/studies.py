@@ -128,10 +128,10 @@ class _Asked:
         if not allow_large and any(study.frequency_number(name) is None for name in names):
             afford_case(self.case, together=workers)
 
-    def checked(self) -> dict[str, study.Quantity]:
-        """Return what is asked of the case as it stands; names that it does not have are refused."""
+    def checked(self, count: int) -> dict[str, study.Quantity]:
+        """Return what is asked of the case as it stands, one of so many variants; unknown names are refused."""
         try:
-            return study.measured(self.case, self.names, self.search)
+            return study.measured(self.case, self.names, self.search, count)
         except RunFailedError as failure:
             heed(failure.status)
             raise
@@ -142,7 +142,9 @@ class _Asked:
         asked = self.names if names is None else names
         with (
             counting(count if asked else 0, "variants") as shown,
-            study.evaluators(self.file, self.fixed, asked, self.search, workers=workers, advance=shown) as runs,
+            study.evaluators(
+                self.file, self.fixed, asked, self.search, workers=workers, runs=count, advance=shown
+            ) as runs,
         ):
             yield runs
 
@@ -158,8 +160,9 @@ def search_of(case: Case, lowest: str | None, highest: str | None, within: str) 
 def _derivatives(asked: _Asked, keys: list[str], relative_step: float, workers: int) -> tuple[Answer, Status]:
     responses = [name for name in asked.names if not study.frequency_number(name)]
     study.numbers_of(asked.case, keys)
-    asked.checked()
-    with asked.evaluators(1 + len(STEPS) * len(keys), workers, responses) as runs:
+    count = 1 + len(STEPS) * len(keys)
+    asked.checked(count)
+    with asked.evaluators(count, workers, responses) as runs:
         kept = study.Kept(runs)
         found = study.sensitivities(asked.file, asked.fixed, asked.names, keys, kept, relative_step=relative_step)
 
@@ -176,7 +179,7 @@ def _derivatives(asked: _Asked, keys: list[str], relative_step: float, workers: 
 def _shares(asked: _Asked, keys: list[str], count: int, seed: int, workers: int) -> tuple[Answer, Status]:
     variables = study.variables_of(asked.case, keys, "--to")
     study.checked_count(count)
-    asked.checked()
+    asked.checked(count)
     low, high = (np.array([getattr(one, end) for one in variables]) for end in ("low", "high"))
     with asked.evaluators(count * (len(variables) + 2), workers) as runs:
         kept = study.Kept(runs)
@@ -210,7 +213,7 @@ _FEWEST = 2
 def _scatter(asked: _Asked, tolerances: list[str], count: int, seed: int, workers: int) -> tuple[Answer, Status]:
     scatters = study.scatters_of(asked.case, tolerances)
     parts = study.sampled(scatters, count, seed)
-    middle = asked.checked()
+    middle = asked.checked(count)
     variables = tuple(study.Variable(one.key, one.middle - one.half, one.middle + one.half) for one in scatters)
     with asked.evaluators(count, workers) as runs:
         kept = study.Kept(runs)
@@ -269,7 +272,7 @@ def optimize(
     )
     variables = study.variables_of(asked.case, vary, "--vary")
     with suppress(RunFailedError):  # a case that fails as it stands may have better variants
-        asked.checked()
+        asked.checked(evaluations)
     with asked.evaluators(evaluations, workers) as runs:
         points = study.Points(asked.case, variables, runs)
         search = study.optimize if len(goals) == 1 else study.pareto

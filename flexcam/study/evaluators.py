@@ -16,8 +16,8 @@ from flexcam.study.points import Runs, serial, variant_row
 from flexcam.sweep import Row
 from flexcam.sweep.workers import end_with_parent, ended, one_thread, pipes_may_break, undisturbed
 
-Asked = tuple[CaseFile, tuple[str, ...], tuple[str, ...], Search | None]
-"""Case file, values laid over it, names of quantities, and where limits are looked for."""
+Asked = tuple[CaseFile, tuple[str, ...], tuple[str, ...], Search | None, int]
+"""Case file, values laid over it, names of quantities, where limits are looked for, and how many variants there are."""
 
 _asked: list[Asked] = []
 """What a worker process was given, once."""
@@ -30,7 +30,7 @@ _LOST = Status(
 @contextmanager
 def evaluators(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
-    *, workers: int = 1, advance: Advance | None = None,
+    *, workers: int = 1, runs: int = 1, advance: Advance | None = None,
 ) -> Generator[Runs]:  # fmt: skip
     """Give what evaluates variants, for as long as a study goes on.
 
@@ -46,6 +46,8 @@ def evaluators(
         Where limits are looked for.
     workers
         Processes; with one, this process does it.
+    runs
+        About how many variants there will be in all: of many short runs, machine code pays from the first.
     advance
         Told after each variant that one more is finished.
 
@@ -64,17 +66,17 @@ def evaluators(
     if workers < 1:
         raise refuse("--workers", workers, "a whole number from 1")
     if workers == 1:
-        yield serial(file, fixed, names, search, advance=advance)
+        yield serial(file, fixed, names, search, runs=runs, advance=advance)
         return
     bare = CaseFile(file.path, file.text, file.raw)  # meshes do not travel; every process reads its own
-    asked = bare, tuple(fixed), tuple(names), search
+    asked = bare, tuple(fixed), tuple(names), search, runs
     # spawn: threads and locks of this process stay out of the workers, on every system
     context = multiprocessing.get_context("spawn")
     before = {process.pid for process in multiprocessing.active_children()}
     with one_thread(), pipes_may_break():
         pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(asked,))
 
-        def run(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
+        def evaluated(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
             try:
                 with undisturbed():
                     rows = [pool.submit(_row, one) for one in variants]
@@ -84,7 +86,7 @@ def evaluators(
                 raise RunFailedError(_LOST) from None
 
         try:
-            yield run
+            yield evaluated
         finally:
             ended(pool, before)
 
@@ -95,5 +97,5 @@ def _begin(asked: Asked) -> None:
 
 
 def _row(overrides: tuple[str, ...]) -> Row:
-    file, fixed, names, search = _asked[-1]
-    return variant_row(file, (*fixed, *overrides), names, search)
+    file, fixed, names, search, runs = _asked[-1]
+    return variant_row(file, (*fixed, *overrides), names, search, runs)

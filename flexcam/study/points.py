@@ -184,7 +184,7 @@ class Points:
 
 def serial(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
-    *, advance: Advance | None = None,
+    *, runs: int = 1, advance: Advance | None = None,
 ) -> Runs:  # fmt: skip
     """Return what evaluates variants one after the other.
 
@@ -198,6 +198,8 @@ def serial(
         The quantities asked for (`flexcam.study.quantities`).
     search
         Where limits are looked for.
+    runs
+        About how many variants there will be in all: of many short runs, machine code pays from the first.
     advance
         Told after each variant that one more is finished.
 
@@ -209,12 +211,14 @@ def serial(
 
     def run(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
         for one in counted(variants, advance):
-            yield variant_row(file, (*fixed, *one), names, search)
+            yield variant_row(file, (*fixed, *one), names, search, runs)
 
     return run
 
 
-def variant_row(file: CaseFile, overrides: Sequence[str], names: Sequence[str], search: Search | None = None) -> Row:
+def variant_row(
+    file: CaseFile, overrides: Sequence[str], names: Sequence[str], search: Search | None = None, runs: int = 1
+) -> Row:
     """Return what is asked of one variant of a case.
 
     Parameters
@@ -223,7 +227,7 @@ def variant_row(file: CaseFile, overrides: Sequence[str], names: Sequence[str], 
         The case file.
     overrides
         Values laid over it.
-    names, search
+    names, search, runs
         As for `serial`.
 
     Returns
@@ -235,7 +239,7 @@ def variant_row(file: CaseFile, overrides: Sequence[str], names: Sequence[str], 
         case = file.read(overrides)
     except InputError as refusal:
         return refused(refusal)
-    return quantities(case, names, search)
+    return quantities(case, names, search, runs)
 
 
 def column(rows: Sequence[Row], name: str) -> FloatArray:

@@ -80,7 +80,7 @@ def frequency_number(name: str) -> int | None:
     return int(found[1]) if found else None
 
 
-def quantities(case: Case, names: Sequence[str], search: Search | None = None) -> Row:
+def quantities(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> Row:
     """Return what is asked of a case.
 
     Parameters
@@ -91,6 +91,8 @@ def quantities(case: Case, names: Sequence[str], search: Search | None = None) -
         As above.
     search
         Where limits are looked for; from half to twice the case's speed, to 10 rpm, by default.
+    runs
+        About how many variants are asked like this one: the more, the sooner machine code pays.
 
     Returns
     -------
@@ -104,7 +106,7 @@ def quantities(case: Case, names: Sequence[str], search: Search | None = None) -
     """
     begun = time.perf_counter()
     try:
-        found = measured(case, names, search)
+        found = measured(case, names, search, runs)
     except InputError as refusal:
         return refused(refusal)
     except RunFailedError as failure:
@@ -115,12 +117,12 @@ def quantities(case: Case, names: Sequence[str], search: Search | None = None) -
     return Row(Status(), values, units, time.perf_counter() - begun)
 
 
-def measured(case: Case, names: Sequence[str], search: Search | None = None) -> dict[str, Quantity]:
+def measured(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> dict[str, Quantity]:
     """Return what is asked of a case, or raise.
 
     Parameters
     ----------
-    case, names, search
+    case, names, search, runs
         As for `quantities`.
 
     Returns
@@ -135,11 +137,12 @@ def measured(case: Case, names: Sequence[str], search: Search | None = None) -> 
     RunFailedError
         If its run does not reach its end.
     """
-    found = _frequencies(case, names) | _limits(case, names, search) | _cams(case, names) | _numbers(case, names)
+    found = _frequencies(case, names) | _limits(case, names, search, runs)
+    found |= _cams(case, names) | _numbers(case, names)
     of_a_run = [name for name in names if name not in found and not name.startswith(_LIMIT)]
     if not of_a_run:
         return found
-    row = complete(evaluate(case, channels=not of_motion(of_a_run)))
+    row = complete(evaluate(case, runs=runs, channels=not of_motion(of_a_run)))
     if lacking := [name for name in of_a_run if name not in row.scalars]:
         raise InputError(_unknown(name, row.scalars, case.record.cams) for name in lacking)
     return found | {name: Quantity(row.scalars[name], row.units[name]) for name in of_a_run}
@@ -235,7 +238,7 @@ def _frequencies(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
     return {name: Quantity(float(elastic[number - 1]), "Hz") for name, number in asked.items()}
 
 
-def _limits(case: Case, names: Sequence[str], search: Search | None) -> dict[str, Quantity]:
+def _limits(case: Case, names: Sequence[str], search: Search | None, runs: int) -> dict[str, Quantity]:
     asked = [name.removeprefix(_LIMIT) for name in names if name.startswith(_LIMIT)]
     if not asked:
         return {}
@@ -244,7 +247,7 @@ def _limits(case: Case, names: Sequence[str], search: Search | None) -> dict[str
         raise refuse("scalar", f"{_LIMIT}{unknown[0]}", allowed, "", did_you_mean(unknown[0], LIMITS))
     scale, unit = case.turns, f"{shaft_name(case.turns)} rpm"
     where = search or Search(0.5 * case.speed, 2.0 * case.speed, 10.0 * RPM / scale)
-    found = bracketed_limits(case, where, asked)
+    found = bracketed_limits(case, where, asked, runs=runs)
     if lacking := [one for one in asked if one not in found]:
         raise refuse(
             "scalar", f"{_LIMIT}{lacking[0]}", ", ".join(_LIMIT + one for one in found), "the case lacks the part"

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from flexcam.case import read_case
+from flexcam.case import CaseFile, read_case
 from flexcam.response import Status
 from flexcam.runner import modes
 from flexcam.study import number_of
@@ -463,3 +463,33 @@ def test_map_of_limits(flexcam, tmp_path):
     assert rpm[1][1] == pytest.approx(alone["loss_of_contact_rpm"])
     assert len(table.read_text(encoding="utf-8").splitlines()) == 5
     assert picture.read_text(encoding="utf-8").count("<path") > 5
+
+
+def test_a_variant_is_run_as_one_of_as_many_as_are_asked_for(flexcam, monkeypatch):
+    """Machine code pays for ninety runs of 2 880 steps, though not for one: a search took fifteen times as long."""
+    quantities = sys.modules["flexcam.study.quantities"]
+    asked, whole = [], quantities.evaluate
+    monkeypatch.setattr(quantities, "evaluate", lambda case, runs: asked.append(runs) or whole(case))
+    told = ("--tolerance", "springs.valve.stiffness=±5%", "--of", "deviation.peak", "--count", "9")
+    assert flexcam("sensitivity", PUBLISHED, *told, *QUICK).code == 0
+    assert asked == [9] * 10
+
+
+def test_worker_processes_run_a_variant_as_one_of_many_too(monkeypatch):
+    processes = sys.modules["flexcam.study.evaluators"]
+    given = []
+    monkeypatch.setattr(processes, "variant_row", lambda *words: words[-1])
+    monkeypatch.setattr(processes, "_asked", given)
+    monkeypatch.setattr(processes, "ProcessPoolExecutor", lambda *_, initargs, **__: given.extend(initargs))
+    monkeypatch.setattr(processes, "ended", lambda *_: None)
+    with processes.evaluators(CaseFile.opened(PUBLISHED), (), ["deviation.peak"], workers=2, runs=9):
+        assert processes._row(()) == 9
+
+
+def test_limits_are_looked_for_as_one_of_many_variants(flexcam, monkeypatch):
+    asked = []
+    limits = sys.modules["flexcam.study.quantities"]
+    monkeypatch.setattr(limits, "bracketed_limits", lambda *_, runs: asked.append(runs) or {})
+    told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
+    flexcam("limits", ENGINE, *told)
+    assert asked == [4, 4, 4, 4]
