@@ -75,7 +75,8 @@ def sensitivity(
         Parameter("--tolerance", negative=(), help="Scatter of parts: KEY=±2%, KEY=±0.05mm, KEY=normal:±2%."),
     ] = None,
     count: Annotated[int | None, Parameter("--count", help="Sets of scattered parts; 100 by default.")] = None,
-    seed: Seed = 0, workers: WorkerCount = 1,
+    seed: Annotated[int | None, Parameter(help="Of --sobol and --tolerance; 0 by default.")] = None,
+    workers: WorkerCount = 1,
     lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
     csv: Csv = None, plot: Picture = None,
     overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
@@ -90,14 +91,15 @@ def sensitivity(
         given = "both --to and --tolerance" if keys else "neither --to nor --tolerance"
         raise refuse("sensitivity", given, "--to KEY, or --tolerance KEY=±SPEC")
     _ignored("--count", count, "--tolerance", wanted=tolerances is not None)
+    _ignored("--seed", seed, "--sobol or --tolerance", wanted=tolerances is not None or sobol is not None)
     _ignored("--relative-step", relative_step, "derivatives", wanted=tolerances is None and sobol is None)
     asked = _Asked(
         case, overrides, names, lowest, highest, within, option="--of", workers=workers, allow_large=allow_large
     )
     if tolerances is not None:
-        answer, ended = _scatter(asked, tolerances, 100 if count is None else count, seed, workers)
+        answer, ended = _scatter(asked, tolerances, 100 if count is None else count, seed or 0, workers)
     elif sobol is not None:
-        answer, ended = _shares(asked, keys or [], sobol, seed, workers)
+        answer, ended = _shares(asked, keys or [], sobol, seed or 0, workers)
     else:
         answer, ended = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, workers)
     write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json)

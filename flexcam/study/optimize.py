@@ -11,7 +11,7 @@ from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
 from flexcam.study.objective import Constraint, Goal, costs, feasible, violations
 from flexcam.study.points import Points
-from flexcam.sweep import Row
+from flexcam.sweep import Row, checked_seed
 
 _PER_VARIABLE, _FEWEST, _MOST = 6, 12, 64
 """Points of a generation: so many per variable, within bounds."""
@@ -206,7 +206,7 @@ def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evalua
     Raises
     ------
     InputError
-        If there is more than one goal, or hardly any evaluations.
+        If there is more than one goal, hardly any evaluations, or a seed below zero.
 
     Examples
     --------
@@ -217,6 +217,7 @@ def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evalua
     generation = generation_size(len(design.points.variables))
     if evaluations < 2 * generation:
         raise refuse("--evaluations", evaluations, f"{2 * generation} or more", "two generations")
+    checked_seed(seed)
     judge = Judge(design)
 
     def search() -> None:

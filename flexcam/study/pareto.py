@@ -14,6 +14,7 @@ from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
 from flexcam.study.objective import feasible
 from flexcam.study.optimize import Design, Evaluations, Judge, generation_size
+from flexcam.sweep import checked_seed
 
 
 def pareto(design: Design, *, evaluations: int = 400, seed: int = 0) -> Evaluations:
@@ -38,7 +39,7 @@ def pareto(design: Design, *, evaluations: int = 400, seed: int = 0) -> Evaluati
     Raises
     ------
     InputError
-        If there are not two goals, pymoo is not installed, or there are hardly any evaluations.
+        If there are not two goals, pymoo is not installed, there are hardly any evaluations, or a seed below zero.
     """
     if len(design.goals) != 2:
         raise refuse("goals", len(design.goals), "two", "a front is between two")
@@ -47,6 +48,7 @@ def pareto(design: Design, *, evaluations: int = 400, seed: int = 0) -> Evaluati
     size = 2 * generation_size(len(design.points.variables))
     if evaluations < 2 * size:
         raise refuse("--evaluations", evaluations, f"{2 * size} or more", "two generations")
+    checked_seed(seed)
     judge = Judge(design)
 
     def search() -> None:

@@ -75,13 +75,34 @@ def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Vari
         With all faults at once: unknown keys, intervals that do not rise.
     """
     found, faults = gathered(lambda setting: _variable(case, setting, f"{option} {setting}"), settings)
-    keys = [one.key for one in found]
-    faults += [
-        Fault(option, repr(key), "every key once", "it is given twice", "") for key in keys if keys.count(key) > 1
-    ]
+    faults += given_twice(option, [one.key for one in found])
     if faults:
-        raise InputError(dict.fromkeys(faults))
+        raise InputError(faults)
     return tuple(found)
+
+
+def given_twice(option: str, keys: Sequence[str]) -> list[Fault]:
+    """Return a fault for every key that stands more than once: a variant has one value of it.
+
+    Parameters
+    ----------
+    option
+        That gave them.
+    keys
+        Of numbers of the case.
+
+    Returns
+    -------
+    list
+        Empty where each stands once.
+
+    Examples
+    --------
+    >>> [fault.given for fault in given_twice("--vary", ["a", "b", "a"])]
+    ["'a'"]
+    """
+    twice = dict.fromkeys(key for key in keys if keys.count(key) > 1)
+    return [Fault(option, repr(key), "every key once", "it is given twice", "") for key in twice]
 
 
 def _variable(case: Case, setting: str, where: str) -> Variable:

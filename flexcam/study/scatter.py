@@ -14,7 +14,8 @@ from flexcam.case import Case
 from flexcam.checks import InputError, gathered, refuse
 from flexcam.linalg import FloatArray
 from flexcam.study.keys import number_of
-from flexcam.study.points import number_at
+from flexcam.study.points import given_twice, number_at
+from flexcam.sweep import checked_seed
 from flexcam.units import DIMENSIONS, parse
 
 _SPEC = re.compile(r"\s*(?:(normal|uniform)\s*:)?\s*(?:±|\+-|\+/-)\s*(\S.*?)\s*$")
@@ -86,6 +87,7 @@ def scatters_of(case: Case, settings: Sequence[str], option: str = "--tolerance"
         With all faults at once.
     """
     found, faults = gathered(lambda setting: _scatter(case, setting, f"{option} {setting}"), settings)
+    faults += given_twice(option, [one.key for one in found])
     if faults:
         raise InputError(faults)
     return tuple(found)
@@ -143,13 +145,13 @@ def sampled(scatters: Sequence[Scatter], count: int, seed: int = 0) -> FloatArra
     Raises
     ------
     InputError
-        If there are fewer than eight sets.
+        If there are fewer than eight sets, or the seed is below zero.
     """
     if count < 8:
         raise refuse("--count", count, "a whole number from 8", "mean and spread mean nothing with fewer")
     from scipy.stats import qmc
 
-    parts = qmc.LatinHypercube(len(scatters), seed=np.random.default_rng(seed)).random(count)
+    parts = qmc.LatinHypercube(len(scatters), seed=np.random.default_rng(checked_seed(seed))).random(count)
     return np.array([[one.value(part) for one, part in zip(scatters, row, strict=True)] for row in parts.tolist()])
 
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
+from flexcam.sweep import checked_seed
 
 _CONFIDENCE = 0.95
 _RESAMPLES = 499
@@ -73,7 +74,7 @@ def sobol_indices(function: Function, dimensions: int, count: int, *, seed: int 
     Raises
     ------
     InputError
-        If the count is no power of two, or too many points failed.
+        If the count is no power of two, the seed is below zero, or too many points failed.
 
     Examples
     --------
@@ -82,6 +83,7 @@ def sobol_indices(function: Function, dimensions: int, count: int, *, seed: int 
     array([0.2, 0.8])
     """
     checked_count(count)
+    checked_seed(seed)
     a, b, mixed = _points(dimensions, count, seed)
     each = np.stack([a, b, *mixed], axis=1)  # base point by base point: a study that is stopped has whole ones
     parts = function(each.reshape(-1, dimensions)).reshape(count, dimensions + 2, -1)

@@ -11,7 +11,7 @@ from flexcam.sweep.evaluate import Row, evaluate, row_of
 from flexcam.sweep.files import csv_text, write_table
 from flexcam.sweep.frames import history_dataset, history_frame, table_dataset, table_frame
 from flexcam.sweep.hdf5 import read_table
-from flexcam.sweep.plan import Plan, Sample, made_plan, sample
+from flexcam.sweep.plan import Plan, Sample, checked_seed, made_plan, sample
 from flexcam.sweep.scalars import scalars_of
 from flexcam.sweep.study import Study, study
 from flexcam.sweep.swept import Target, sweep_files, swept
@@ -38,6 +38,7 @@ __all__ = [
     "afford_case",
     "axes",
     "axis",
+    "checked_seed",
     "csv_text",
     "evaluate",
     "history_dataset",

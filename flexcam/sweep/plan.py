@@ -79,9 +79,35 @@ def sample(text: str, seed: int = 0) -> Sample:
     if match[1] == "sobol" and count & (count - 1):
         near = f"take sobol:{1 << (count.bit_length() - 1)} or sobol:{1 << count.bit_length()}"
         raise refuse("--sample", text, "a power of two", "Sobol's sequence is even over the space there only", near)
+    return Sample("sobol" if match[1] == "sobol" else "lhs", count, checked_seed(seed))
+
+
+def checked_seed(seed: int) -> int:
+    """Return the seed of what is drawn by chance, if it can be one.
+
+    Parameters
+    ----------
+    seed
+        Whole number from 0.
+
+    Returns
+    -------
+    int
+        The same.
+
+    Raises
+    ------
+    InputError
+        If it is below zero.
+
+    Examples
+    --------
+    >>> checked_seed(7)
+    7
+    """
     if seed < 0:
-        raise refuse("--seed", seed, "a whole number from 0")
-    return Sample("sobol" if match[1] == "sobol" else "lhs", count, seed)
+        raise refuse("--seed", seed, "a whole number from 0", "generators of random numbers take no other")
+    return seed
 
 
 @dataclass(frozen=True)

@@ -493,3 +493,33 @@ def test_limits_are_looked_for_as_one_of_many_variants(flexcam, monkeypatch):
     told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
     flexcam("limits", ENGINE, *told)
     assert asked == [4, 4, 4, 4]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("sensitivity", "--of", "frequency.1", "--tolerance", "springs.one.stiffness=±5%"),
+        ("sensitivity", "--of", "frequency.1", "--to", "springs.one.stiffness=20:80kN/m", "--sobol", "8"),
+        ("optimize", "--vary", "springs.one.stiffness=20:80kN/m", "--least", "frequency.1"),
+        ("optimize", "--vary", "springs.one.stiffness=2:8kN/m", "--least", "frequency.1", "--most", "masses.one.mass"),
+    ],
+)  # fmt: skip
+def test_a_seed_below_zero_is_refused(words, flexcam, oscillator):
+    """Generators of random numbers raise an error of their own."""
+    done = flexcam(words[0], oscillator, *words[1:], "--seed", "-3")
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith("--seed: given -3; allowed: a whole number from 0")
+
+
+def test_a_seed_of_derivatives_is_refused(flexcam, oscillator):
+    told = ("--of", "frequency.1", "--to", "springs.one.stiffness", "--seed", "1")
+    done = flexcam("sensitivity", oscillator, *told)
+    assert (done.code, done.err.partition(":")[0]) == (2, "--seed")
+
+
+def test_a_part_that_scatters_twice_is_refused(flexcam, oscillator):
+    """The second one alone would count, and a rank correlation would be told of the first."""
+    told = ("--tolerance", "springs.one.stiffness=±5%", "--tolerance", "springs.one.stiffness=normal:±1%")
+    done = flexcam("sensitivity", oscillator, "--of", "frequency.1", *told)
+    assert done.code == 2
+    assert done.err.startswith("--tolerance: given 'springs.one.stiffness'; allowed: every key once")
