@@ -90,6 +90,8 @@ def _workers(scheduler: str | None, count: int | None) -> sweeps.Workers:
     number = _cores() if count is None else count
     if scheduler == sweeps.LOCAL:
         return sweeps.Cluster(sweeps.LOCAL, number)
+    if number < 0:
+        raise refuse("--workers", number, "a whole number from 0", "0 runs all in the process of the command")
     return sweeps.Processes(number) if number else sweeps.Here()
 
 

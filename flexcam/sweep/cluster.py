@@ -39,6 +39,10 @@ class Cluster:
     address: str
     count: int = 1
 
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise refuse("--workers", self.count, "a whole number from 1", "somebody must run the variants")
+
     def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
         """Return the workers of the cluster.
 

@@ -120,8 +120,13 @@ def study(
     """
     file = CaseFile.opened(path)
     own = file.sweep
+    if limit < 1:
+        raise refuse("--limit", limit, "a whole number from 1", "it is the most variants that are run")
     found = _axes(file, settings, limit)
-    how = sampled or (own.sample if own else None) or GRID
+    how = sampled if sampled is not None else (own.sample if own else None) or GRID
+    if seed is not None and how == GRID:
+        why, remedy = "every combination is run, and none is drawn", "add --sample, or leave it out"
+        raise refuse("--seed", seed, "--seed with --sample only", why, remedy)
     number = seed if seed is not None else own.seed if own else 0
     plan = made_plan(found, None if how == GRID else sample(how, number), limit=limit)
     first = validated(file, plan)

@@ -205,6 +205,24 @@ def test_options_that_do_not_fit(flexcam, case):
     assert flexcam("sweep", case).code == 2
 
 
+@pytest.mark.parametrize(
+    ("words", "where"),
+    [
+        (("--seed", "5"), "--seed: given 5; allowed: --seed with --sample only"),
+        (("--seed", "-1", "--sample", "lhs:4"), "--seed: given -1; allowed: a whole number from 0"),
+        (("--sample", ""), "--sample: given ''; allowed: lhs:N"),
+        (("--limit", "-5"), "--limit: given -5; allowed: a whole number from 1"),
+        (("--workers", "-1"), "--workers: given -1; allowed: a whole number from 0"),
+        (("--workers", "0", "--scheduler", "local"), "--workers: given 0; allowed: a whole number from 1"),
+    ],
+)
+def test_options_that_would_be_ignored_or_mean_nothing(words, where, flexcam, case, tmp_path):
+    done = flexcam("sweep", case, *SPEEDS, *words, "-o", tmp_path / "out")
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith(where)
+    assert not (tmp_path / "out").exists()
+
+
 MANY = ("--set", "run.speed=1000:4000#60rpm", "--set", "run.revolutions=1")
 
 
