@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table as RichTable
 
+from flexcam.linalg import FloatArray
 from flexcam.response import Cause, Status
 from flexcam.sweep import Table
 from flexcam.terminal import table
@@ -31,13 +32,18 @@ def sweep_table(found: Table) -> RichTable:
     """
     rows: list[tuple[str, ...]] = []
     for name, values in found.scalars.items():
-        known = values[np.isfinite(values)]
-        if len(known) == 1 or (len(known) and np.ptp(known) > 0.0):
+        if _differs(values):
             least, largest = int(np.nanargmin(values)), int(np.nanargmax(values))
             ends = (f"{values[least]:.5g}", _at(found, least), f"{values[largest]:.5g}", _at(found, largest))
             rows.append((name, found.units[name], *ends))
     title = f"{len(found)} variants over {', '.join(one.name for one in found.inputs)}"
     return table(title, ("scalar", "SI unit", "least", "at", "largest", "at"), rows)
+
+
+def _differs(values: FloatArray) -> bool:
+    """Tell whether a scalar has a range to show: two values or more, or one alone."""
+    known = values[np.isfinite(values)]
+    return len(known) == 1 or (len(known) > 0 and bool(np.ptp(known) > 0.0))
 
 
 def _at(found: Table, i: int) -> str:
@@ -48,7 +54,7 @@ def _at(found: Table, i: int) -> str:
 
 
 def sweep_words(found: Table) -> list[str]:
-    """Return sentences of what went wrong.
+    """Return sentences of what went wrong, and of a table without rows.
 
     Parameters
     ----------
@@ -60,7 +66,8 @@ def sweep_words(found: Table) -> list[str]:
     list
         One per cause.
     """
-    words: list[str] = []
+    alike = found.scalars and not any(_differs(values) for values in found.scalars.values())
+    words = ["every scalar is the same in all variants; the files have them"] if alike else list[str]()
     for cause, rows in _failures(found).items():
         named = ", ".join(str(i + 1) for i in rows[:_NAMED])
         more = f" and {len(rows) - _NAMED} more" if len(rows) > _NAMED else ""

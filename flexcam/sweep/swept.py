@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from flexcam.checks import InputError
+from flexcam.checks import InputError, refuse
 from flexcam.io import free_to_write, made_folder
 from flexcam.response import Cause, RunFailedError, Status
 from flexcam.sweep.chunks import Chunk, Outcome
@@ -54,6 +54,10 @@ class Target:
     def history(self, name: str, variant: int, ending: str) -> Path:
         """Return the result file of a variant, counted from 1."""
         return self.folder / f"{name}.sweep" / f"variant-{variant:05d}{ending}"
+
+    def kept(self, name: str) -> list[Path]:
+        """Return the result files of variants that are there, of this sweep or of an earlier one."""
+        return sorted((self.folder / f"{name}.sweep").glob("variant-*.vtkhdf*"))
 
 
 def swept(asked: Study, workers: Workers | None = None, *, advance: Callable[[int], None] | None = None) -> Table:
@@ -139,7 +143,10 @@ def _journaled(asked: Study, target: Target, journal: Journal, workers: Workers,
     rows = dict(journal.rows)
     tell(sum(len(some) for some in rows.values()))
     left = [chunk for chunk in asked.chunks if chunk.index not in rows]
+    stale = target.kept(asked.name) if target.histories and not rows else []
     for chunk, outcomes in executed(asked.bundle, left, workers, histories=target.histories):
+        while stale:  # those of an earlier sweep would stand beside a table that does not have their variants
+            stale.pop().unlink()
         _keep_histories(asked, target, chunk, outcomes)
         rows[chunk.index] = [one.row for one in outcomes]
         journal.add(chunk.index, rows[chunk.index])
@@ -178,6 +185,9 @@ def _opened(asked: Study, target: Target) -> Generator[Journal]:
     ours = target.resume and path.exists()
     for table in target.tables(asked.name):
         free_to_write("table", table, overwrite=target.overwrite or ours)
+    if target.histories and not (target.overwrite or ours) and (kept := target.kept(asked.name)):
+        why, remedy = "nothing is written over", "--overwrite replaces them, -o names another folder"
+        raise refuse("histories", f"{len(kept)} in {kept[0].parent}", "none from an earlier sweep", why, remedy)
     journal = Journal(path, belongs, resume=target.resume, overwrite=target.overwrite)
     try:
         yield journal

@@ -53,6 +53,13 @@ def test_json_and_chosen_scalars(flexcam, case):
     assert all(Path(path).exists() for path in done.json["files"])
 
 
+def test_variants_that_are_all_alike_are_told_so(flexcam, case, tmp_path):
+    done = flexcam("sweep", case, "--set", "title=one,other", "--set", "run.revolutions=0.1", "--workers", "0",
+                   "-o", tmp_path / "out")  # fmt: skip
+    assert done.code == 0
+    assert "every scalar is the same in all variants" in done.out
+
+
 def test_the_table_of_the_case_counts_and_the_command_lays_over_it(flexcam, case, tmp_path):
     sweep = '\n[sweep]\nset = { "run.speed" = "1000,2000rpm", "springs.valve.stiffness" = "30,40kN/m" }\n'
     case.write_text(case.read_text() + sweep + 'scalars = ["deviation"]\n')
@@ -70,6 +77,24 @@ def test_histories_are_results(flexcam, case, tmp_path):
     for i in range(2):
         response = read_result(tmp_path / f"results/case.sweep/variant-{i + 1:05d}.vtkhdf").response
         assert abs(response["valve"].displacement).max() == table["probes.valve.displacement.largest"][i]
+
+
+def test_histories_of_an_earlier_sweep_are_not_written_over_and_not_mixed_in(flexcam, case, tmp_path):
+    told = ("--set", "run.revolutions=0.1", "--histories", "--workers", "0")
+    out, kept = tmp_path / "out", tmp_path / "out/case.sweep"
+    assert flexcam("sweep", case, "--set", "run.speed=1000:3000#3rpm", *told, "-o", out).code == 0
+    before = {path.name: path.read_bytes() for path in kept.iterdir()}
+    for path in out.glob("case.sweep.*"):
+        path.unlink()
+    other = ("sweep", case, "--set", "run.speed=2000,4000rpm", *told, "-o", out)
+    refused = flexcam(*other)
+    assert refused.code == 2
+    assert refused.err.startswith(f"histories: given 3 in {kept}; allowed: none from an earlier sweep")
+    assert {path.name: path.read_bytes() for path in kept.iterdir()} == before
+    assert flexcam(*other, "--overwrite").code == 0
+    assert sorted(path.name for path in kept.iterdir()) == ["variant-00001.vtkhdf", "variant-00002.vtkhdf"]
+    assert flexcam(*other, "--resume").code == 0
+    assert len(list(kept.iterdir())) == 2
 
 
 def test_existing_files_are_kept_unless_asked(flexcam, case, tmp_path):
