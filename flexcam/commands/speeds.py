@@ -77,6 +77,8 @@ def campbell(
     out().print(crossing_table(found, scale))
     for sentence in ended_early(found.statuses, found.rpm, scale):
         out().print("\n" + sentence)
+    if plot is not None:
+        out().print(f"\n{plot}")
 
 
 @app.command(

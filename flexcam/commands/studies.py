@@ -25,6 +25,7 @@ from flexcam.commands.app import (
     app,
     free_picture,
     quantity,
+    speed_range,
 )
 from flexcam.commands.app import CaseFile as CasePath
 from flexcam.console.optimum import goal_history, told_front, told_optimum
@@ -153,10 +154,11 @@ class _Asked:
 
 def search_of(case: Case, lowest: str | None, highest: str | None, within: str) -> Search:
     """Return where limits are looked for; from half to twice the case's speed by default."""
-    scale = case.turns
-    low = 0.5 * case.speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
-    high = 2.0 * case.speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
-    return Search(low, high, quantity("--within", within, "speed", "rpm") / scale)
+    low, high = speed_range(lowest, highest, 2, case.speed, case.turns, most=2.0)
+    width = quantity("--within", within, "speed", "rpm") / case.turns
+    if not width > 0.0:
+        raise refuse("--within", within, "a speed above zero", "a bracket is halved until it is as narrow")
+    return Search(low, high, width)
 
 
 def _derivatives(asked: _Asked, keys: list[str], relative_step: float, workers: int) -> tuple[Answer, Status]:

@@ -173,10 +173,14 @@ def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None
     known = scalar_names(case) if runs else []
     faults = [_unknown(name, known, case.record.cams) for name in runs if name not in known]
     met = [_LIMIT + one for one in limits_of(case)] if limits else []
-    faults += [Fault("scalar", repr(name), ", ".join(met), "the case lacks the part", did_you_mean(name, met))
+    faults += [Fault("scalar", repr(name), ", ".join(met), _no_limit(name), did_you_mean(name, met))
                for name in limits if name not in met]  # fmt: skip
     if faults:
         raise InputError(replace(fault, where=where) for fault in faults)
+
+
+def _no_limit(name: str) -> str:
+    return "the case lacks the part" if name.removeprefix(_LIMIT) in LIMITS else "there is no such limit"
 
 
 def _known_at_once(case: Case, name: str) -> bool:

@@ -50,8 +50,9 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
             axes.plot(rpm, column, color=colour, linestyle=dashes, linewidth=1.8, marker="o", markersize=3,
                       label=_named(found, i, top))  # fmt: skip
         else:
-            axes.plot(rpm, column, color="0.5", linewidth=1.2, label="" if told else "not felt at the contact")
-            told = told or bool((column <= top).any())
+            first = not told and bool((column <= top).any())
+            axes.plot(rpm, column, color="0.5", linewidth=1.2, label="not felt at the contact" * first)
+            told = told or first
     _circles(axes, found, scale)
     axes.set_xlim(rpm[0], rpm[-1])
     axes.set_ylim(0.0, top)

@@ -12,6 +12,7 @@ import pytest
 from flexcam import read_case
 from flexcam.response import NOT_POSITIVE, RunFailedError
 from flexcam.stability import campbell
+from flexcam.view import campbell_figure
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -35,6 +36,17 @@ def test_published_mode_meets_the_first_order(flexcam, tmp_path):
         assert np.ptp(mode["frequencies_hz"]) == pytest.approx(0.0, abs=1e-9)
     assert picture.read_text(encoding="utf-8").count("<path") > 10
     assert flexcam("campbell", PUBLISHED, *RANGE, *QUICK, "--plot", picture).code == 2  # the picture is there
+
+
+def test_what_was_drawn_is_named_and_its_legend_names_what_is_seen(flexcam, tmp_path):
+    """Of model 3 one mode lies within the orders; the others, grey or not, are far above the picture."""
+    picture = tmp_path / "campbell.svg"
+    assert flexcam("campbell", PUBLISHED, *RANGE, *QUICK, "--plot", picture).out.endswith(f"{picture}\n")
+    case = read_case(PUBLISHED, ["run.steps_per_revolution=360"])
+    found = campbell(case, [0.5 * case.speed, 2.0 * case.speed], orders=[1])
+    (legend,) = campbell_figure(found, 1.0, "camshaft").legends
+    mode, circle = (text.get_text() for text in legend.get_texts())
+    assert (mode[:14], circle[:20]) == ("1: mass valve ", "an order meets a mod")
 
 
 def test_force_between_speeds_is_that_of_the_runs(flexcam):

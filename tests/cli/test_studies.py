@@ -523,3 +523,25 @@ def test_a_part_that_scatters_twice_is_refused(flexcam, oscillator):
     done = flexcam("sensitivity", oscillator, "--of", "frequency.1", *told)
     assert done.code == 2
     assert done.err.startswith("--tolerance: given 'springs.one.stiffness'; allowed: every key once")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--lowest", "9000rpm", "--highest", "8000rpm"), "--highest: given 8000rpm; allowed: above the lowest"),
+        (("--lowest", "12000rpm"), "--highest: given 10000 rpm, 2 times that of the case; allowed: above the lowest"),
+        (("--lowest", "0rpm"), "--lowest: given 0rpm; allowed: a speed above zero"),
+        (("--within", "0rpm"), "--within: given 0rpm; allowed: a speed above zero"),
+    ],
+)  # fmt: skip
+def test_speeds_of_limits_are_told_as_they_were_given(words, told, flexcam):
+    """In turns of the crankshaft, as the case has them, and by the option that gives them."""
+    done = flexcam("sensitivity", ENGINE, "--of", "limits.bounce", "--to", "masses.valve.mass", *words)
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith(told)
+
+
+def test_a_limit_that_no_case_has_is_no_lacking_part(flexcam):
+    done = flexcam("sensitivity", ENGINE, "--of", "limits.bounc", "--to", "masses.valve.mass")
+    assert done.code == 2
+    assert "there is no such limit; did you mean 'limits.bounce'?" in done.err
