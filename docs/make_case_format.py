@@ -17,7 +17,9 @@ HEAD = """# The case file
 TOML. Made from the records that check it by `make docs-pages`; `flexcam schema` prints the same as JSON Schema, which editors
 use for completion (for example `#:schema case.schema.json` on the first line). Numbers are SI, or texts with a unit:
 `"6 mm"`, `"40 kN/m"`, `"3000 rpm"`, `"180 deg"`. A number without a unit is SI: an angle in rad, a speed in rad/s. Every key can
-be laid over from the command line: `--set run.speed=4000rpm`.
+be laid over from the command line: `--set run.speed=4000rpm`. A number in a list is named by its position, from 0:
+`--set rockers.rocker.arms.1="42 mm"`. What is laid over a run stands instead of what excludes it: `crank_speed` of `speed`,
+`step` of `steps_per_revolution`, and the other way round.
 
 Directions are a component with an optional sign (`"uy"`, `"-rx"`) or three numbers in global axes. Points are named nodes: of
 the mesh's point groups, or of `[nodes]`; a rocker defines one more. A node on no member moves where a mass at it has inertia, and

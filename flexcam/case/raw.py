@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -84,7 +84,24 @@ def overridden(raw: dict[str, Any], text: str, overrides: Sequence[str]) -> tupl
     for override in overrides:
         found += _lay_over(raw, override)
         places = places.overridden(_key(override), override)
+    _give_way(raw, {_key(override) for override in overrides})
     return places, found
+
+
+_INSTEAD = {
+    "speed": "crank_speed",
+    "crank_speed": "speed",
+    "steps_per_revolution": "step",
+    "step": "steps_per_revolution",
+}
+"""Keys of a run and what each stands instead of."""
+
+
+def _give_way(raw: dict[str, Any], given: Collection[KeyPath]) -> None:
+    """Take out of the run what an override stands instead of; two overrides that exclude each other stay."""
+    for key, other in _INSTEAD.items():
+        if ("run", key) in given and ("run", other) not in given and isinstance(raw.get("run"), dict):
+            raw["run"].pop(other, None)
 
 
 def _text(path: Path) -> str:
@@ -120,10 +137,20 @@ def _lay_over(raw: dict[str, Any], override: str) -> list[Fault]:
         new = depth == 1 and path[0] != "run" and not did_you_mean(step, table)
         known = list(CaseRecord.model_fields) if depth == 0 else [*table, *_OPTIONAL_TABLES]
         inner = table.setdefault(step, {}) if step in known or new else None
+        if isinstance(inner, list) and depth == len(path) - 2:
+            return _lay_into(cast("list[Any]", inner), path[-1], value, where)
         if not isinstance(inner, dict):
             return [Fault(where, repr(step), f"a table: {', '.join(table)}", "", did_you_mean(step, table))]
         table = cast("dict[str, Any]", inner)
     table[path[-1]] = _toml_value(value.strip())
+    return []
+
+
+def _lay_into(values: list[Any], position: str, value: str, where: str) -> list[Fault]:
+    """Put a value into a list, at a position counted from 0."""
+    if not position.isdecimal() or int(position) >= len(values):
+        return [Fault(where, repr(position), f"a position in the list, 0 to {len(values) - 1}", "", "")]
+    values[int(position)] = _toml_value(value.strip())
     return []
 
 
