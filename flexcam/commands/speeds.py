@@ -23,10 +23,11 @@ from flexcam.commands.app import (
     load_beams,
     speed_range,
 )
-from flexcam.console.campbell import campbell_json, campbell_table, crossing_table, ended_early
+from flexcam.console.campbell import campbell_json, campbell_table, crossing_table, ended_early, nothing_known
 from flexcam.console.orders import orders_csv, orders_json, orders_table
 from flexcam.io import free_to_write, write_text
 from flexcam.orders import Signal, waterfall
+from flexcam.response import Status
 from flexcam.runner import prepare, scalar_probe
 from flexcam.stability import campbell as find_crossings
 from flexcam.terminal import counting, out, print_json
@@ -50,7 +51,7 @@ def campbell(
     modes: Annotated[int, Parameter(help="How many of the lowest modes.")] = 8,
     contact: Annotated[str | None, Parameter(help="Whose cam, where a case has several.")] = None,
     plot: Picture = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
-) -> None:  # fmt: skip
+) -> Status | None:  # fmt: skip
     """Draw natural frequencies over speed with the orders of a cam, and list where they meet.
 
     Speeds are those of the crankshaft where the case gives crank_speed, else those of the camshaft.
@@ -68,10 +69,11 @@ def campbell(
 
         figure = campbell_figure(found, scale, shaft_name(scale))
         save_figure(titled(figure, read.title), plot, overwrite=overwrite)
+    ended = nothing_known(found.statuses)
     if as_json:
         files = [] if plot is None else [str(plot)]
-        print_json({"status": "ok", **campbell_json(found, scale), "files": files})
-        return
+        print_json({"status": _word(ended), **campbell_json(found, scale), "files": files})
+        return ended
     out().print(campbell_table(found, scale))
     out().print()
     out().print(crossing_table(found, scale))
@@ -79,6 +81,7 @@ def campbell(
         out().print("\n" + sentence)
     if plot is not None:
         out().print(f"\n{plot}")
+    return ended
 
 
 @app.command(
@@ -101,7 +104,7 @@ def orders(
     highest_order: Annotated[int, Parameter("--orders", help="Highest order.")] = 24,
     csv: Annotated[Path | None, Parameter("--csv", help="Also write the amplitudes here.")] = None,
     plot: Picture = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
-) -> None:  # fmt: skip
+) -> Status | None:  # fmt: skip
     """Tell the orders of acceleration and contact force over speed: harmonics of the last revolution.
 
     Speeds are those of the crankshaft where the case gives crank_speed, else those of the camshaft.
@@ -125,9 +128,10 @@ def orders(
         figure = waterfall_figure(found, scale, shaft_name(scale))
         save_figure(titled(figure, read.title), plot, overwrite=overwrite)
     files = [str(path) for path in (csv, plot) if path is not None]
+    ended = nothing_known(found[0].statuses)
     if as_json:
-        print_json({"status": "ok", **orders_json(found, scale), "files": files})
-        return
+        print_json({"status": _word(ended), **orders_json(found, scale), "files": files})
+        return ended
     for one in found:
         out().print(orders_table(one, scale))
         out().print()
@@ -135,6 +139,11 @@ def orders(
         out().print(sentence)
     for path in files:
         out().print(path)
+    return ended
+
+
+def _word(ended: Status | None) -> str:
+    return "ok" if ended is None else str(ended.cause)
 
 
 def signals(case: Case, channels: list[str] | None, probes: list[str] | None) -> list[Signal]:

@@ -106,6 +106,25 @@ def _or_none(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
+def nothing_known(statuses: Sequence[Status]) -> Status | None:
+    """Return how a command over speeds ends of which none was computed.
+
+    Parameters
+    ----------
+    statuses
+        How every speed ended.
+
+    Returns
+    -------
+    Status or None
+        The first speed's cause where all failed.
+    """
+    if any(one.ok for one in statuses):
+        return None
+    first = statuses[0]
+    return Status(first.cause, f"none of {len(statuses)} speeds was completed; the first: {first.text}", first.remedy)
+
+
 def ended_early(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> list[str]:
     """Return what must be said of runs that did not reach their end.
 

@@ -121,8 +121,6 @@ def campbell(
     ------
     InputError
         If speeds, orders or modes are out of order, or the case has no such contact.
-    RunFailedError
-        If no run could even start.
 
     Examples
     --------
@@ -136,7 +134,11 @@ def campbell(
     loads, statuses = np.full((len(rpm), len(lifts)), math.nan), list[Status]()
     lines: list[_Line] = []
     for i, speed in enumerate(counted(speeds, advance)):
-        ready = prepare(case.at_speed(speed))
+        try:
+            ready = prepare(case.at_speed(speed))
+        except RunFailedError as failure:
+            statuses.append(failure.status)
+            continue
         response = solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=ready.save)
         heed(response.status)
         statuses.append(response.status)

@@ -89,6 +89,31 @@ def test_a_speed_at_which_the_train_stands_unstable_leaves_the_others(monkeypatc
     assert np.isnan(found.frequencies).tolist() == [[False] * 8, [True] * 8, [False] * 8]
 
 
+def test_a_speed_at_which_no_run_can_start_leaves_the_others(monkeypatch):
+    module = sys.modules["flexcam.stability.campbell"]
+    real, calls = module.prepare, []
+
+    def prepared(case):
+        calls.append(case)
+        if len(calls) == 1:
+            raise RunFailedError(NOT_POSITIVE)
+        return real(case)
+
+    monkeypatch.setattr(module, "prepare", prepared)
+    found = campbell(read_case(PUBLISHED, ["run.steps_per_revolution=360"]), [200.0, 300.0], orders=[1])
+    assert [one.ok for one in found.statuses] == [False, True]
+    assert np.isnan(found.frequencies).tolist() == [[True] * 8, [False] * 8]
+
+
+@pytest.mark.parametrize("command", ["campbell", "orders"])
+def test_speeds_of_which_none_is_known_are_a_failure(command, flexcam):
+    """An explicit beta with steps far beyond its bound: every run leaves the range of numbers."""
+    bad = ("--set", "run.integrator={method='newmark',beta=0.001}", "--set", "run.revolutions=20", "--count", "2")
+    done = flexcam(command, PUBLISHED, *QUICK, *bad, "--json")
+    assert (done.code, done.json["status"]) == (3, "not-finite")
+    assert "none of 2 speeds was completed" in done.err
+
+
 def test_orders_of_a_simple_harmonic_lift(flexcam, tmp_path):
     """The rigid train follows the lift h/2 (1 - cos): order 1 alone, with i h/2 omega^2, i the rocker's ratio."""
     csv, picture = tmp_path / "orders.csv", tmp_path / "orders.svg"
