@@ -469,7 +469,7 @@ def test_a_variant_is_run_as_one_of_as_many_as_are_asked_for(flexcam, monkeypatc
     """Machine code pays for ninety runs of 2 880 steps, though not for one: a search took fifteen times as long."""
     quantities = sys.modules["flexcam.study.quantities"]
     asked, whole = [], quantities.evaluate
-    monkeypatch.setattr(quantities, "evaluate", lambda case, runs: asked.append(runs) or whole(case))
+    monkeypatch.setattr(quantities, "evaluate", lambda case, runs, **o: asked.append(runs) or whole(case, **o))
     told = ("--tolerance", "springs.valve.stiffness=±5%", "--of", "deviation.peak", "--count", "9")
     assert flexcam("sensitivity", PUBLISHED, *told, *QUICK).code == 0
     assert asked == [9] * 10
