@@ -113,6 +113,14 @@ def speed_range(
     return low, high
 
 
+def bracket(option: str, text: str, scale: float) -> float:
+    """Return how closely a speed is looked for, of the camshaft in rad/s."""
+    width = quantity(option, text, "speed", "rpm") / scale
+    if not width > 0.0:
+        raise refuse(option, text, "a speed above zero", "a bracket is halved until it is as narrow")
+    return width
+
+
 def free_picture(plot: Path | None, overwrite: bool) -> None:
     """Refuse a picture that could not be written, before anything is computed."""
     if plot is not None:

@@ -15,6 +15,7 @@ from flexcam.commands.app import (
     Overwrite,
     Picture,
     app,
+    bracket,
     load_beams,
     quantity,
     speed_range,
@@ -62,7 +63,7 @@ def limits(
     read = load_beams(case, overrides)
     scale = read.turns
     low, high = speed_range(lowest, highest, 2, read.speed, scale, most=2.0)
-    width = quantity("--tolerance", tolerance, "speed", "rpm") / scale
+    width = bracket("--tolerance", tolerance, scale)
     height = quantity("--bounce-height", bounce_height, "length", "mm")
     if any(one is not None for one in (over, beside, which, workers, csv, plot)):
         from flexcam.commands.limit_map import map_limits

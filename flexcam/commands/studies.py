@@ -23,8 +23,8 @@ from flexcam.commands.app import (
     Overwrite,
     Picture,
     app,
+    bracket,
     free_picture,
-    quantity,
     speed_range,
 )
 from flexcam.commands.app import CaseFile as CasePath
@@ -155,10 +155,7 @@ class _Asked:
 def search_of(case: Case, lowest: str | None, highest: str | None, within: str) -> Search:
     """Return where limits are looked for; from half to twice the case's speed by default."""
     low, high = speed_range(lowest, highest, 2, case.speed, case.turns, most=2.0)
-    width = quantity("--within", within, "speed", "rpm") / case.turns
-    if not width > 0.0:
-        raise refuse("--within", within, "a speed above zero", "a bracket is halved until it is as narrow")
-    return Search(low, high, width)
+    return Search(low, high, bracket("--within", within, case.turns))
 
 
 def _derivatives(asked: _Asked, keys: list[str], relative_step: float, workers: int) -> tuple[Answer, Status]:

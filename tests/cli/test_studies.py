@@ -541,6 +541,12 @@ def test_speeds_of_limits_are_told_as_they_were_given(words, told, flexcam):
     assert done.err.startswith(told)
 
 
+def test_a_bracket_of_no_width_is_refused_by_its_option(flexcam):
+    done = flexcam("limits", ENGINE, "--tolerance", "0rpm")
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith("--tolerance: given 0rpm; allowed: a speed above zero")
+
+
 def test_a_limit_that_no_case_has_is_no_lacking_part(flexcam):
     done = flexcam("sensitivity", ENGINE, "--of", "limits.bounc", "--to", "masses.valve.mass")
     assert done.code == 2
