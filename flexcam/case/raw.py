@@ -140,7 +140,7 @@ def _lay_over(raw: dict[str, Any], override: str) -> list[Fault]:
         if isinstance(inner, list) and depth == len(path) - 2:
             return _lay_into(cast("list[Any]", inner), path[-1], value, where)
         if not isinstance(inner, dict):
-            return [Fault(where, repr(step), f"a table: {', '.join(table)}", "", did_you_mean(step, table))]
+            return [Fault(where, repr(step), f"a table: {', '.join(table)}", "", did_you_mean(step, known))]
         table = cast("dict[str, Any]", inner)
     table[path[-1]] = _toml_value(value.strip())
     return []
@@ -154,7 +154,7 @@ def _lay_into(values: list[Any], position: str, value: str, where: str) -> list[
     return []
 
 
-_OPTIONAL_TABLES = {"damping", "integrator"}
+_OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integrator"}
 """Tables inside tables that a file may leave out."""
 
 

@@ -118,7 +118,17 @@ def test_several_values_the_last_counts(good):
     assert case.overrides[0] == "cams.intake.lift=7mm"
 
 
+def test_a_table_that_the_file_leaves_out_is_begun(good):
+    """Every table of a run can be begun by one of its keys, not `damping` and `integrator` alone."""
+    case = read_case(
+        good, ["run.adaptive.tolerance=1e-5", "run.fluctuation.orders=[2]", "run.fluctuation.amplitudes=[0.02]"]
+    )
+    assert case.record.run.adaptive.tolerance == 1e-5
+    assert case.record.run.fluctuation.orders == [2]
+
+
 OVERRIDES = {
+    "run.adaptiv.tolerance=1e-5": "did you mean 'adaptive'", "run.adaptive.tolerence=1e-5": "did you mean 'tolerance'",
     "run.speed": "key=value", "=3": "key=value", "run..speed=3": "key=value", ".=3": "key=value", "": "key=value",
     "run.sped=4000rpm": "did you mean 'speed'", "rn.speed=4000rpm": "did you mean 'run'", "cams.intak.lift=7mm": "did you mean 'intake'",
     "run.speed=fast": "rpm", "run.speed=-3rpm": "above zero", "run.speed=": "speed", "title.x=3": "table",
