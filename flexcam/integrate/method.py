@@ -68,6 +68,11 @@ class Method(ABC):
         """Whether the acceleration balances the forces of its own instant."""
         return True
 
+    @property
+    def unseen(self) -> float:
+        """Error of a step that its displacement does not show, over h^2 times the change of the acceleration."""
+        return 0.0
+
     @abstractmethod
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
         """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step.

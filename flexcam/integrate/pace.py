@@ -56,9 +56,12 @@ class Norm:
         The system.
     motion
         A motion of the kind that is to be computed: displacements and velocities, shape (m, n).
+    unseen
+        Part of an error that displacements do not show, see `Method`.
     """
 
-    def __init__(self, system: System, motion: Series) -> None:
+    def __init__(self, system: System, motion: Series, unseen: float = 0.0) -> None:
+        self._unseen = unseen
         stiff, mass = (np.abs(matrix.diagonal()) for matrix in (system.stiffness, system.mass))
         moved = motion.displacement - motion.displacement[:1]
         heavy, fast = (float((series**2 @ mass).max(initial=0.0)) for series in (moved, motion.velocity))
@@ -67,15 +70,16 @@ class Norm:
 
     def error(self, moments: Sequence[Moment]) -> tuple[float, int]:
         """Return the largest error of some successive steps, as a part of the motion, and the unknown that leads."""
-        lacking = np.array([_lacking(*pair) for pair in pairwise(moments)]) * self._weights
+        lacking = np.array([_lacking(*pair, self._unseen) for pair in pairwise(moments)]) * self._weights
         sizes = np.linalg.norm(lacking, axis=1)
         worst = int(np.argmax(sizes))
         return float(sizes[worst]) / self._size if self._size > 0.0 else 0.0, int(np.argmax(np.abs(lacking[worst])))
 
 
-def _lacking(old: Moment, new: Moment) -> FloatArray:
+def _lacking(old: Moment, new: Moment, unseen: float) -> FloatArray:
     h = new.time - old.time  # zero over an impact
-    return new.d - old.d - h * old.v - h**2 * (old.a / 3.0 + new.a / 6.0)
+    lacking = new.d - old.d - h * old.v - h**2 * (old.a / 3.0 + new.a / 6.0)
+    return np.maximum(np.abs(lacking), unseen * h**2 * np.abs(new.a - old.a)) if unseen else lacking
 
 
 class Pace:

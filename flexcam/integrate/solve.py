@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -22,6 +23,7 @@ from flexcam.integrate.moment import Glance, Track
 from flexcam.integrate.paths import engine_of, way_of
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.schedule import Schedule
+from flexcam.integrate.scheme import newmark
 from flexcam.integrate.within import shown
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
 from flexcam.memory import Keeper, Memory, reuse
@@ -365,13 +367,17 @@ class _Clock:
 
 
 def _pilot(problem: Problem, method: Method) -> Series:
-    """Return the motion of the first revolution by the steps as given: errors are measured against its size."""
+    """Return the motion of the first revolution by the steps as given: errors are measured against its size.
+
+    Steps as given may be beyond what the method stands: what grows without bound would be no measure.
+    """
+    sound = method if method.stable_to() == math.inf else newmark()
     begin = problem.start.time if problem.start else 0.0
     times: FloatArray = begin + problem.step * np.arange(problem.steps + 1, dtype=float)
     angle = problem.drive.at(times).angle
     steps = max(int(np.count_nonzero(angle < angle[0] + 2.0 * np.pi)), 1)
     first = replace(problem, steps=min(steps, problem.steps), adaptive=None)
-    return solve(first, method, save=SaveAt(field_every=max(first.steps // _LOOKS, 1))).fields
+    return solve(first, sound, save=SaveAt(field_every=max(first.steps // _LOOKS, 1))).fields
 
 
 AT_ONCE, LEAST_AT_ONCE = 50_000, 8

@@ -127,7 +127,7 @@ class Stepwise:
     def _paced(self, problem: Problem, scheme: Method, pilot: Pilot) -> Pace | None:
         if problem.adaptive is None or not problem.system.size:
             return None
-        norm = Norm(problem.system, pilot(problem, scheme))
+        norm = Norm(problem.system, pilot(problem, scheme), scheme.unseen)
         return Pace(self._walker, self._at, problem.step, problem.adaptive, norm)
 
 

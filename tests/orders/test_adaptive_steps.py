@@ -40,6 +40,28 @@ def test_error_follows_the_tolerance(pair, exact_end, fitted_order, method):
     assert errors[-1] < 1e-4
 
 
+@pytest.mark.parametrize("beta", [1 / 6, 0.17, 1 / 12])
+def test_error_follows_the_tolerance_where_the_displacement_does_not_show_it(pair, exact_end, beta):
+    """The linear acceleration is the Taylor series that displacements are measured by: its velocity has the error."""
+    d, _ = exact_end()
+    response = run(pair(), newmark(beta=beta), 20, Adaptive(1e-7))
+    reference = run(pair(), newmark(), 20, Adaptive(1e-7))
+    assert response.status.ok
+    assert np.linalg.norm(response["all"].displacement[-1] - d) < 1e-4
+    # The trapezoidal rule has the same error in the velocity: as many steps, but for those halved once more or less.
+    assert 0.5 < response.stats.substeps / reference.stats.substeps < 2.0
+
+
+def test_steps_beyond_what_the_method_stands_are_divided(system_of):
+    """Taken as given, a first revolution of the linear acceleration grows by 1e100, and would be no measure."""
+    system = system_of([[1.0]], [[0.0]], [[100.0]])
+    problem = Problem(system, ConstantSpeed(0.02), 1.0, 300, State(np.ones(1), np.zeros(1)), Adaptive(1e-3))
+    response = solve(problem, newmark(beta=1 / 6))
+    assert response.status.ok
+    assert np.abs(response["all"].displacement).max() < 1.0 + 1e-6
+    assert response.stats.substeps > 30 * problem.steps
+
+
 def test_a_loose_tolerance_takes_the_steps_as_given(pair):
     fixed, loose = run(pair(), newmark(), 50), run(pair(), newmark(), 50, Adaptive(0.5))
     np.testing.assert_array_equal(loose["all"].displacement, fixed["all"].displacement)
