@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from flexcam.case import Case
 from flexcam.checks import InputError
-from flexcam.integrate import Floquet, floquet, periodic, solve
+from flexcam.integrate import Floquet, Problem, floquet, periodic, solve
 from flexcam.response import Response, RunFailedError, Status, heed
 from flexcam.runner import Prepared, prepare
 from flexcam.stability.discrete import Discrete, discrete
@@ -32,6 +32,9 @@ _RETURNS = 1e-3
 """Part of the motion by which one that repeats may miss its beginning."""
 
 _GROWS = 1.0 + 1e-6
+
+_LEAST = 360
+"""Steps per revolution that disturbances are followed by, at least: coarse ones step over what makes them grow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +157,7 @@ def stability(case: Case) -> Stability:
 
 
 def _multipliers(ready: Prepared) -> tuple[Floquet | None, str]:
-    one = replace(ready.problem, steps=round(ready.revolution / ready.problem.step))
+    one = _revolution(ready)
     try:
         state = periodic(one, ready.scheme, tolerance=1e-7)
         found = floquet(replace(one, start=state), ready.scheme)
@@ -165,6 +168,14 @@ def _multipliers(ready: Prepared) -> tuple[Floquet | None, str]:
         return None, failure.status.text
     missed = state.periodicity or 0.0
     return (found, "") if missed <= _RETURNS else (None, f"no motion that repeats was found: it misses by {missed:.2g}")
+
+
+def _revolution(ready: Prepared) -> Problem:
+    """Return one revolution, in the case's own steps where whole ones fill it and are short enough."""
+    given = round(ready.revolution / ready.problem.step)
+    steps = max(given, _LEAST)
+    adaptive = ready.problem.adaptive if steps == given else None
+    return replace(ready.problem, step=ready.revolution / steps, steps=steps, adaptive=adaptive)
 
 
 def _open(ready: Prepared, response: Response) -> float:

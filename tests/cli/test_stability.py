@@ -95,6 +95,17 @@ def test_mathieus_case(flexcam):
     assert "parametric" in flexcam("stability", MATHIEU).out
 
 
+@pytest.mark.parametrize("step", ["steps_per_revolution=1", "steps_per_revolution=8", "step=100 ms", "step=5 ms"])
+def test_growth_does_not_depend_on_the_steps_of_the_run(flexcam, tmp_path, step):
+    """Two swings of the stiffness per revolution: two to eight steps pass over them, and 5 ms do not fill 62.8 ms."""
+    text = MATHIEU.read_text(encoding="utf-8").replace("steps_per_revolution = 720\n", "")
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
+    found = flexcam("stability", tmp_path / "case.toml", "--set", f"run.{step}", "--json").json
+    assert found["verdict"] == ["parametric"]
+    # By 360 steps of second order, (2 pi 2/360)^2/12 of the exponent and some.
+    assert found["growth"] == pytest.approx(100.0 * exponent(1.0, 0.1), rel=1e-3)
+
+
 def test_map_over_speed(flexcam, tmp_path):
     """Growth within the tongue 1 - q - q^2/8 < (954.93/rpm)^2 < 1 + q - q^2/8 and none outside."""
     about = ("--lowest", "880rpm", "--highest", "1040rpm", "--count", "5", "--plot", str(tmp_path / "map.svg"))
