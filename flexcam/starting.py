@@ -145,14 +145,38 @@ def steps_per_revolution(case: Case, problem: Problem) -> int:
     Raises
     ------
     InputError
-        If they are no whole number.
+        If they are no whole number, or what swings with the camshaft does not return after its revolution.
     """
+    for key, order in broken_orders(case).items():
+        raise refuse(key, f"{order:g}", "a whole order with start = periodic", "the state repeats with the camshaft")
     revolution = revolution_of(case, problem.drive)
     steps = round(revolution / problem.step)
     if abs(steps * problem.step - revolution) > _SAME_ANGLE * revolution:
         given, why = f"a step of {problem.step:g} s", "the periodic state is that after a whole revolution"
         raise refuse("run.step", given, "a whole number of steps per revolution", why, "use steps_per_revolution")
     return steps
+
+
+def broken_orders(case: Case) -> dict[str, float]:
+    """Return the orders of the camshaft that are no whole numbers: what swings by them does not return with it.
+
+    Parameters
+    ----------
+    case
+        The case.
+
+    Returns
+    -------
+    dict
+        Key of the case to order.
+    """
+    speed = case.record.run.fluctuation
+    broken = [order for order in speed.orders if order % 1.0] if speed else []
+    found = {"run.fluctuation.orders": broken[0]} if broken else {}
+    for name, spring in case.record.springs.items():
+        if spring.pulsation is not None and spring.pulsation.order % 1.0:
+            found[f"springs.{name}.pulsation.order"] = spring.pulsation.order
+    return found
 
 
 def _periodic(case: Case, problem: Problem, until: float | None) -> Problem:

@@ -16,6 +16,7 @@ from flexcam.response import Response, RunFailedError, Status, heed
 from flexcam.runner import Prepared, prepare
 from flexcam.stability.discrete import Discrete, discrete
 from flexcam.stability.resonance import Resonance, resonances
+from flexcam.starting import broken_orders
 from flexcam.train import separation
 from flexcam.units import RPM
 
@@ -157,6 +158,8 @@ def stability(case: Case) -> Stability:
 
 
 def _multipliers(ready: Prepared) -> tuple[Floquet | None, str]:
+    for key, order in broken_orders(ready.case).items():
+        return None, f"what swings at order {order:g} ({key}) does not return with the camshaft"
     one = _revolution(ready)
     try:
         state = periodic(one, ready.scheme, tolerance=1e-7)

@@ -106,6 +106,19 @@ def test_growth_does_not_depend_on_the_steps_of_the_run(flexcam, tmp_path, step)
     assert found["growth"] == pytest.approx(100.0 * exponent(1.0, 0.1), rel=1e-3)
 
 
+@pytest.mark.parametrize("odd", [
+    "springs.mean.pulsation.order=1.5", "run.fluctuation={ orders=[0.5], amplitudes=['1 %'] }",
+])  # fmt: skip
+def test_what_does_not_return_with_the_camshaft_has_no_multipliers(flexcam, odd):
+    """A stiffness that swings 1.5 times per revolution repeats after two: those of one would be wrong."""
+    found = flexcam("stability", MATHIEU, "--set", odd, "--json").json
+    assert found["multipliers"] == []
+    assert "does not return with the camshaft" in found["note"]
+    assert "could not be looked at" in flexcam("stability", MATHIEU, "--set", odd).out
+    done = flexcam("run", MATHIEU, "--set", odd, "--set", "run.start=periodic")
+    assert (done.code, "the state repeats with the camshaft" in done.err) == (2, True)
+
+
 def test_map_over_speed(flexcam, tmp_path):
     """Growth within the tongue 1 - q - q^2/8 < (954.93/rpm)^2 < 1 + q - q^2/8 and none outside."""
     about = ("--lowest", "880rpm", "--highest", "1040rpm", "--count", "5", "--plot", str(tmp_path / "map.svg"))
