@@ -17,7 +17,7 @@ from flexcam.integrate.scheme import Scheme, generalized_alpha, hht, newmark
 from flexcam.integrate.solve import carried_by_cam, outline, solve
 from flexcam.integrate.statics import carried_equilibrium, equilibrium, rest, static_displacement
 from flexcam.integrate.tangent import Tangents
-from flexcam.integrate.within import integrated, reached, refused
+from flexcam.integrate.within import basis_of, integrated, reached, refused
 from flexcam.response import SaveAt
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "Scheme",
     "State",
     "Tangents",
+    "basis_of",
     "bathe",
     "carried_by_cam",
     "carried_equilibrium",

@@ -1,16 +1,21 @@
-"""Whether the time integration itself grows: its spectral radius over the modes of the linearized system."""
+"""Whether the time integration itself grows: its spectral radius over the modes of the linearized system.
+
+They are the modes of what is integrated: motions that nothing can start, and those left out of a reduced model, have no
+step to grow in.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.integrate import Method, Tangents, highest_frequency
+from flexcam.integrate import Method, Tangents, basis_of, highest_frequency
 from flexcam.linalg import FloatArray
 from flexcam.response import Response
 from flexcam.runner import Prepared
+from flexcam.system import projected
 
 MOST = 400
 """Unknowns up to which the system is linearized about its motion; above it its highest mode is, without contacts."""
@@ -106,7 +111,8 @@ def discrete(ready: Prepared, method: Method, response: Response) -> Discrete:
 
 def _of_the_highest(ready: Prepared, method: Method) -> Discrete:
     """Return the growth of the highest mode without contacts: methods that have a limit have it there."""
-    omega, moving = highest_frequency(ready.problem.system)
+    basis, system = basis_of(ready.problem), ready.problem.system
+    omega, moving = highest_frequency(projected(system, basis) if basis is not None and basis.size else system)
     radius, limit = method.spectral_radius(omega * ready.problem.step), method.stable_to()
     return Discrete(radius, omega / (2.0 * math.pi), 0.0, tuple(moving), 0.0, limit / omega if omega else math.inf)
 
@@ -121,12 +127,16 @@ def _along(ready: Prepared, response: Response) -> list[tuple[float, _Swings]]:
     fields = response.fields.at(np.isin(np.arange(len(response.field_time)), chosen))
     motion = ready.problem.drive.at(response.field_time[chosen])
     tangents = Tangents(system, motion, fields.displacement, fields.velocity)
+    basis = basis_of(ready.problem)
+    within = basis.spread(np.eye(basis.size)).T if basis is not None and basis.size else np.eye(system.size)
     last = None
     found: list[tuple[float, _Swings]] = []
     for i in range(len(chosen)):
         C, K = tangents.at(i)
         if last is None or not np.array_equal(K, last):
-            found.append((float(response.field_angle[chosen[i]]), _swings(tangents.mass, C, K)))
+            swings = _swings(*(within.T @ matrix @ within for matrix in (tangents.mass, C, K)))
+            shown = replace(swings, shapes=within @ swings.shapes)
+            found.append((float(response.field_angle[chosen[i]]), shown))
         last = K
     return found
 

@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
 MATHIEU = ROOT / "cases/checks/mathieu.toml"
+CANTILEVER = ROOT / "cases/checks/cantilever.toml"
 QUICK = ("--set", "run.steps_per_revolution=360")
 
 pytestmark = pytest.mark.usefixtures("machine_code")
@@ -148,6 +149,20 @@ def test_critical_step_is_told(flexcam):
         "stability", PUBLISHED, "--set", "run.integrator.method=central-difference", *QUICK, "--json"
     ).json
     assert explicit["critical_step_s"] == pytest.approx(found["critical_step_s"] / math.sqrt(3), rel=1e-6)
+
+
+def test_the_critical_step_is_that_of_what_is_integrated(flexcam, tmp_path):
+    """Struck upwards a cantilever neither stretches nor twists: those faster motions bound no step, here and in a run."""
+    about = ("--set", "members.beam.mass=lumped", "--set", "run.integrator.method=central-difference",
+             "--set", "run.speed=12000rpm", "--set", "run.start={velocity={'tip.ux'='0.1 m/s'}}")  # fmt: skip
+    found = flexcam("stability", CANTILEVER, *about, "--set", "run.step=10 us", "--json").json
+    critical = found["critical_step_s"]
+    codes = [
+        flexcam("run", CANTILEVER, *about, "--set", f"run.step={part * critical} s", "-o", tmp_path, "--overwrite").code
+        for part in (0.9999, 1.0001)
+    ]
+    assert codes == [0, 2]
+    assert "numerical" not in found["verdict"]
 
 
 def test_harmonics_in_the_load(flexcam):
