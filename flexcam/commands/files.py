@@ -60,8 +60,14 @@ def export(
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Write a result as a ParaView collection or CSV table, or a case's mesh for Gmsh, Abaqus or CalculiX."""
-    if macro and form != "pvd":
-        raise refuse("--paraview", f"--format {form}", "--format pvd", "the macro opens that collection")
+    for option, needed, given, why in (
+        ("--paraview", "pvd", macro, "the macro opens that collection"),
+        ("--field", "pvd", fields is not None, "the collection has fields"),
+        ("--probe", "csv", probes is not None, "the table has probes"),
+        ("--instants", "csv", instants is not None, "the table has instants between those of the run"),
+    ):
+        if given and form != needed:
+            raise refuse(option, f"--format {form}", f"--format {needed}", why)
     target = made_folder(source.parent if folder is None else named_as_folder(folder)) / f"{source.stem}.{form}"
     if form in ("msh", "inp"):
         write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
@@ -99,7 +105,9 @@ def _at_instants(response: Response, count: int | None) -> Response:
     if count is None:
         return response
     if count < 2 or len(response.time) < 2:
-        raise refuse("--instants", f"{count} of a run of {len(response.time)} instants", "2 or more of a run of 2")
+        raise refuse(
+            "--instants", f"{count} of a run of {len(response.time)} instants", "2 or more, of a run of 2 or more"
+        )
     return response.at(np.linspace(float(response.time[0]), float(response.time[-1]), count))
 
 

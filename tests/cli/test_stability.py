@@ -152,7 +152,7 @@ def test_critical_step_is_told(flexcam):
 
 
 def test_the_critical_step_is_that_of_what_is_integrated(flexcam, tmp_path):
-    """Struck upwards a cantilever neither stretches nor twists: those faster motions bound no step, here and in a run."""
+    """Struck across, a cantilever neither stretches nor twists: those faster motions bound no step of a run."""
     about = ("--set", "members.beam.mass=lumped", "--set", "run.integrator.method=central-difference",
              "--set", "run.speed=12000rpm", "--set", "run.start={velocity={'tip.ux'='0.1 m/s'}}")  # fmt: skip
     found = flexcam("stability", CANTILEVER, *about, "--set", "run.step=10 us", "--json").json
