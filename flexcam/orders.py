@@ -143,6 +143,22 @@ def has_revolution(response: Response) -> bool:
     return len(angle) > 1 and float(angle[-1] - angle[0]) >= _REVOLUTION * (1.0 - _SAME_ANGLE)
 
 
+def highest_order(response: Response) -> int:
+    """Return the highest order that the last revolution of a run has steps for.
+
+    Parameters
+    ----------
+    response
+        The run.
+
+    Returns
+    -------
+    int
+        Zero for a run shorter than a revolution.
+    """
+    return max((len(response.angle) - _beginning(response)) // 2 - 1, 0) if has_revolution(response) else 0
+
+
 def _beginning(response: Response) -> int:
     if not has_revolution(response):
         turned = math.degrees(float(np.ptp(response.angle))) if len(response.angle) else 0.0

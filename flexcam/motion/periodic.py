@@ -17,6 +17,9 @@ DEGREE = 5
 _REVOLUTION = 2.0 * math.pi
 _GRID = np.linspace(0.0, _REVOLUTION, 7201)
 
+_AT_ONCE = 64
+"""Harmonics whose waves are in memory together: of ten thousand that would be tens of GB."""
+
 # Column k: the cardinal B-spline of degree 5 on its k-th interval, powers of the place in the interval, times 120.
 _CARDINAL = (
     np.array(
@@ -213,7 +216,8 @@ def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
     half = 0.5 * np.diff(edges)
     angle = (edges[:-1] + half)[:, None] + half[:, None] * points
     values = (half[:, None] * weights * event(angle, order)).ravel()
-    n = np.arange(count + 1)
-    amplitude = np.asarray(np.exp(-1j * np.outer(n, angle.ravel())) @ values / math.pi, dtype=np.complex128)
+    parts = np.array_split(np.arange(count + 1), count // _AT_ONCE + 1)
+    swung = np.concatenate([np.exp(-1j * np.outer(n, angle.ravel())) @ values for n in parts])
+    amplitude = np.asarray(swung / math.pi, dtype=np.complex128)
     amplitude[0] *= 0.5
     return amplitude

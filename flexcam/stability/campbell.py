@@ -56,7 +56,8 @@ class Campbell:
     lifts
         Order to its amplitude in the lift, m: those that are looked at.
     loads
-        Amplitudes of these orders in the contact's force, N, shape (m, orders); NaN where a run broke off.
+        Amplitudes of these orders in the contact's force, N, shape (m, orders); NaN where a run broke off, is shorter
+        than a revolution, or has too few steps for the order.
     crossings
         Where an order meets a mode that is felt at the contact, the lowest speed first.
     statuses

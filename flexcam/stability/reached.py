@@ -9,7 +9,7 @@ import numpy as np
 from flexcam.integrate import Tangents
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.motion import Event
-from flexcam.orders import has_revolution, latest_orders
+from flexcam.orders import highest_order, latest_orders
 from flexcam.response import Response
 from flexcam.runner import Prepared
 from flexcam.stability.discrete import MOST
@@ -104,9 +104,10 @@ def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
     Returns
     -------
     ndarray
-        N, from the first, shape (count,); zeros for a run shorter than a revolution, or of fewer steps than it takes.
+        N, from the first, shape (count,); NaN for those that the steps of the last revolution are too few for, and for
+        all of a run shorter than one.
     """
-    force = response.channels.get(f"contacts.{contact}.force")
-    if force is None or not has_revolution(response) or len(force) < 2 * count + 2:
-        return np.zeros(count)
-    return latest_orders(response, force, count).amplitudes[1:]
+    force, told = response.channels.get(f"contacts.{contact}.force"), min(count, highest_order(response))
+    if force is None or not told:
+        return np.full(count, np.nan)
+    return np.append(latest_orders(response, force, told).amplitudes[1:], np.full(count - told, np.nan))

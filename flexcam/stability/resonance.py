@@ -37,7 +37,8 @@ class Resonance:
     amplitude
         Of that harmonic in the lift, m.
     load
-        Of that harmonic in the contact's force in the last revolution of the run, N.
+        Of that harmonic in the contact's force in the last revolution of the run, N; zero where its steps are too few
+        to tell.
     mode
         Position of the mode, from 0.
     frequency
@@ -81,7 +82,7 @@ def resonances(ready: Prepared, response: Response) -> tuple[Resonance, ...]:
     for name, contact in ready.model.driven.items():
         reached = reached_modes(ready, response, name, structure)
         lifts = lift_harmonics(ready.model.cams[contact.cam].event, _HARMONICS)
-        loads = force_harmonics(response, name, _HARMONICS)
+        loads = np.nan_to_num(force_harmonics(response, name, _HARMONICS))
         for n, amplitude in lifts.items():
             for i in reached.felt:
                 frequency, words = float(reached.found.modes.frequencies[i]), reached.found.words(i)

@@ -211,3 +211,20 @@ def test_a_light_train_beside_a_heavy_one_is_heard(flexcam, tmp_path):
     assert met["load_n"] < 2e-3 * 10.0 * met["amplitude_m"] * own**2
     assert "resonance" in found["verdict"]
     assert "harmonic 2, light" in flexcam("stability", path).out
+
+
+@pytest.mark.parametrize("steps", [24, 30, 48])
+def test_harmonics_of_few_steps_are_those_that_these_have(flexcam, steps):
+    """Twenty-four harmonics take fifty steps; fewer neither end the command nor tell that the first has no force."""
+    found = flexcam("stability", PUBLISHED, "--set", f"run.steps_per_revolution={steps}", "--json").json["resonances"]
+    assert found[0]["harmonic"] == 1
+    # A load of one bump on 24 points: the trapezoidal rule misses what its harmonics above the 23rd have, below 1 %.
+    assert found[0]["load_n"] == pytest.approx(306.0, rel=0.01)
+
+
+def test_a_thousand_orders_fit_into_memory(flexcam):
+    """Those that the steps do not resolve have no number; the others keep theirs."""
+    found = flexcam("campbell", PUBLISHED, "--orders", "1:1000", "--count", "2", *QUICK, "--json").json
+    assert found["crossings"][0]["load"] == pytest.approx(306.0, rel=0.01)
+    unknown = {int(order) for order, sizes in found["force_amplitudes_n"].items() if None in sizes}
+    assert all(order > 179 for order in unknown)
