@@ -193,7 +193,8 @@ def _close(sinks: Sequence[Sink], status: Status, stats: Stats) -> Status:
 
 def _not_saved(fault: OSError) -> Status:
     text = f"the result could not be written: {fault}"
-    return Status(Cause.NOT_SAVED, text, "free space or name another folder; --resume goes on from what was saved")
+    remedy = "free space or name another folder; --resume goes on from what was saved, if anything was"
+    return Status(Cause.NOT_SAVED, text, remedy)
 
 
 def _singular(fault: SingularMatrixError, system: System) -> Status:

@@ -71,6 +71,11 @@ class Draft:
             self.discard()
             raise
 
+    def begin(self) -> None:
+        """Say that the file is laid out: the first copy is taken to cost as much as that."""
+        now = time.perf_counter()
+        self._last, self._cost = now, now - self._last
+
     @property
     def due(self) -> bool:
         """Whether it is time for a copy."""

@@ -5,15 +5,12 @@ from __future__ import annotations
 import zlib
 from typing import Any
 
-import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
+from flexcam.io.hdf5 import dataset, fill, space
 from flexcam.io.sealed import keep_sum
 from flexcam.io.texts import note
 from flexcam.linalg import FloatArray, IntArray
-
-_CHECKED: dict[str, Any] = {"fletcher32": True}
-"""The checksum refuses a flipped byte. Not compressed: gzip takes longer than a run does, and halves a file at best."""
 
 _MOST = 4096
 """Numbers in a chunk, as far as blocks can be halved."""
@@ -45,10 +42,6 @@ def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
     return (max(1, min(shape[0], _MOST // max(width, 1))), *shape[1:])
 
 
-def _space(shape: tuple[int, ...]) -> Any:  # noqa: ANN401 - h5py has no types
-    return h5py.h5s.create_simple(shape)  # pyright: ignore[reportUnknownMemberType,reportUnknownVariableType]
-
-
 def ordered(group: Any, name: str) -> Any:  # noqa: ANN401 - h5py has no types
     """Return a new group that keeps its members in the order they are made.
 
@@ -70,8 +63,7 @@ def ordered(group: Any, name: str) -> Any:  # noqa: ANN401 - h5py has no types
 class Growing:
     """A new, empty dataset whose first axis grows.
 
-    Rows go to HDF5 without h5py's selections and look-ups: a result has some forty of these, and each block extends
-    them all.
+    Rows go to HDF5 without h5py's selections and look-ups: a result has some forty of these, and all grow together.
 
     Parameters
     ----------
@@ -91,12 +83,9 @@ class Growing:
 
     def __init__(self, group: Any, name: str, rows: int, unit: str, *, width: int = 0, kind: str = "f8") -> None:  # noqa: ANN401
         self._columns = (width,) if width else ()
-        shape, limit, chunk = (
-            (0, *self._columns),
-            (None, *self._columns),
-            (chunk_rows(rows, width or 1), *self._columns),
-        )
-        self.dataset: Any = group.create_dataset(name, shape, kind, maxshape=limit, chunks=chunk, **_CHECKED)
+        shape, limit = (0, *self._columns), (None, *self._columns)
+        chunk = (chunk_rows(rows, width or 1), *self._columns)
+        self.dataset: Any = dataset(group, name, kind, shape, limit=limit, chunk=chunk)
         note(self.dataset, "units", unit)
         self._length, self._kind, self._sum = 0, kind, 0
         self.sum()
@@ -123,7 +112,7 @@ class Growing:
             there.select_hyperslab((first, *(0 for _ in self._columns)), rows.shape)
             values = np.ascontiguousarray(rows, dtype=self._kind)
             self._sum = zlib.crc32(values.data, self._sum)
-            self.dataset.id.write(_space(rows.shape), there, values)
+            self.dataset.id.write(space(rows.shape), there, values)
 
     def sum(self) -> None:
         """Write the checksum of all rows so far."""
@@ -149,9 +138,11 @@ def fixed(group: Any, name: str, values: FloatArray | IntArray, unit: str = "") 
     Dataset
         Of h5py.
     """
-    array = np.asarray(values)
-    checked = {"chunks": _chunks(array.shape), **_CHECKED} if array.size else {}  # nothing has no chunk
-    dataset = group.create_dataset(name, data=array, **checked)
-    note(dataset, "units", unit)
-    keep_sum(dataset, zlib.crc32(np.ascontiguousarray(array).data))
-    return dataset
+    array = np.ascontiguousarray(values)
+    chunk = _chunks(array.shape) if array.size else ()  # nothing has no chunk
+    made = dataset(group, name, array.dtype.str, array.shape, chunk=chunk)
+    if array.size:
+        fill(made, array)
+    note(made, "units", unit)
+    keep_sum(made, zlib.crc32(array.data))
+    return made

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from flexcam.checks import Fault
 from flexcam.io.guard import SCALES, attribute_names, children
+from flexcam.io.hdf5 import attribute
 
 SEAL = "seal"
 """Attribute of the root that holds the digest, hexadecimal."""
@@ -40,11 +41,7 @@ def keep_sum(dataset: Any, value: int) -> None:  # noqa: ANN401 - h5py has no ty
     value
         CRC-32 of its rows.
     """
-    name, kept = SUM.encode(), np.array(value, np.uint32)
-    if _module.h5a.exists(dataset.id, name):
-        _module.h5a.open(dataset.id, name).write(kept)  # in place, without the new attribute that h5py would make
-    else:
-        dataset.attrs.create(SUM, kept)
+    attribute(dataset, SUM, np.array(value, np.uint32))
 
 
 def digest(file: Any) -> str:  # noqa: ANN401

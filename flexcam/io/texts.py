@@ -11,6 +11,8 @@ from typing import Any
 import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
+from flexcam.io.hdf5 import attribute, dataset, fill, text
+
 _module: Any = h5py
 
 
@@ -32,7 +34,7 @@ def encoded(texts: Sequence[str]) -> Any:  # noqa: ANN401 - an array
     >>> encoded(["m", "rad"]).tolist()
     [b'm', b'rad']
     """
-    parts = [text.encode() for text in texts]
+    parts = [one.encode() for one in texts]
     return np.array(parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
 
 
@@ -46,8 +48,10 @@ def texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401 - h5p
     content
         Name to text.
     """
-    for name, text in content.items():
-        group.create_dataset(name, data=encoded([text])[0], dtype=encoded([text]).dtype)
+    for name, one in content.items():
+        value = encoded([one]).reshape(())
+        kind = text(value.dtype.itemsize)
+        fill(dataset(group, name, kind, ()), value, kind)
 
 
 def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401
@@ -66,7 +70,7 @@ def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401
     return {name: bytes(item[()]).decode() for name, item in group.items()}
 
 
-def note(one: Any, name: str, text: str | Sequence[str]) -> None:  # noqa: ANN401
+def note(one: Any, name: str, content: str | Sequence[str]) -> None:  # noqa: ANN401
     """Write a text, or several, as an attribute.
 
     Parameters
@@ -75,11 +79,11 @@ def note(one: Any, name: str, text: str | Sequence[str]) -> None:  # noqa: ANN40
         Group or dataset.
     name
         Of the attribute.
-    text
+    content
         The text, or a list of them.
     """
-    values = encoded([text] if isinstance(text, str) else text)
-    one.attrs.create(name, values[0] if isinstance(text, str) else values, dtype=values.dtype)
+    values = encoded([content] if isinstance(content, str) else content)
+    attribute(one, name, values.reshape(()) if isinstance(content, str) else values, text(values.dtype.itemsize))
 
 
 def noted(one: Any, name: str) -> str:  # noqa: ANN401
@@ -115,4 +119,4 @@ def notes(one: Any, name: str) -> tuple[str, ...]:  # noqa: ANN401
     tuple
         That `note` wrote.
     """
-    return tuple(bytes(text).decode() for text in one.attrs[name])
+    return tuple(bytes(content).decode() for content in one.attrs[name])

@@ -1,9 +1,9 @@
 """Result files: one HDF5 file that is flexcam's archive and opens in ParaView.
 
 The group ``/VTKHDF`` is VTK's (one polyline per member, see `vtk_group`); VTK ignores the groups beside it, which hold
-histories, case, status and provenance. Blocks are appended in the order data, counts (``NSteps`` and the rows of the
-histories), ``Values``: a run may end between them, VTK's reader trusts ``Values`` to have its data, and flexcam's reads
-no row that is not counted. What others see are whole copies (`draft`).
+histories, case, status and provenance. Blocks wait until they are worth writing, and are appended in the order data,
+counts (``NSteps`` and the rows of the histories), ``Values``: a run may end between them, VTK's reader trusts
+``Values`` to have its data, and flexcam's reads no row that is not counted. What others see are whole copies (`draft`).
 """
 
 from __future__ import annotations
@@ -57,6 +57,8 @@ class ResultFile:
         What the fields are drawn on.
     outline
         Names of what will come.
+    steps
+        Of the whole run.
     save
         How the run hands out its blocks.
     about
@@ -77,7 +79,7 @@ class ResultFile:
 
     def __init__(
         self, path: Path, geometry: Geometry, outline: Outline, *,
-        save: SaveAt, about: Mapping[str, str], overwrite: bool = False, resume: Checkpoint | None = None,
+        steps: int, save: SaveAt, about: Mapping[str, str], overwrite: bool = False, resume: Checkpoint | None = None,
         warnings: Callable[[Stats], Sequence[str]] | None = None,
     ) -> None:  # fmt: skip
         free_to_write("result", path, overwrite=overwrite)
@@ -86,6 +88,8 @@ class ResultFile:
         self._geometry, self._outline = geometry, outline
         self._checkpoint = resume
         self._warnings = warnings
+        self._waiting: list[Block] = []
+        self._taken, self._all, self._bytes = 0, steps + 1, 0
         self._draft = Draft(path.with_suffix(".writing"), self.partial)
         try:
             free_to_write(
@@ -94,8 +98,6 @@ class ResultFile:
             )  # fmt: skip
             with plainly():
                 self._create(geometry, save, about)
-                began = time.perf_counter()
-                self._flush()
         except OSError as fault:
             self._abandon()
             allowed, remedy = "a file that can be written", "free space or name another folder"
@@ -103,8 +105,7 @@ class ResultFile:
         except BaseException:
             self._draft.discard()
             raise
-        if resume is None:
-            self._draft.show(began)
+        self._draft.begin()
 
     def _create(self, geometry: Geometry, save: SaveAt, about: Mapping[str, str]) -> None:
         _need_room(self._draft.path, geometry, self._outline, about)
@@ -143,20 +144,32 @@ class ResultFile:
             one.dataset.dims[0].attach_scale(self._time.dataset)
 
     def write(self, block: Block) -> None:
-        """Append a block.
+        """Append a block, now or together with later ones.
 
         Raises
         ------
         OSError
-            If it cannot be written.
+            If they cannot be written.
         """
-        with plainly():
-            self._append_history(block)
-            self._vtk.append(self._point_data(block), len(block.field_time))
-            self._field_angle.extend(block.field_angle)
-            self._vtk.count(len(block.field_time))
-            self._file["history"].attrs.modify("steps", len(self._time))
-            self._vtk.stamp(block.field_time)
+        self._waiting.append(block)
+        self._taken += len(block.time)
+        self._bytes += _size(block)
+        if self._bytes > _WORTH or self._taken == self._all:  # what may be interrupted is not left to the end
+            with plainly():
+                self._append()
+
+    def _append(self) -> None:
+        """Write the blocks that wait."""
+        if not self._waiting:
+            return
+        block = Block.joined(self._waiting)
+        self._waiting, self._bytes = [], 0
+        self._append_history(block)
+        self._vtk.append(self._point_data(block), len(block.field_time))
+        self._field_angle.extend(block.field_angle)
+        self._vtk.count(len(block.field_time))
+        self._file["history"].attrs.modify("steps", len(self._time))
+        self._vtk.stamp(block.field_time)
 
     def keep(self, checkpoint: Checkpoint) -> None:
         """Take the state behind the last block, and show what is written when it is time to.
@@ -170,8 +183,10 @@ class ResultFile:
         if self._draft.due:
             began = time.perf_counter()
             with plainly():
+                self._append()
                 write_checkpoint(self._file, checkpoint)
-                self._flush()
+                self._seal()
+                self._file.flush()
             self._draft.show(began)
 
     def _point_data(self, block: Block) -> dict[str, FloatArray]:
@@ -181,11 +196,6 @@ class ResultFile:
             name: nodal[series][:, geometry.node, first : first + 3] for name, (series, first, _) in VECTORS.items()
         }
         return {**vectors, **geometry.recovered(nodal["displacement"], nodal["acceleration"])}
-
-    def _flush(self) -> None:
-        """Have all that is written in the file, under its seal."""
-        self._seal()
-        self._file.flush()
 
     def _seal(self) -> None:
         """Make the file one that a reader can hold against what was written."""
@@ -210,7 +220,7 @@ class ResultFile:
         OSError
             If it cannot be written: what was shown of it before stays.
         """
-        if self._checkpoint is not None and len(self._time) < self._checkpoint.steps:
+        if self._checkpoint is not None and self._taken < self._checkpoint.steps:
             self._abandon()  # it was stopped before it held what the earlier one holds: that one stays
             return
         try:
@@ -230,6 +240,7 @@ class ResultFile:
         self._draft.discard()
 
     def _end(self, status: Status, stats: Stats) -> None:
+        self._append()
         group = self._file.create_group("status")
         doubtful = self._warnings(stats) if self._warnings else ()
         told = {"cause": str(status.cause), "text": status.text, "remedy": status.remedy}
@@ -246,6 +257,16 @@ class ResultFile:
             write_checkpoint(self._file, self._checkpoint)
         self._seal()
         self._file.close()
+
+
+_WORTH = 2**20
+"""Bytes of blocks that are written together: each of some hundred datasets takes its time however little it gets."""
+
+
+def _size(block: Block) -> int:
+    """Return how many bytes a block has, but for its instants."""
+    arrays = (block.channels, *(getattr(one, name) for one in (block.probes, block.fields) for name in SERIES))
+    return sum(one.nbytes for one in arrays)
 
 
 def partial_of(path: Path) -> Path:

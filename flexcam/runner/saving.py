@@ -81,8 +81,8 @@ def result_file(
     path = made_folder(Path(folder)) / f"{ready.case.name}.vtkhdf"
     about = _about(ready.case) if resume is None else resume.about
     return ResultFile(
-        path, geometry_of(ready.model), outline(ready.problem.system), save=ready.save, about=about,
-        overwrite=overwrite, resume=None if resume is None else resume.checkpoint, warnings=warnings,
+        path, geometry_of(ready.model), outline(ready.problem.system), steps=ready.problem.steps, save=ready.save,
+        about=about, overwrite=overwrite, resume=None if resume is None else resume.checkpoint, warnings=warnings,
     )  # fmt: skip
 
 

@@ -24,14 +24,23 @@ CASE = Path(__file__).parents[1] / "data/inline.toml"
 RUN = ("run", "case.toml", "-o", "out")
 
 
-def flexcam(folder, *words, file_size=None):
+OFTEN = """
+from flexcam.cli import main
+from flexcam.io import draft
+draft._SHARE = float("inf")
+main()
+"""
+"""The command, with a copy after every block."""
+
+
+def flexcam(folder, *words, file_size=None, program=("-m", "flexcam")):
     """Run the command in a process of its own, whose files may not grow beyond a size in bytes."""
 
     def bounded():
         resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, file_size))
 
     shutil.copy(CASE, folder / "case.toml")
-    command = [sys.executable, "-m", "flexcam", *words]
+    command = [sys.executable, *program, *words]
     limit = {} if file_size is None else {"preexec_fn": bounded}
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, **limit)
 
@@ -40,21 +49,25 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-@pytest.mark.parametrize("file_size", [40_000, 700_000, 3_000_000])
-def test_a_disk_that_is_full(file_size, tried, tmp_path):
-    """Before the first step, behind it, and later; the result before stays, and with room the run goes on."""
+@pytest.mark.parametrize(
+    ("file_size", "program"), [(40_000, ("-m", "flexcam")), (700_000, ("-m", "flexcam")), (3_000_000, ("-c", OFTEN))]
+)
+def test_a_disk_that_is_full(file_size, program, tried, tmp_path):
+    """Before the first step, before the first copy, and behind it; the result before stays, and so does the copy."""
     (tmp_path / "out").mkdir()
     old = tmp_path / "out/case.vtkhdf"
     old.write_bytes(b"the result before")
-    done = flexcam(tmp_path, *RUN, "--overwrite", "--set", "run.revolutions=20", file_size=file_size)
+    done = flexcam(tmp_path, *RUN, "--overwrite", "--set", "run.revolutions=20", file_size=file_size, program=program)
     assert done.returncode == (2 if file_size < 500_000 else 3)
     assert re.search(r"File too large.*free space or name another folder", done.stderr)
     assert done.stderr.count("\n") == 1
     assert old.read_bytes() == b"the result before"
     left = names(tmp_path / "out")
-    assert left == ["case.vtkhdf"] if done.returncode == 2 else ["case.partial.vtkhdf", "case.vtkhdf"]
-    if done.returncode == 3:
-        assert read_result(tmp_path / "out/case.partial.vtkhdf").response.status.cause is Cause.INTERRUPTED
+    assert left == ["case.vtkhdf"] if program[0] == "-m" else ["case.partial.vtkhdf", "case.vtkhdf"]
+    if program[0] == "-c":
+        copy = read_result(tmp_path / "out/case.partial.vtkhdf").response
+        assert copy.status.cause is Cause.INTERRUPTED
+        assert len(copy.time) >= 640
     tried("machine", f"disk full after {file_size // 1000} kB", 1, "told; the result before is untouched")
 
 
@@ -63,15 +76,21 @@ def ready():
     return prepare(read_case(CASE))
 
 
-class Doing:
-    """A sink that does something at its second block."""
+@pytest.fixture
+def often(monkeypatch):
+    """Have a copy after every block."""
+    monkeypatch.setattr(draft, "_SHARE", float("inf"))
 
-    def __init__(self, what):
-        self._what, self._blocks = what, 0
+
+class Doing:
+    """A sink that does something at its second block, or another."""
+
+    def __init__(self, what, at=2):
+        self._what, self._at, self._blocks = what, at, 0
 
     def write(self, block):
         self._blocks += 1
-        if self._blocks == 2:
+        if self._blocks == self._at:
             self._what()
 
     def close(self, status, stats):
@@ -107,27 +126,31 @@ def test_a_folder_in_the_place_of_the_result(ready, tmp_path):
         result_file(ready, tmp_path, overwrite=True)
 
 
-def test_results_that_are_open_elsewhere(ready, tried, tmp_path):
+def test_results_that_are_open_elsewhere(ready, often, tried, tmp_path):
     """A reader of the result before, and one of the partial result, keep what they have opened."""
     solved(ready, file := result_file(ready, tmp_path))
+    opened = []
     with h5py.File(file.path) as before:
         file = result_file(ready, tmp_path, overwrite=True)
-        with h5py.File(file.partial) as partial:
-            assert solved(ready, file).status.ok
-            assert partial["history"].attrs["steps"] == 0
+        assert solved(ready, file, Doing(lambda: opened.append(h5py.File(file.partial)))).status.ok
+        with opened[0] as partial:
+            assert 0 < partial["history"].attrs["steps"] < ready.problem.steps
         assert before["history"].attrs["steps"] == ready.problem.steps + 1
     assert names(tmp_path) == [file.path.name]
     tried("machine", "the result before and the partial one are open elsewhere", 2, "replaced; readers keep the old")
 
 
-def test_no_room_for_a_copy(ready, monkeypatch, tmp_path):
+def test_no_room_for_a_copy(often, monkeypatch, tmp_path):
     """The run needs the room itself: what others see stays as it was, and the result is complete."""
-    file = result_file(ready, tmp_path)
-    monkeypatch.setattr(draft, "_SHARE", float("inf"))
-    monkeypatch.setattr(draft.shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(0, 0, 0))
-    seen = []
-    assert solved(ready, file, Doing(lambda: seen.append(len(read_result(file.partial).response.time)))).status.ok
-    assert seen == [0]
+    ready = prepare(read_case(CASE, ["run.revolutions=4"]))
+    file, full, seen = result_file(ready, tmp_path), shutil._ntuple_diskusage(0, 0, 0), []
+
+    def look():
+        seen.append(len(read_result(file.partial).response.time))
+        monkeypatch.setattr(draft.shutil, "disk_usage", lambda _: full)
+
+    assert solved(ready, file, Doing(look, at=2), Doing(look, at=4)).status.ok
+    assert seen[0] == seen[1] > 0
     assert read_result(file.path).response.status.ok
 
 

@@ -122,14 +122,14 @@ for at in map(int, sys.argv[3:]):
 def killed(ready, tmp_path_factory):
     """Partial files of processes that ended without closing them, at many places."""
     folder = tmp_path_factory.mktemp("killed")
-    places = [str(at) for at in range(1, 2 * CALLS, 9)]
+    places = [str(at) for at in range(1, 2 * CALLS, 4)]
     subprocess.run([sys.executable, "-c", KILL, str(ready.case.path), str(folder), *places], check=True, timeout=120)
     return sorted(folder.glob("*/inline.partial.vtkhdf"), key=lambda path: int(path.parent.name))
 
 
 def test_after_a_kill_the_file_is_readable(killed, done):
     """Nobody reads the file that is written: what is shown are copies of it as they stood behind a block."""
-    assert len(killed) >= 8, "files of killed processes were looked at"
+    assert 8 <= len(killed) <= 20, "files of killed processes were looked at, and some had shown none yet"
     for path in killed:
         agrees(path, done.result.response)
         read = read_result(path).response
