@@ -82,7 +82,7 @@ def _said(fault: Exception) -> str:
 
 
 def children(group: Any) -> Iterator[tuple[bytes, int, Any]]:  # noqa: ANN401 - h5py has no types
-    """Yield every hard link of a group, in order of names.
+    """Yield every hard link of a group with what it leads to, in order of names.
 
     Parameters
     ----------
@@ -94,10 +94,27 @@ def children(group: Any) -> Iterator[tuple[bytes, int, Any]]:  # noqa: ANN401 - 
     tuple
         Name, address in the file, and identifier of a group or dataset.
     """
+    for name, address in links(group):
+        yield name, address, _module.h5o.open(group, name)
+
+
+def links(group: Any) -> Iterator[tuple[bytes, int]]:  # noqa: ANN401
+    """Yield every hard link of a group, in order of names.
+
+    Parameters
+    ----------
+    group
+        Identifier of h5py.
+
+    Yields
+    ------
+    tuple
+        Name, and address in the file.
+    """
     for name in sorted(group):
         link = group.links.get_info(name)
         if link.type == _module.h5l.TYPE_HARD:
-            yield name, int(link.u), _module.h5o.open(group, name)
+            yield name, int(link.u)
 
 
 def datasets(file: Any) -> list[Any]:  # noqa: ANN401

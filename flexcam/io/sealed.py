@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.checks import Fault
-from flexcam.io.guard import SCALES, attribute_names, children
+from flexcam.io.guard import SCALES, attribute_names, links
 from flexcam.io.hdf5 import attribute
 
 SEAL = "seal"
@@ -102,11 +102,12 @@ def _parts(file: Any) -> Iterator[bytes]:  # noqa: ANN401
     while groups:
         group, path = groups.pop()
         yield from _attributes(group)
-        for name, address, one in children(group):
+        for name, address in links(group):
             yield (path or b"/") + b"/" + name
             if address in seen:
                 continue
             seen.add(address)
+            one = _module.h5o.open(group, name)
             if isinstance(one, _module.h5d.DatasetID):
                 yield from _dataset(one)
             else:
@@ -130,6 +131,7 @@ def _dataset(one: Any) -> Iterator[bytes]:  # noqa: ANN401
     yield f"{one.dtype.str} {one.shape}".encode()
     yield from _attributes(one)
     if not _module.h5a.exists(one, SUM.encode()):
-        whole = np.asarray(_module.Dataset(one)[()])
+        whole = np.empty(one.shape, one.dtype)
         if whole.size:
+            one.read(_module.h5s.ALL, _module.h5s.ALL, whole)
             yield whole.tobytes()
