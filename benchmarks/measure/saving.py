@@ -1,4 +1,4 @@
-"""What saving costs: a full field written, and a run with its result file beside one without."""
+"""What saving costs: a full field written, and runs with their result files beside those without."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from flexcam.response import Block, Response, Stats, Status
 from flexcam.runner import Prepared, result_file
 
 CASE = ROOT / "cases/tayeb/model-3-shm.toml"
+RUNS = ("tayeb/model-1-shm", "tayeb/model-3-shm", "li/valve-train", "pushrod-engine/intake", "direct-acting/bucket")
 STEPS, ELEMENTS = 2000, 10
 
 
@@ -57,13 +58,25 @@ def ran(ready: Prepared, folders: Sequence[Path]) -> Response:
     return solve(ready.problem, ready.scheme, save=ready.save, sinks=files)
 
 
-def measured() -> dict[str, float]:
-    """Return seconds of a full field, of a run and of the run with its file."""
-    (ready, kept), usual = full_field(), prepare(read_case(CASE))
+def beside(name: str, folder: Path) -> dict[str, object]:
+    """Return seconds of a case's steps, and of all from reading it to the end, without and with the result file."""
+    path = ROOT / f"cases/{name}.toml"
+    ready = prepare(read_case(path))
+
+    def whole(folders: Sequence[Path]) -> float:
+        return least(lambda: ran(prepare(read_case(path)), folders))
+
+    steps = [least(lambda: ran(ready, [])), least(lambda: ran(ready, [folder]))]
+    return {"case": name, "steps_s": steps, "run_s": [whole([]), whole([folder])]}
+
+
+def measured() -> dict[str, object]:
+    """Return seconds of a full field, and of runs with and without their files."""
+    ready, kept = full_field()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         return {
             "nodes": len(ready.model.mesh.nodes), "steps": STEPS,
             "field_s": least(lambda: saved(ready, kept, folder)), "mb": saved(ready, kept, folder).stat().st_size / 1e6,
-            "run_s": least(lambda: ran(usual, [])), "saving_run_s": least(lambda: ran(usual, [folder])),
+            "runs": [beside(one, folder) for one in RUNS],
         }  # fmt: skip

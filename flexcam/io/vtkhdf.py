@@ -30,6 +30,8 @@ from flexcam.io.vtk_group import VtkGroup, still_data
 from flexcam.linalg import FloatArray
 from flexcam.response import Block, Outline, SaveAt, Stats, Status
 
+_module: Any = h5py
+
 FORMAT = 2
 """Version of flexcam's own groups; a reader refuses a higher one. Since 2 a file has a seal."""
 
@@ -141,7 +143,7 @@ class ResultFile:
         channels = ordered(history, "channels")
         self._channels = [Growing(channels, name, rows, unit) for name, unit in self._outline.channels]
         for one in (self._angle, *(made for _, _, made in self._probes), *self._channels):
-            one.dataset.dims[0].attach_scale(self._time.dataset)
+            _module.h5ds.attach_scale(one.dataset.id, self._time.dataset.id, 0)
 
     def write(self, block: Block) -> None:
         """Append a block, now or together with later ones.
