@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -42,6 +43,11 @@ class Compliance:
     rate: FloatArray
     gap_by_force: FloatArray
     rate_by_force: FloatArray
+
+    @cached_property
+    def sizes(self) -> tuple[FloatArray, FloatArray]:
+        """By how much forces change the scalars and their rates at most, shape (c, c) each."""
+        return np.abs(self.gap_by_force), np.abs(self.rate_by_force)
 
     def at(self, force: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the sensed scalars and their rates under forces, shape (c,) each."""
@@ -139,13 +145,14 @@ def settle(
 
 def _tangent(within: Compliance, answer: Reaction, step: float) -> FloatArray:
     """Return the derivative of what is missing by forces and states."""
-    tangent = np.eye(len(answer.force)) - answer.by_gap @ within.gap_by_force - answer.by_rate @ within.rate_by_force
-    if not len(answer.state_rate):
-        return tangent
-    half = 0.5 * step
-    by_force = answer.state_rate_by_gap @ within.gap_by_force + answer.state_rate_by_rate @ within.rate_by_force
-    own = np.eye(len(answer.state_rate)) - half * answer.state_rate_by_state
-    return np.block([[tangent, -answer.by_state], [-half * by_force, own]])
+    c, s, half = len(answer.force), len(answer.state_rate), 0.5 * step
+    tangent = np.eye(c + s)
+    tangent[:c, :c] -= answer.by_gap @ within.gap_by_force + answer.by_rate @ within.rate_by_force
+    if s:
+        by_force = answer.state_rate_by_gap @ within.gap_by_force + answer.state_rate_by_rate @ within.rate_by_force
+        tangent[:c, c:], tangent[c:, :c] = -answer.by_state, -half * by_force
+        tangent[c:, c:] -= half * answer.state_rate_by_state
+    return tangent
 
 
 def _settled(
@@ -153,7 +160,7 @@ def _settled(
 ) -> bool:
     """Tell whether forces and states miss no more than their tolerance, or than moves nothing but by rounding."""
     c = len(f)
-    forces, on_gap, on_rate = np.abs(missing[:c]), np.abs(within.gap_by_force), np.abs(within.rate_by_force)
+    (on_gap, on_rate), forces = within.sizes, np.abs(missing[:c])
     gap, rate = np.abs(within.gap) + on_gap @ np.abs(f), np.abs(within.rate) + on_rate @ np.abs(f)
     rounding = _largest(np.abs(answer.by_gap) @ gap + np.abs(answer.by_rate) @ rate)
     if _largest(forces) > TOLERANCE * max(_largest(answer.force), usual) + ROUNDING * rounding and not (

@@ -36,9 +36,8 @@ class Bowing(Stateless):
         values = _by_element(gap)
         e, each = len(values), np.arange(len(values))
         by_gap = np.zeros((e, SCALARS, e, SCALARS))
-        by_gap[each, :, each, :] = self.arch.tangent(values)
-        force = self.arch.forces(values).ravel()
-        return Reaction(force, by_gap.reshape(gap.size, gap.size), np.zeros((gap.size, gap.size)))
+        force, by_gap[each, :, each, :] = self.arch.answer(values)
+        return Reaction(force.ravel(), by_gap.reshape(gap.size, gap.size), np.zeros((gap.size, gap.size)))
 
     def formulas(self, count: int) -> tuple[Formula, ...]:
         """Return the law as data, element by element."""

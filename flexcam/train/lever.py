@@ -44,12 +44,12 @@ class LeverEnd(Stateless):
         lever, end = self.lever, self.end
         k, c = lever.stiffness[end], lever.damping[end]
         beyond, more, slope, bend = turning(float(gap[0]), lever.arms[end], lever.arms[0], lever.angles[end])
-        arm, at_rest = np.array([slope, -1.0]), np.array([slope - more, -1.0])
-        linear = k * float(at_rest @ gap) + c * float(at_rest @ rate)
-        N = k * beyond + c * more * float(rate[0])  # beyond the linear one
-        by_gap = np.outer(arm, np.array([k * slope + c * bend * float(rate[0]), -k])) - k * np.outer(at_rest, at_rest)
-        by_gap[0, 0] += (linear + N) * bend
-        by_rate = c * (np.outer(arm, arm) - np.outer(at_rest, at_rest))
+        at_rest, (path, moved), (p, x) = slope - more, gap.tolist(), rate.tolist()
+        linear = k * (at_rest * path - moved) + c * (at_rest * p - x)
+        N, turned = k * beyond + c * more * p, c * bend * p  # beyond the linear one
+        own = more * (slope + at_rest)  # by which the square of the slope has changed
+        by_gap = np.array([[k * own + slope * turned + (linear + N) * bend, -k * more], [-k * more - turned, 0.0]])
+        by_rate = np.array([[c * own, -c * more], [-c * more, 0.0]])
         return Reaction(np.array([N * slope + linear * more, -N]), by_gap, by_rate)
 
     def formulas(self, count: int) -> tuple[Formula, ...]:

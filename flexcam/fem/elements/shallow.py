@@ -9,6 +9,7 @@ Non-linear Finite Element Analysis of Solids and Structures 1 (1991), sec. 7.1 a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -131,17 +132,24 @@ class Arch:
     def _beyond(self, first: FloatArray, pulled: FloatArray) -> FloatArray:
         """Return the axial force of the shortening, N, shape (e, m)."""
         # y.g.(y + 2 y0): the difference of both squares would leave rounding where nothing is bent.
-        start = np.einsum("eij,ej->ei", self.shortening, self.bow)[..., None]
-        return 0.5 * self.axial[:, None] * np.einsum("eim,eim->em", first[:, 1:], pulled + start)
+        return 0.5 * self.axial[:, None] * np.einsum("eim,eim->em", first[:, 1:], pulled + self._start)
 
-    def tangent(self, values: FloatArray) -> FloatArray:
-        """Return the derivative of these forces, shape (e, 7, 7), by the scalars, shape (e, 7)."""
-        pulled, N = self.pull(values), self.axial_force(values)
-        across = self.axial[:, None] * pulled
-        found = np.zeros((len(values), SCALARS, SCALARS))
-        found[:, 0, 1:] = found[:, 1:, 0] = across
-        found[:, 1:, 1:] = N[:, None, None] * self.shortening + across[:, :, None] * pulled[:, None, :]
-        return found
+    @cached_property
+    def _start(self) -> FloatArray:
+        """What a unit force does to the bow itself, shape (e, 6, 1)."""
+        return self.shortening @ self.bow[..., None]
+
+    def answer(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return these forces, shape (e, 7), and their derivative, (e, 7, 7), of the scalars of one instant, (e, 7)."""
+        first = values[..., None]
+        pulled = self._pull(first)
+        beyond, pulled = self._beyond(first, pulled)[:, 0], pulled[..., 0]
+        N, across = self.axial * values[:, 0] + beyond, self.axial[:, None] * pulled
+        forces, tangent = np.empty_like(values), np.zeros((len(values), SCALARS, SCALARS))
+        forces[:, 0], forces[:, 1:] = beyond, N[:, None] * pulled
+        tangent[:, 0, 1:] = tangent[:, 1:, 0] = across
+        tangent[:, 1:, 1:] = N[:, None, None] * self.shortening + across[:, :, None] * pulled[:, None, :]
+        return forces, tangent
 
 
 def _before(values: FloatArray) -> FloatArray:
