@@ -8,9 +8,7 @@ from flexcam.checks import InputError, refuse
 from flexcam.fem import COMPONENTS
 from flexcam.runner.prepared import Prepared
 from flexcam.system import Probe
-from flexcam.train import (
-    build_rigid,
-)
+from flexcam.train import ANY_SPEED, build_rigid
 
 
 def scalar_probe(ready: Prepared) -> str:
@@ -49,7 +47,7 @@ def _moved_by_cams(ready: Prepared) -> dict[str, str]:
     if not ready.model.driven:
         return {}
     try:
-        rigid = build_rigid(ready.model, ready.case.speed)
+        rigid = build_rigid(ready.model, ANY_SPEED)
     except InputError:  # no rigid train can be made of it: then the first probe will do
         return {}
     strokes = {probe: [0.0 if one is None else float(np.ptp(one(_ROUND, 0))) for one in probe.offset]

@@ -21,7 +21,7 @@ from flexcam.io.csv import component_unit
 from flexcam.io.vtkhdf import SERIES
 from flexcam.response import Response
 from flexcam.runner import Prepared, described, figures_of, scalar_probe
-from flexcam.train import Figure, build_rigid, operation_names
+from flexcam.train import ANY_SPEED, Figure, build_rigid, operation_names
 from flexcam.units import RPM
 
 
@@ -105,9 +105,6 @@ def scalar_names(case: Case) -> list[str]:
     return [*names, *(_DEVIATIONS if compared else ()), *(() if system.carried else (_RESIDUAL,))]
 
 
-_ANY_SPEED = 1.0
-"""rad/s: the motion of a rigid train over the cam angle is that of every speed, so it is built once for all."""
-
 _DEVIATIONS = ("deviation.peak", "deviation.rms")
 _RESIDUAL = "energy.residual.largest"
 
@@ -142,7 +139,7 @@ def _deviations(ready: Prepared, response: Response) -> Iterator[Figure]:
 
 def _rigid(ready: Prepared, response: Response) -> Response:
     """Return the rigid train's motion at the instants of a response."""
-    rigid, motion = build_rigid(ready.model, _ANY_SPEED), ready.problem.drive.at(response.time)
+    rigid, motion = build_rigid(ready.model, ANY_SPEED), ready.problem.drive.at(response.time)
     return replace(response, outline=outline(rigid), probes=carried_by_cam(rigid, motion))
 
 

@@ -46,12 +46,13 @@ from flexcam.train.operation import (
 )
 from flexcam.train.published import follower_train
 from flexcam.train.resolution import CoarseCam, coarse_cams
-from flexcam.train.rigid import build_rigid
+from flexcam.train.rigid import ANY_SPEED, build_rigid
 from flexcam.train.strength import MemberStrength, StrengthSink
 from flexcam.train.structure import Structure
 from flexcam.train.transfer import lift_transfer, valve_ratio
 
 __all__ = [
+    "ANY_SPEED",
     "BOUNCE_HEIGHT",
     "DAMPING_DEPTH",
     "OPEN",

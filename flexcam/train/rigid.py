@@ -274,6 +274,10 @@ def _turned(lever: Lever, end: int, driven: float) -> Coordinate:
     return moved
 
 
+ANY_SPEED = 1.0
+"""rad/s: the motion of a rigid train over the cam angle is that of every speed, so it is built once for all."""
+
+
 @lru_cache(maxsize=2)
 def build_rigid(model: Model, speed: float) -> System:
     """Return the same mechanism with rigid members: no unknowns, the follower's train follows the lift.
