@@ -123,11 +123,12 @@ def _write_lines(vtk: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py h
     mesh, points, ends = geometry.mesh, len(geometry.node), geometry.ends
     fixed(vtk, "NumberOfPoints", np.array([points]))
     fixed(vtk, "Points", mesh.nodes[geometry.node], "m")
-    single = len(geometry.single)
+    single, nothing = len(geometry.single), np.zeros(0, int)
     cells = {
         "Vertices": (np.arange(points - single, points), np.arange(single + 1)),
         "Lines": (np.arange(points - single), ends),
-        "Polygons": (np.zeros(0, int), np.zeros(1, int)),
+        "Polygons": (nothing, np.zeros(1, int)),
+        "Strips": (nothing, np.zeros(1, int)),
     }
     for topology, (connectivity, offsets) in cells.items():
         group = vtk.create_group(topology)
@@ -135,8 +136,5 @@ def _write_lines(vtk: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py h
         fixed(group, "NumberOfConnectivityIds", np.array([len(connectivity)]))
         fixed(group, "Connectivity", connectivity)
         fixed(group, "Offsets", offsets)
-    none, strips = vtk["Polygons"], vtk.create_group("Strips")
-    for name in none:
-        strips[name] = none[name]
     member = fixed(vtk.create_group("CellData"), "member", geometry.cells())
     note(member, "names", list(mesh.lines))
