@@ -3,7 +3,8 @@
 With K = L L^T the eigenvalues of ``L^-1 M L^-T`` are 1/omega^2: the lowest modes are the largest eigenvalues, which a
 symmetric solver gives to full precision whatever the spread of masses (solving for omega^2 directly loses them: a
 point-mass ratio of 1e12 makes the first one negative). High modes that lose their digits this way are taken from the
-factor of M. Motions without stiffness are found apart and are exactly zero.
+factor of M, in which what has no mass follows its springs. Motions without stiffness are found apart and are exactly
+zero.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from flexcam.linalg import (
     Triplets,
     diagonal_scale,
     energy_rounding,
+    factorize,
     null_space,
+    pins,
 )
 from flexcam.modal.lanczos import LOST, lanczos
 from flexcam.response import TOO_FINE, Cause, NotPositiveError, RunFailedError, Status
@@ -155,8 +158,9 @@ def _dense(
     """Take each mode from the side that keeps its digits: low ones from ``K^-1 M``, high ones from ``M^-1 K``."""
     M, K = mass.dense(), stiffness.dense()
     squares, shapes, errors = _by_stiffness(M, K, diagonal_scale(stiffness), rigid)
-    if (errors > LOST).any() and (high := _by_mass(M, K, diagonal_scale(mass))) is not None:
+    if (errors > LOST).any() and (high := _by_mass(mass, K)) is not None:
         high = tuple(values[..., rigid.shape[1] :] for values in high)
+        squares, shapes, errors = (one[..., : len(high[0])] for one in (squares, shapes, errors))
         switch = _switch(squares, errors, high[2])
         squares, shapes, errors = (
             np.concatenate([a[..., :switch], b[..., switch:]], axis=-1)
@@ -200,17 +204,35 @@ def _by_stiffness(
     return 1.0 / positive, scale[:, None] * np.linalg.solve(L.T, vectors) / np.sqrt(positive), errors
 
 
-def _by_mass(M: FloatArray, K: FloatArray, scale: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Return omega^2, shapes and relative errors from ``L^-1 K L^-T``, M = L L^T; None for a singular mass."""
-    M, K = scale[:, None] * M * scale, scale[:, None] * K * scale
+def _by_mass(mass: Triplets, K: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Return omega^2, shapes and relative errors from ``L^-1 K L^-T``, L L^T the mass of what has one.
+
+    Motions without mass are none of these modes: they follow the others by their springs. None where rounding leaves
+    the mass without a factor.
+    """
+    light = null_space(mass)
+    kept = np.setdiff1d(np.arange(mass.size), np.array(pins(light), dtype=np.intp))
+    all_of = _following(K, light)[:, kept]
+    massive = mass.part(kept)
+    scale = diagonal_scale(massive)
     try:
-        L = np.linalg.cholesky(M)
+        L = np.linalg.cholesky(scale[:, None] * massive.dense() * scale)
     except np.linalg.LinAlgError:
         return None
-    forward = np.linalg.solve(L, np.linalg.solve(L, K).T)
+    stiff = scale[:, None] * (all_of.T @ K @ all_of) * scale
+    forward = np.linalg.solve(L, np.linalg.solve(L, stiff).T)
     values, vectors = np.linalg.eigh(0.5 * (forward + forward.T))
     positive, errors = _with_errors(values)
-    return positive, scale[:, None] * np.linalg.solve(L.T, vectors), errors
+    return positive, all_of @ (scale[:, None] * np.linalg.solve(L.T, vectors)), errors
+
+
+def _following(K: FloatArray, light: FloatArray) -> FloatArray:
+    """Return what moves every unknown by one, and motions without mass, shape (n, k), to where springs hold them."""
+    everything = np.eye(len(K))
+    if not light.shape[1]:
+        return everything
+    held = light.T @ K
+    return everything - light @ factorize(Triplets.from_dense(held @ light)).solve(held)
 
 
 def _with_errors(values: FloatArray) -> tuple[FloatArray, FloatArray]:
