@@ -13,7 +13,7 @@ from flexcam.linalg import share_lost
 from flexcam.memory import Extremes
 from flexcam.response import Stats
 from flexcam.runner import Prepared
-from flexcam.train import Figure, Fineness, ModelModes, coarse_cams
+from flexcam.train import Figure, Fineness, ModelModes, coarse_cams, compressed
 
 _WORTH_TELLING = 1e-4
 """Part of a deflection: four digits are what tables show."""
@@ -108,21 +108,44 @@ def run_doubts(ready: Prepared, watched: Watched, figures: list[Figure], stats: 
     list
         Sentences; none where nothing is doubtful.
     """
-    found = [*input_doubts(ready), *_unseen(ready), *mishaps(figures), *_unaccounted(watched.extremes)]
+    found = [*input_doubts(ready), *unseen(ready), *mishaps(figures), *_unaccounted(watched.extremes)]
     found += [*_unbalanced(stats), *_rounded(ready, watched.extremes)]
     return found + _coarse(watched.fineness.found()) if _bodies(ready) else found
 
 
-def _unseen(ready: Prepared) -> list[str]:
-    """Return what a rigid model or one of few masses does not know."""
+def unseen(ready: Prepared) -> list[str]:
+    """Return what a rigid model or one of few masses does not know, in words.
+
+    Parameters
+    ----------
+    ready
+        A prepared case.
+
+    Returns
+    -------
+    list
+        Sentences; none of a model of beams.
+    """
     if ready.case.record.fidelity.model == "rigid":
         return ["Warning: rigid members know nothing of what they bear: do not read stresses and section forces off"]
     if ready.case.record.fidelity.model == "beams":
         return []
     left = "the camshaft but what its contacts feel, of surging springs and of bending"
     return [
-        f"Warning: masses in the place of members know nothing of {left}: do not read twist, torque and stresses off"
+        f"Warning: masses in the place of members know nothing of {left}: do not read twist, torque and stresses off",
+        *_unfelt(ready),
     ]
+
+
+def _unfelt(ready: Prepared) -> list[str]:
+    """Return of which members few masses do not know the compression."""
+    told = {channel.name for channel in ready.problem.system.channels}
+    missing = [name for name in compressed(ready.model) if f"members.{name}.compression" not in told]
+    if not missing:
+        return []
+    why = "no mass stands behind, so that springs would be all that is borne, and nothing of the inertia there"
+    remedy = 'take fidelity.model = "chain" with two masses or more'
+    return [f"Warning: compression and buckling of {', '.join(missing)} are not told: {why}; {remedy}"]
 
 
 def _rounded(ready: Prepared, extremes: Extremes) -> list[str]:

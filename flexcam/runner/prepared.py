@@ -20,12 +20,14 @@ from flexcam.response import SaveAt
 from flexcam.starting import drive_of, revolution_of, started, steps_per_revolution
 from flexcam.system import Basis, Shapes, System
 from flexcam.train import (
+    Chain,
     Model,
     build_rigid,
     build_system,
     chain_of,
     modal_basis,
     straight,
+    without_compression,
 )
 
 DEFAULT_STEPS_PER_REVOLUTION = 3600
@@ -102,7 +104,7 @@ def prepare(
     --------
     ``prepare(case).problem.system`` is the `System` of a case, for one's own studies.
     """
-    model, system = described(case, rigid=rigid, model=model, allow_large=allow_large)
+    model, system, few = _described(case, model, _kind(case, rigid=rigid), allow_large=allow_large)
     save = SaveAt(field_every=case.record.output.field_every)
     scheme = case.record.run.integrator.made()
     try:
@@ -112,7 +114,7 @@ def prepare(
         problem = started(case, model, plain, until=until)
     except InputError as refusal:
         raise _placed(case, refusal) from None
-    problem = replace(problem, basis=_basis(case, model, problem, _kind(case, rigid=rigid)))
+    problem = replace(problem, basis=_basis(case, problem, few))
     if refusal := refused(problem, scheme):
         raise _placed(case, refusal)
     return Prepared(case, model, problem, scheme, save)
@@ -172,16 +174,26 @@ def described(
     --------
     ``described(case)[1].names`` are the unknowns of a case.
     """
-    kind = _kind(case, rigid=rigid)
+    return _described(case, model, _kind(case, rigid=rigid), allow_large=allow_large)[:2]
+
+
+def _described(
+    case: Case, model: Model | None, kind: str, *, allow_large: bool
+) -> tuple[Model, System, Chain | None]:  # fmt: skip
+    """Return model and equations, and the few masses that stand for them, if any."""
     model = model or build_model(case)
     if not allow_large:
         affordable_mesh(model.mesh)
     model = straight(model) if kind in _CHAINS else model
     make = build_rigid if kind == "rigid" else build_system
     try:
-        return model, make(model, case.speed)
+        system = make(model, case.speed)
     except InputError as refusal:
         raise _placed(case, refusal) from None
+    if kind not in _CHAINS or not system.size:
+        return model, system, None
+    few = _few(case, model, _CHAINS[kind] or case.record.fidelity.masses)
+    return model, without_compression(system, few.unfelt), few
 
 
 def _kind(case: Case, *, rigid: bool) -> str:
@@ -197,20 +209,23 @@ _KEYS = {"count": "fidelity.masses", "contact": "fidelity.model"}
 """What is asked of a chain, and the keys of a case that ask it."""
 
 
-def _basis(case: Case, model: Model, problem: Problem, kind: str) -> Basis | None:
+def _few(case: Case, model: Model, count: int) -> Chain:
+    """Return the train of a case as a chain of so many masses."""
+    try:
+        return chain_of(model, case.speed, count)
+    except InputError as refusal:
+        named = InputError(replace(one, where=_KEYS.get(one.where, one.where)) for one in refusal.faults)
+        raise _placed(case, named) from None
+
+
+def _basis(case: Case, problem: Problem, few: Chain | None) -> Basis | None:
     """Return what a case is integrated in; None for its own unknowns."""
     fidelity = case.record.fidelity
-    if not problem.system.size:
+    if few is not None:
+        return Shapes(few.shapes, few.system.names, _answered(case, problem, few.shapes))
+    if fidelity.modes is None or not problem.system.size:
         return None
-    if kind in _CHAINS:
-        try:
-            found = chain_of(model, case.speed, _CHAINS[kind] or fidelity.masses)
-        except InputError as refusal:
-            named = InputError(replace(one, where=_KEYS.get(one.where, one.where)) for one in refusal.faults)
-            raise _placed(case, named) from None
-        return Shapes(found.shapes, found.system.names, _answered(case, problem, found.shapes))
-    by_parts = fidelity.reduction == "craig-bampton"
-    return None if fidelity.modes is None else modal_basis(problem, fidelity.modes, by_parts=by_parts)
+    return modal_basis(problem, fidelity.modes, by_parts=fidelity.reduction == "craig-bampton")
 
 
 def _answered(case: Case, problem: Problem, shapes: FloatArray) -> FloatArray | None:

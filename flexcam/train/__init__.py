@@ -8,7 +8,8 @@ from flexcam.train.assembled import build_structure, member_masses
 from flexcam.train.buckling import buckling_load
 from flexcam.train.build import build_system
 from flexcam.train.cam_contact import hertz_line
-from flexcam.train.chain import Chain, chain_of, straight
+from flexcam.train.chain import Chain, chain_of, straight, without_compression
+from flexcam.train.compression import compressed
 from flexcam.train.fineness import Fineness, FinenessSink
 from flexcam.train.free_running import free_running, free_speed
 from flexcam.train.left_out import left_out
@@ -87,6 +88,7 @@ __all__ = [
     "build_system",
     "chain_of",
     "coarse_cams",
+    "compressed",
     "element_loads",
     "follower_train",
     "free_running",
@@ -104,4 +106,5 @@ __all__ = [
     "separation",
     "straight",
     "valve_ratio",
+    "without_compression",
 ]

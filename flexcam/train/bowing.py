@@ -14,6 +14,7 @@ from flexcam.fem.elements.shallow import SCALARS, Arch, deforming
 from flexcam.linalg import DENSE_LIMIT, FloatArray, IntArray
 from flexcam.system import Channel, Formula, Kind, LocalForce, Observable, Observed, Reaction, Stored
 from flexcam.train.buckling import buckling_load
+from flexcam.train.compression import Bars, compressed, elements_of, linear_compression
 from flexcam.train.coupling import Coupling, opposed
 from flexcam.train.penalty import Stateless
 from flexcam.train.structure import Structure
@@ -88,20 +89,17 @@ def bowings(structure: Structure) -> Coupling:
     forces: list[LocalForce] = []
     channels: list[Channel] = []
     model = structure.model
-    shafts = {node for cam in model.cams.values() for node in model.mesh.connected(model.mesh.node(cam.at)).tolist()}
     first = 0
-    for name, member in model.members.items():
-        if not member.geometric_stiffness and not shafts.isdisjoint(model.mesh.lines[name].tolist()):
-            continue
-        elements = np.arange(len(structure.beams))[model.mesh.element_ranges()[name]]
+    for name in compressed(model):
+        elements = elements_of(structure, name)
         where = f"members.{name}"
-        if member.geometric_stiffness:
+        if model.members[name].geometric_stiffness:
             rows, law = _sensed(structure, elements), Bowing(Arch.of(structure.beams, elements))
             forces.append(opposed(f"{where}.bending", rows, law))
             pressed = _compression(law, slice(first, first + len(rows)))
             first += len(rows)
         else:
-            pressed = _linear_compression(structure, elements)
+            pressed = linear_compression(Bars(structure, elements))
         channels.append(Channel(f"{where}.compression", "N", pressed))
         if 6 * len(elements) <= DENSE_LIMIT and math.isfinite(bearable := buckling_load(structure, name)):
             channels.append(Channel(f"{where}.buckling_use", "1", _part(pressed, bearable)))
@@ -110,28 +108,6 @@ def bowings(structure: Structure) -> Coupling:
 
 def _part(value: Observable, whole: float) -> Observable:
     return lambda seen: value(seen) / whole
-
-
-def _linear_compression(structure: Structure, elements: IntArray) -> Observable:
-    """Return the largest compression of some elements, from the motion of their ends along them."""
-    beams = structure.beams.part(elements)
-    numbers, along = structure.dofs.numbers[beams.nodes, :3], beams.triads[:, 0]
-    pulled = (beams.EA / beams.length)[:, None, None] * np.where(numbers >= 0, np.stack([-along, along], axis=1), 0.0)
-    ends = [(numbers[:, i, j], pulled[:, i, j]) for i, j in np.argwhere(pulled.any(axis=0)).tolist()]
-    if structure.dofs.size <= DENSE_LIMIT:
-        rows = np.zeros((len(beams), structure.dofs.size))
-        for at, force in ends:
-            rows[np.arange(len(beams)), at] += force
-        return lambda seen: -seen.moved.picked(rows).min(axis=1)
-
-    def largest(seen: Observed) -> FloatArray:
-        moved = seen.displacement
-        tension = np.zeros((len(moved), len(beams)))
-        for at, force in ends:
-            tension += moved[:, at] * force
-        return -tension.min(axis=1)
-
-    return largest
 
 
 def _compression(law: Bowing, part: slice) -> Observable:

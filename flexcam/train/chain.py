@@ -18,6 +18,7 @@ from flexcam.linalg import FloatArray, Triplets
 from flexcam.system import Shapes, System, projected
 from flexcam.train.assembled import build_structure
 from flexcam.train.build import build_system
+from flexcam.train.compression import Bars, compressed, elements_of
 from flexcam.train.condense import rigid_lumped, static_shapes
 from flexcam.train.driven import moved_nodes
 from flexcam.train.model import CamContact, Model, PublishedLoad
@@ -41,6 +42,9 @@ class Chain:
         Between neighbours, as felt at the follower, N/m, shape (k - 1,).
     shapes
         Motion of the beam model's unknowns per unknown of the chain, shape (n, m).
+    unfelt
+        Members behind the last of all that is kept, such as everything behind a single mass: they bear the springs
+        behind them, but no inertia of what lies there.
     """
 
     system: System
@@ -48,6 +52,7 @@ class Chain:
     masses: FloatArray
     stiffnesses: FloatArray
     shapes: FloatArray
+    unfelt: tuple[str, ...]
 
 
 def chain_of(model: Model, speed: float, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
@@ -97,7 +102,39 @@ def chain_of(model: Model, speed: float, count: int, *, contact: str | None = No
         found = replace(found, mass=Triplets.from_dense(lump))
     felt = moved[:k]
     between = -np.diagonal(found.stiffness.dense()[:k, :k], 1) * felt[:-1] * felt[1:]
-    return Chain(found, tuple(names[:k]), np.diagonal(lump)[:k] * felt**2, between, shapes)
+    unfelt = _unfelt(structure, shapes)
+    found = without_compression(found, unfelt)
+    return Chain(found, tuple(names[:k]), np.diagonal(lump)[:k] * felt**2, between, shapes, unfelt)
+
+
+def without_compression(system: System, members: Sequence[str]) -> System:
+    """Return a system that does not tell how much some members are compressed.
+
+    Parameters
+    ----------
+    system
+        The system.
+    members
+        Names.
+
+    Returns
+    -------
+    System
+        Without the channels of these members.
+    """
+    left = tuple(f"members.{name}." for name in members)
+    return replace(system, channels=tuple(one for one in system.channels if not one.name.startswith(left)))
+
+
+def _unfelt(structure: Structure, shapes: FloatArray) -> tuple[str, ...]:
+    """Return the members that nothing stretches while the follower stands still."""
+    bars = {name: Bars(structure, elements_of(structure, name)) for name in compressed(structure.model)}
+    stretched = {name: np.abs(one.tension(shapes[:, 1:].T)) / one.stiffness for name, one in bars.items()}
+    return tuple(name for name, one in stretched.items() if one.max(initial=0.0) < _STRETCHED)
+
+
+_STRETCHED = 1e-6
+"""Stretch of an element by a unit of a motion below which it is rounding."""
 
 
 def straight(model: Model) -> Model:

@@ -9,12 +9,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexcam import InputError, read_case
+from flexcam import InputError, prepare, read_case, solve
+from flexcam.console.doubts import unseen
 from flexcam.console.fidelity import choice_words, plus_minus
 from flexcam.fidelity import Choice, Error, Measured, Reference, Traded, distance, estimate, ladder, measured, reference
 from flexcam.fidelity.rungs import Rung, steps_of, with_elements
 from flexcam.fidelity.trade import candidates, front
-from flexcam.integrate import integrated
+from flexcam.integrate import integrated, outline
 from flexcam.response import Cause, Status
 
 ROOT = Path(__file__).parents[2]
@@ -255,3 +256,35 @@ def test_the_ladder_is_the_same_whatever_reduction_a_case_asks_for():
     asked = case.with_fidelity({"modes": 5, "reduction": "craig-bampton"})
     rungs = {rung.name: rung.case.record.fidelity for rung in ladder(asked)}
     assert rungs == {rung.name: rung.case.record.fidelity for rung in ladder(case)}
+
+
+def solved(path, *overrides):
+    ready = prepare(read_case(path, ["run.steps_per_revolution=720", *overrides]))
+    return ready, solve(ready.problem, ready.scheme, save=ready.save)
+
+
+@pytest.mark.parametrize(("masses", "told"), [(1, False), (2, True)])
+def test_compression_is_told_where_a_mass_stands_behind_a_member(masses, told):
+    """With a mass at either end the pushrod bears what it bears as beams, but for waves along it: half a percent.
+
+    Before a single mass it would bear the spring alone, a quarter too much.
+    """
+    few = ['fidelity.model="chain"', f"fidelity.masses={masses}"]
+    ready, response = solved("cases/tayeb/model-1-shm.toml", *few)
+    name = "members.pushrod.compression"
+    assert (name in response.channels) == told
+    assert any("of pushrod are not told" in one for one in unseen(ready)) != told
+    if told:
+        whole = solved("cases/tayeb/model-1-shm.toml")[1].channels[name]
+        np.testing.assert_allclose(response.channels[name], whole, rtol=0.0, atol=5e-3 * whole.max())
+
+
+@pytest.mark.parametrize(("left", "told"), [("seat", True), ("lash", True), ("", False)])
+def test_a_play_or_a_seat_behind_a_member_is_where_its_compression_is_felt(left, told, tmp_path):
+    """What a contact senses behind the pushrod is kept beside the one mass."""
+    lines = Path("cases/pushrod-engine/intake.toml").read_text(encoding="utf-8").splitlines()
+    gone = tuple(one for one in ("seat = ", "lash = ", "clash_travel = ") if not left or not one.startswith(left))
+    path = tmp_path / "engine.toml"
+    path.write_text("\n".join(one for one in lines if not one.startswith(gone)), encoding="utf-8")
+    ready = prepare(read_case(path, ['fidelity.model="sdof"']))
+    assert ("members.pushrod.compression" in dict(outline(ready.problem.system).channels)) == told

@@ -109,12 +109,16 @@ def test_a_lumped_train_is_its_own_chain():
 
 @pytest.mark.parametrize(("count", "allowed"), [(1, 1e-2), (2, 1e-3)])
 def test_a_run_of_the_chain(record, count, allowed):
-    """The published load at 3000 rpm: displacement of the valve, and the channels of the beam model."""
+    """The published load at 3000 rpm: displacement of the valve, and the channels of the beam model.
+
+    One mass stands before the pushrod, whose compression is then not told.
+    """
     case = read_case(TAYEB)
     ready, beams = chain_run(case, count), run(case)
     found = solve(ready.problem, ready.scheme, save=ready.save)
     assert found.status.ok
-    assert set(found.channels) == set(beams.channels)
+    pushrod = {"members.pushrod.compression", "members.pushrod.buckling_use"}
+    assert set(beams.channels) - set(found.channels) == (pushrod if count == 1 else set())
     x = beams["valve"].displacement
     record(source=SOURCE, case=f"Tayeb and Sliman, model 3, {count} masses, 3000 rpm", quantity="largest difference of "
            "the valve's displacement from the beams', of its largest", unit="1", reference=0.0,
