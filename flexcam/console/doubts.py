@@ -13,7 +13,7 @@ from flexcam.linalg import share_lost
 from flexcam.memory import Extremes
 from flexcam.response import Stats
 from flexcam.runner import Prepared
-from flexcam.train import Figure, Fineness, ModelModes, coarse_cams, compressed
+from flexcam.train import Figure, Fineness, ModelModes, coarse_cams, compressed, stiff_struts
 
 _WORTH_TELLING = 1e-4
 """Part of a deflection: four digits are what tables show."""
@@ -86,7 +86,23 @@ def input_doubts(ready: Prepared) -> list[str]:
     """
     standing = [*unheld(ready.model, ready.problem, ready.scheme), *struck(ready.case, ready.model, ready.problem)]
     idle = [*loose(ready.model), *idle_loads(ready.model, ready.problem)]
-    return [*unusual(ready.case), *lobe_doubts(ready.model), *idle, *standing, *coarse_steps(ready)]
+    coarse = [*coarse_steps(ready), *_stiff(ready)]
+    return [*unusual(ready.case), *lobe_doubts(ready.model), *idle, *standing, *coarse]
+
+
+def _stiff(ready: Prepared) -> list[str]:
+    """Return which members have too few elements for their geometric stiffness."""
+    return [
+        f"Warning: too few elements in member {one.member} for its geometric stiffness: {_borne(one.excess)}; "
+        f"take {one.elements}"
+        for one in (stiff_struts(ready.model) if _bodies(ready) else [])
+    ]
+
+
+def _borne(excess: float) -> str:
+    if math.isinf(excess):
+        return "its supports leave no node that could bend it"
+    return f"before it bends away it bears {100.0 * excess:.2g} % more than its buckling load"
 
 
 def run_doubts(ready: Prepared, watched: Watched, figures: list[Figure], stats: Stats) -> list[str]:

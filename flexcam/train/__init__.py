@@ -5,7 +5,7 @@ A new kind of part is a dataclass in `parts` and its rows in `assembled`; a new 
 """
 
 from flexcam.train.assembled import build_structure, member_masses
-from flexcam.train.buckling import buckling_load
+from flexcam.train.buckling import StiffStrut, buckling_load, stiff_struts
 from flexcam.train.build import build_system
 from flexcam.train.cam_contact import hertz_line
 from flexcam.train.chain import Chain, chain_of, straight, without_compression
@@ -79,6 +79,7 @@ __all__ = [
     "Seat",
     "Seating",
     "Spring",
+    "StiffStrut",
     "StrengthSink",
     "Structure",
     "Wire",
@@ -104,6 +105,7 @@ __all__ = [
     "operation_names",
     "seating",
     "separation",
+    "stiff_struts",
     "straight",
     "valve_ratio",
     "without_compression",

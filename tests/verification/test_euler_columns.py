@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from flexcam import build_model, read_case
+from flexcam import build_model, prepare, read_case
+from flexcam.console.doubts import input_doubts
 from flexcam.fem import Material, Member, Section
-from flexcam.train import buckling_load, build_structure
+from flexcam.train import buckling_load, build_structure, stiff_struts
 
 SOURCE = "Euler columns, cubic elements"
 DIGITS = {
@@ -114,3 +115,35 @@ def test_guides_part_a_member_into_spans(record, tmp_path):
         reference=GUIDED, computed=load_of_rod(path) * 0.16**2 / RIGIDITY,
         tolerance=3e-3, reason="as above",
     )  # fmt: skip
+
+
+CLAMPED = 'root = ["ux", "uy", "uz", "rx", "ry", "rz"]', HELD[1]
+HINGED = HELD[0], 'tip = ["uy", "uz", "rx"]'
+
+
+@pytest.mark.parametrize(
+    ("supports", "elements", "excess"),
+    [
+        (HINGED, 1, 12.0 / math.pi**2 - 1.0),
+        (HELD, 1, 30.0 / GUIDED - 1.0),
+        (CLAMPED, 1, math.inf),
+        (HINGED, 2, None),
+        (HELD, 2, None),
+        (CLAMPED, 2, None),
+    ],
+)
+def test_too_few_elements_for_geometric_stiffness_are_told(tmp_path, supports, elements, excess):
+    """What a run makes of the elements it is given: the critical loads of a single one, 12 and 30 E I/L^2."""
+    path = tmp_path / "rod.toml"
+    text = ROD.format(tip=[0.35, 0.0, 0.0], supports="{ " + ", ".join(supports) + " }")
+    asked = f'elements = {elements}, geometric_stiffness = true, bow = "0.1 mm"'
+    path.write_text(text.replace("elements = 8", asked), encoding="utf-8")
+    case = read_case(path)
+    told = stiff_struts(build_model(case))
+    assert [(one.member, one.elements) for one in told] == ([("rod", 4)] if excess else [])
+    if excess:
+        assert told[0].excess == pytest.approx(excess, rel=2e-2)  # four elements are up to 2e-3 too stiff themselves
+        assert any("too few elements in member rod" in one for one in input_doubts(prepare(case)))
+    plain = tmp_path / "plain.toml"
+    plain.write_text(text.replace("elements = 8", f"elements = {elements}"), encoding="utf-8")
+    assert not any("too few elements" in one for one in input_doubts(prepare(read_case(plain))))
