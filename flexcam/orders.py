@@ -18,7 +18,7 @@ from flexcam.io.csv import component_unit
 from flexcam.linalg import FloatArray
 from flexcam.motion import OrderSpectrum, order_spectrum
 from flexcam.response import Advance, Response, RunFailedError, Status, counted, heed
-from flexcam.runner import prepare
+from flexcam.runner import DEFAULT_STEPS_PER_REVOLUTION, prepare
 from flexcam.units import RPM
 
 _REVOLUTION = 2.0 * math.pi
@@ -123,7 +123,19 @@ def latest_orders(response: Response, values: FloatArray, count: int) -> OrderSp
     ``latest_orders(response, response.channels["contacts.intake.force"], 12).amplitudes``
     """
     begin = _beginning(response)
+    steps, highest = len(response.angle) - begin - 1, highest_order(response)
+    if count > highest:
+        given, allowed = f"{count} of a last revolution of {steps} steps", f"up to {highest}" if highest else "none"
+        raise refuse("orders", given, allowed, _TWO_EACH, f"take {_wanted(count)} steps per revolution or more")
     return order_spectrum(response.angle[begin:], values[begin:], count)
+
+
+_TWO_EACH = "an order needs two steps of its own"
+
+
+def _wanted(count: int) -> int:
+    """Return how many steps of a revolution so many orders need, the mean included."""
+    return 2 * count + 1
 
 
 def has_revolution(response: Response) -> bool:
@@ -193,8 +205,9 @@ def waterfall(
     Raises
     ------
     InputError
-        If a run has no such history, or is shorter than a revolution.
+        If a run has no such history, is shorter than a revolution, or has too few steps for the orders.
     """
+    _refuse_few_steps(case, max(speeds), count)
     rpm = np.array(speeds) / RPM
     found: dict[Signal, list[OrderSpectrum | None]] = {one: [] for one in signals}
     statuses: list[Status] = []
@@ -210,6 +223,24 @@ def waterfall(
             its.append(latest_orders(response, one.of(response), count))
             units[one] = one.unit(response)
     return [_joined(one, units.get(one, ""), rpm, its, tuple(statuses), count) for one, its in found.items()]
+
+
+def _refuse_few_steps(case: Case, fastest: float, count: int) -> None:
+    """Refuse, before the first run, steps that are too few for the orders; those that adapt are known behind it."""
+    run, wanted = case.record.run, _wanted(count)
+    turn = _REVOLUTION / fastest
+    steps = math.floor(turn / run.step) if run.step else run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
+    if run.adaptive is not None or steps >= wanted:
+        return
+    fewer = f"or ask for {(steps - 1) // 2} orders at most (--orders)" if steps >= _wanted(1) else ""
+    if run.step:
+        at = f"{fastest / RPM:.6g} camshaft rpm"
+        most = f"{0.995 * turn / wanted:.3g} s or less for {count} orders"  # three digits that are not rounded up
+        given, key, remedy = f"{run.step:.6g} s, {steps} steps per revolution at {at}", "step", "take shorter steps"
+    else:
+        given, key, remedy = str(steps), "steps_per_revolution", "take more steps"
+        most = f"{wanted} or more for {count} orders"
+    raise refuse(case.place(("run", key)), given, most, _TWO_EACH, ", ".join(filter(None, (remedy, fewer))))
 
 
 def _run(case: Case, runs: int) -> Response | Status:

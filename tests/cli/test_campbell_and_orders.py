@@ -159,3 +159,33 @@ def test_refuses_before_it_runs(flexcam, tmp_path):
     there.write_text("mine", encoding="utf-8")
     assert flexcam("orders", PUBLISHED, *QUICK, "--csv", there).code == 2
     assert there.read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.parametrize(
+    ("steps", "said"),
+    [
+        (("run.steps_per_revolution=20",),
+         ("run.steps_per_revolution (--set", "given 20;", "49 or more for 24 orders", "take more steps, or ask for 9")),
+        (("run.step=0.001s",),
+         ("run.step (--set", "60 steps per revolution at 1000 camshaft rpm", "0.000493 s or less", "ask for 29")),
+        (("run.steps_per_revolution=20", "run.adaptive.tolerance=0.01"),
+         ("orders: given 24 of a last revolution of 20 steps", "up to 9", "take 49 steps per revolution")),
+    ],
+)  # fmt: skip
+def test_too_few_steps_for_the_orders_are_named(flexcam, steps, said):
+    """Refused is the key that gives the steps, before any run where it tells their number."""
+    orders = ("--orders", "60") if "0.001s" in steps[0] else ()
+    more = [one for step in steps for one in ("--set", step)]
+    done = flexcam("orders", PUBLISHED, "--lowest", "500rpm", "--highest", "1000rpm", "--count", "2", *more, *orders)
+    assert done.code == 2
+    for part in said:
+        assert part in done.err
+    assert "angle" not in done.err
+
+
+@pytest.mark.parametrize("steps", [48, 49])
+def test_as_many_steps_as_the_orders_need(flexcam, steps):
+    done = flexcam(
+        "orders", PUBLISHED, "--lowest", "500rpm", "--count", "2", "--set", f"run.steps_per_revolution={steps}"
+    )
+    assert done.code == (0 if steps == 49 else 2)
