@@ -37,6 +37,9 @@ _GROWS = 1.0 + 1e-6
 _LEAST = 360
 """Steps per revolution that disturbances are followed by, at least: coarse ones step over what makes them grow."""
 
+_MOST = 36_000
+"""The same, at most: every one takes a linearization of its own, and a hundredth of a degree leaves nothing to find."""
+
 
 @dataclass(frozen=True, eq=False)
 class Stability:
@@ -163,20 +166,20 @@ def _multipliers(ready: Prepared) -> tuple[Floquet | None, str]:
     one = _revolution(ready)
     try:
         state = periodic(one, ready.scheme, tolerance=1e-7)
-        found = floquet(replace(one, start=state), ready.scheme)
+        if (missed := state.periodicity or 0.0) > _RETURNS:
+            return None, f"no motion that repeats was found: it misses by {missed:.2g}"
+        return floquet(replace(one, start=state), ready.scheme), ""
     except InputError as refusal:
         return None, refusal.faults[0].why
     except RunFailedError as failure:
         heed(failure.status)
         return None, failure.status.text
-    missed = state.periodicity or 0.0
-    return (found, "") if missed <= _RETURNS else (None, f"no motion that repeats was found: it misses by {missed:.2g}")
 
 
 def _revolution(ready: Prepared) -> Problem:
-    """Return one revolution, in the case's own steps where whole ones fill it and are short enough."""
+    """Return one revolution, in the case's own steps where whole ones fill it and are neither too long nor too many."""
     given = round(ready.revolution / ready.problem.step)
-    steps = max(given, _LEAST)
+    steps = min(max(given, _LEAST), _MOST)
     adaptive = ready.problem.adaptive if steps == given else None
     return replace(ready.problem, step=ready.revolution / steps, steps=steps, adaptive=adaptive)
 

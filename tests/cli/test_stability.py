@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+
+from flexcam import read_case
+from flexcam.integrate import State
+from flexcam.stability import verdict
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -105,6 +110,26 @@ def test_growth_does_not_depend_on_the_steps_of_the_run(flexcam, tmp_path, step)
     assert found["verdict"] == ["parametric"]
     # By 360 steps of second order, (2 pi 2/360)^2/12 of the exponent and some.
     assert found["growth"] == pytest.approx(100.0 * exponent(1.0, 0.1), rel=1e-3)
+
+
+@pytest.mark.parametrize(("steps", "followed"), [(100, 360), (1000, 1000), (40_000, 36_000)])
+def test_disturbances_are_followed_by_a_bounded_number_of_steps(monkeypatch, steps, followed):
+    """Each takes a linearization, so that a million would take minutes; and none is taken of what does not repeat."""
+    asked: list[int] = []
+
+    def found(one, method, *, tolerance):
+        asked.append(one.steps)
+        assert one.step * one.steps == pytest.approx(2.0 * math.pi / 100.0)
+        return replace(State.rest(one.system.size), periodicity=0.5)
+
+    monkeypatch.setattr(verdict, "periodic", found)
+    monkeypatch.setattr(verdict, "floquet", lambda *_: pytest.fail("disturbances of what does not repeat"))
+    told = verdict.stability(read_case(MATHIEU, [f"run.steps_per_revolution={steps}", "run.revolutions=1"]))
+    assert (asked, told.floquet, told.why_not) == (
+        [followed],
+        None,
+        "no motion that repeats was found: it misses by 0.5",
+    )
 
 
 @pytest.mark.parametrize("odd", [
