@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexcam.integrate.led import BETA, GAMMA
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.scheme import Scheme
-from flexcam.linalg import FloatArray, LongArray
+from flexcam.linalg import FloatArray, IntArray, LongArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,10 @@ class Steps:
     ----------
     scheme
         The scheme.
+    beta, gamma
+        Its parameters, or, where a motion has neither mass nor damper, a number for each, shape (n,): see `led`.
+    slowed
+        Positions of motions without mass whose acceleration is the change of their velocity, for the same reason.
     slow, stiff, heavy
         Damping, stiffness and inertia of the old instant, by what resists an acceleration, shape (n,).
     light
@@ -50,6 +55,9 @@ class Steps:
     """
 
     scheme: Scheme
+    beta: float | FloatArray
+    gamma: float | FloatArray
+    slowed: IntArray
     slow: FloatArray
     stiff: FloatArray
     heavy: FloatArray
@@ -60,8 +68,14 @@ class Steps:
         """Return the step of some motions."""
         h, new = motions.step, 1.0 - scheme.alpha_f
         slow, stiff = h * motions.damping, h**2 * motions.stiffness
-        whole = (1.0 - scheme.alpha_m) * motions.mass + new * (scheme.gamma * slow + scheme.beta * stiff)
-        return cls(scheme, slow / whole, stiff / whole, scheme.alpha_m * motions.mass / whole, h**2 / whole)
+        led = (motions.mass == 0.0) & (motions.damping == 0.0)
+        beta, gamma = scheme.beta, scheme.gamma
+        if led.any():
+            beta, gamma = np.where(led, BETA, beta), np.where(led, GAMMA, gamma)
+        whole = (1.0 - scheme.alpha_m) * motions.mass + new * (gamma * slow + beta * stiff)
+        slowed = np.flatnonzero((motions.mass == 0.0) & ~led & scheme.average)
+        heavy = scheme.alpha_m * motions.mass / whole
+        return cls(scheme, beta, gamma, slowed, slow / whole, stiff / whole, heavy, h**2 / whole)
 
     @property
     def old(self) -> float:
@@ -87,26 +101,29 @@ class Steps:
         found
             Shape (3, m, ..., n).
         """
-        scheme, old = self.scheme, self.old
+        old = self.old
         state = np.array(begin, order="C")
         q, v, a = state
         slow, stiff = (np.broadcast_to(one, q.shape).copy() for one in (self.slow, self.stiff))
         moved, moving, pull = (np.empty_like(q) for _ in range(3))
-        damped, looks_back = bool(np.any(slow)), bool(scheme.alpha_m or old)
+        damped, looks_back, lag = bool(np.any(slow)), bool(self.scheme.alpha_m or old), bool(len(self.slowed))
         for k, push in enumerate(pushed):
             right = push - old * (stiff * q + slow * v) - self.heavy * a if looks_back else push
             np.add(q, v, out=moved)
-            moved += np.multiply(0.5 - scheme.beta, a, out=pull)
-            np.multiply(1.0 - scheme.gamma, a, out=moving)
+            moved += np.multiply(0.5 - self.beta, a, out=pull)
+            np.multiply(1.0 - self.gamma, a, out=moving)
             moving += v
             np.multiply(stiff, moved, out=pull)
             if damped:
                 pull += slow * moving
             np.subtract(right, (1.0 - old) * pull if old else pull, out=a)
-            np.multiply(scheme.beta, a, out=q)
+            np.multiply(self.beta, a, out=q)
             q += moved
-            np.multiply(scheme.gamma, a, out=v)
+            before = v[..., self.slowed] if lag else v
+            np.multiply(self.gamma, a, out=v)
             v += moving
+            if lag:
+                a[..., self.slowed] = v[..., self.slowed] - before
             found[:, k] = state
 
     def change(self) -> LongArray:
@@ -115,10 +132,12 @@ class Steps:
         The difference keeps the digits that tell of a slow motion: those of A end where its frequency begins. What is
         rounded off here comes back in every stride, so that powers of it are taken in extended precision.
         """
-        scheme, new = self.scheme, 1.0 - self.old
+        new = 1.0 - self.old
         slow, stiff, heavy = (one.astype(np.longdouble) for one in (self.slow, self.stiff, self.heavy))
         one, no = np.ones_like(stiff), np.zeros_like(stiff)
-        by_a = heavy + new * ((0.5 - scheme.beta) * stiff + (1.0 - scheme.gamma) * slow)
+        by_a = heavy + new * ((0.5 - self.beta) * stiff + (1.0 - self.gamma) * slow)
         a = np.array([-stiff, -(new * stiff + slow), -by_a, one])
-        drift = [no, one, (0.5 - scheme.beta) * one, no], [no, no, (1.0 - scheme.gamma) * one, no], [no, no, -one, no]
-        return np.array([scheme.beta * a, scheme.gamma * a, a]) + np.array(drift)
+        drift = [no, one, (0.5 - self.beta) * one, no], [no, no, (1.0 - self.gamma) * one, no], [no, no, -one, no]
+        change = np.array([self.beta * a, self.gamma * a, a]) + np.array(drift)
+        change[2][:, self.slowed] = (change[1] + np.array([no, no, -one, no]))[:, self.slowed]
+        return change

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.checks import refuse
+from flexcam.integrate.led import led
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import At, Method, Stepper
 from flexcam.integrate.moment import Instant, Moment
@@ -84,6 +85,11 @@ class Scheme(Method):
         return not self.alpha_m and not self.alpha_f
 
     @property
+    def average(self) -> bool:
+        """Whether it is the average acceleration: a step then depends on the sum of both accelerations alone."""
+        return (self.beta, self.gamma, self.alpha_m, self.alpha_f) == (0.25, 0.5, 0.0, 0.0)
+
+    @property
     def unseen(self) -> float:
         """Error of a step in the velocity, that of the trapezoidal rule, where the displacement is better than that.
 
@@ -139,13 +145,15 @@ class _Stepper:
         self._M, self._C, self._K = operator(system.mass), operator(system.damping), operator(system.stiffness)
         new_m, new_f = 1.0 - scheme.alpha_m, 1.0 - scheme.alpha_f
         self._stage = Stage(system, forces, scheme.beta * step**2, scheme.gamma * step, step, new_m, new_f)
+        self._led = led(system, average=scheme.average)
 
     def advance(self, now: Moment, to: Instant) -> Moment:
         """Return the next instant, as `Stepper` says."""
         s, dt = self._scheme, self._dt
         d = now.d + dt * now.v + (0.5 - s.beta) * dt**2 * now.a
         v = now.v + (1.0 - s.gamma) * dt * now.a
-        return self._stage.solve(Predicted(d, v, self._old(now)), now, to)
+        new = self._stage.solve(Predicted(d, v, self._old(now)), now, to)
+        return new if self._led is None else self._led.led(now, new, dt)
 
     def _old(self, now: Moment) -> FloatArray | None:
         """Return what the scheme weighs of the old instant."""

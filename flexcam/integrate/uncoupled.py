@@ -11,6 +11,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from flexcam.integrate.led import slowed, unit_stiff
 from flexcam.integrate.massless import Massless
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.within import within
@@ -111,7 +112,8 @@ def natural_motions(system: System) -> Natural | None:
     Natural
         All of them; None where there are none, or they cannot be told apart from each other to working precision.
     """
-    return _motions(_Pair(system.mass, system.stiffness))
+    found = _motions(_Pair(system.mass, system.stiffness))
+    return None if found is None else _apart(found, system.damping)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +146,7 @@ def _motions(pair: _Pair) -> Natural | None:
         kept = light.spread(np.eye(system.size)[:, light.kept][light.kept])
         M, K = (kept.T @ matrix.times_all(kept) for matrix in (system.mass, system.stiffness))
         values, shapes = natural(0.5 * (M + M.T), 0.5 * (K + K.T))
-        soft = _unit_stiff(light.motions, system.stiffness)
+        soft = unit_stiff(light.motions, system.stiffness)
     except (np.linalg.LinAlgError, SingularMatrixError):  # a mass or a stiffness that is not positive
         return None
     moving = kept @ shapes
@@ -172,10 +174,15 @@ def _pushes(motions: FloatArray, stiffness: Triplets) -> bool:
     return bool((energy < -_ROUNDING * sizes).any())
 
 
-def _unit_stiff(motions: FloatArray, stiffness: Triplets) -> FloatArray:
-    """Return motions without mass, mixed so that the stiffness is 1 for each and couples none."""
-    L = np.linalg.cholesky(motions.T @ stiffness.times_all(motions))
-    return np.asarray(np.linalg.solve(L, motions.T).T, dtype=float)
+def _apart(found: Natural, damping: Triplets) -> Natural:
+    """Return natural motions of which those without mass are mixed so that no damper couples two of them."""
+    light = found.mass == 0.0
+    if not light.any() or not damping.values.any():
+        return found
+    turned = slowed(found.vectors[:, light], damping)[1]
+    vectors, back = found.vectors.copy(), found.back.copy()
+    vectors[:, light], back[light] = vectors[:, light] @ turned, turned.T @ back[light]
+    return replace(found, vectors=vectors, back=back)
 
 
 def uncoupled(problem: Problem, motions: Natural) -> Problem:
@@ -196,8 +203,16 @@ def uncoupled(problem: Problem, motions: Natural) -> Problem:
     none = Triplets.zeros(problem.system.size)  # mass and stiffness are known already
     inside = within(replace(problem, system=replace(problem.system, mass=none, stiffness=none)), motions)
     mass, stiffness = (Triplets.from_dense(np.diag(one)) for one in (motions.mass, motions.stiffness))
-    damping = _cleaned(inside.system.damping)
+    damping = _cleaned(_undamped(inside.system.damping, problem.system.damping, motions))
     return replace(inside, system=replace(inside.system, mass=mass, stiffness=stiffness, damping=damping))
+
+
+def _undamped(inside: Triplets, damping: Triplets, motions: Natural) -> Triplets:
+    """Return a damping of the motions with exactly none of those without mass that no damper slows."""
+    light = np.flatnonzero(motions.mass == 0.0)
+    free = light[slowed(motions.vectors[:, light], damping)[0] == 0.0]
+    gone = np.isin(inside.rows, free) | np.isin(inside.cols, free)
+    return replace(inside, values=np.where(gone, 0.0, inside.values))
 
 
 def _cleaned(damping: Triplets) -> Triplets:

@@ -125,7 +125,7 @@ def test_every_compiled_source_counts():
     dispatchers = [one for room in rooms for one in vars(room).values() if hasattr(one, "py_func")]
     assert len(dispatchers) > 10
     files = {Path(one.py_func.__code__.co_filename).relative_to(PACKAGE).as_posix() for one in dispatchers}
-    assert files | {"integrate/iteration.py", "integrate/compiled/once.py"} == set(machine._SOURCES)
+    assert files | {"integrate/iteration.py", "integrate/led.py", "integrate/compiled/once.py"} == set(machine._SOURCES)
 
 
 @pytest.mark.usefixtures("nothing_new")

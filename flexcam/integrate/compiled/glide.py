@@ -25,5 +25,5 @@ def glide(
         freed(scheme, operator, coupled, loads, state)
         if len(inverse) > 0:
             multiplied(inverse, state[6], state[7])
-        advanced(scheme, loads, state)
+        advanced(scheme, operator, loads, state)
         shown(state, found[k])

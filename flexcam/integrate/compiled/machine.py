@@ -20,7 +20,8 @@ from typing import Any
 _SOURCES = (
     "integrate/compiled/once.py", "integrate/compiled/kernel.py", "integrate/compiled/newton.py",
     "integrate/compiled/stepping.py", "integrate/compiled/locating.py", "integrate/compiled/march.py",
-    "integrate/compiled/glide.py", "integrate/crossing.py", "integrate/iteration.py", "system/pointwise.py",
+    "integrate/compiled/glide.py", "integrate/crossing.py", "integrate/iteration.py", "integrate/led.py",
+    "system/pointwise.py",
 )  # fmt: skip
 """What is compiled: another text has another folder, for the compiler itself looks at one file only."""
 

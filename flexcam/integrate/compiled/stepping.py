@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from flexcam.integrate.compiled.kernel import inner
 from flexcam.integrate.compiled.newton import settled
+from flexcam.integrate.led import BETA, GAMMA
 from flexcam.linalg import FloatArray, IntArray
 
 _GONE = 1e-150
@@ -103,12 +104,19 @@ def multiplied(matrix: FloatArray, vector: FloatArray, product: FloatArray) -> N
 
 
 @inner
-def advanced(scheme: FloatArray, loads: FloatArray, state: FloatArray) -> None:
-    """Let motion and loads move along to a step's end."""
+def advanced(scheme: FloatArray, operator: FloatArray, loads: FloatArray, state: FloatArray) -> None:
+    """Let motion and loads move along to a step's end; what has no mass is led as `flexcam.integrate.led` has it."""
+    h = scheme[0]
+    average = scheme[1] == 0.25 and scheme[2] == 0.5 and scheme[3] == 0.0 and scheme[4] == 0.0
     to_d, to_v = scheme[1] * scheme[0] * scheme[0], scheme[2] * scheme[0]
     for i in range(state.shape[1]):
         a = state[7, i]
         q, v = state[4, i] + to_d * a, state[5, i] + to_v * a
+        if operator[0, i] == 0.0 and operator[1, i] == 0.0:
+            a = ((q - state[0, i]) / h - state[1, i] - (0.5 - BETA) * h * state[2, i]) / (BETA * h)
+            v = state[1, i] + h * ((1.0 - GAMMA) * state[2, i] + GAMMA * a)
+        elif operator[0, i] == 0.0 and average:
+            a = (v - state[1, i]) / h
         still = abs(q) < _GONE and abs(v) < _GONE and abs(a) < _GONE
         state[0, i], state[1, i], state[2, i] = (0.0, 0.0, 0.0) if still else (q, v, a)
         state[3, i] = loads[i]
@@ -142,6 +150,6 @@ def taken(
     for z in range(states.shape[1]):
         states[0, z], states[1, z] = states[3, z], states[4, z]
         row[3 * n + c + z] = states[0, z]
-    advanced(scheme, given[k], state)
+    advanced(scheme, operator, given[k], state)
     pushed(k, n + 2 * senses, places, vectors, senses, given, local, state[3])
     shown(state, row)

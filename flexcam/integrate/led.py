@@ -1,0 +1,137 @@
+"""Rates of motions without mass: led by displacements and velocities, which the balance gives.
+
+Newmark's formulas tie velocities and accelerations to the displacement, wherever that comes from. By the average
+acceleration what a start or a kink leaves in those of a motion without mass would alternate for ever, with
+accelerations that grow: A. Cardona and M. Geradin, Comput. Struct. 33 (1989). Here such motions have formulas of their
+own. No displacement depends on it: the balance takes velocities of what is damped alone, and no accelerations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from flexcam.integrate.massless import massless
+from flexcam.integrate.moment import Moment
+from flexcam.linalg import FloatArray, SingularMatrixError, Triplets
+from flexcam.system import System
+
+BETA, GAMMA = 1.0, 1.5
+"""Newmark's parameters of what is led: the velocity is that of the parabola through the last three instants, the
+acceleration their second difference, and what a start or a kink leaves in them is gone after two steps."""
+
+
+@dataclass(frozen=True, eq=False)
+class Led:
+    """Motions without mass, of unit stiffness.
+
+    Parameters
+    ----------
+    free
+        Those that no damper slows, as columns, shape (n, k).
+    slow
+        Those that one does and whose acceleration leads to nothing, shape (n, l).
+    amounts
+        Of all of them in a displacement, shape (k + l, n).
+    """
+
+    free: FloatArray
+    slow: FloatArray
+    amounts: FloatArray
+
+    def led(self, now: Moment, new: Moment, step: float) -> Moment:
+        """Return an instant with their rates by its displacements, velocities and the instant a step before."""
+        k = self.free.shape[1]
+        change, v, a, v1, a1 = (self.amounts @ np.column_stack([new.d - now.d, now.v, now.a, new.v, new.a])).T
+        pushed = (v1 - v) / step
+        pushed[:k] = (change[:k] / step - v[:k] - (0.5 - BETA) * step * a[:k]) / (BETA * step)
+        moving = v[:k] + step * ((1.0 - GAMMA) * a[:k] + GAMMA * pushed[:k])
+        more = self.free @ (pushed - a1)[:k] + self.slow @ (pushed - a1)[k:]
+        return replace(new, v=new.v + self.free @ (moving - v1[:k]), a=new.a + more)
+
+
+@lru_cache(maxsize=1)
+def led(system: System, *, average: bool) -> Led | None:
+    """Return the motions of a system whose rates are led; None where there are none.
+
+    Parameters
+    ----------
+    system
+        The system; the last one is remembered, as steps of many lengths ask for it.
+    average
+        Whether by the average acceleration, for which no acceleration of a motion without mass leads to anything. Other
+        schemes forget it by themselves.
+
+    Returns
+    -------
+    Led or None
+        Nothing of them is in what has mass.
+
+    Raises
+    ------
+    SingularMatrixError
+        If massless motions have no stiffness among them.
+    """
+    found = massless(system)
+    if not found.shape[1]:
+        return None
+    unit = unit_stiff(found, system.stiffness)
+    times, turned = slowed(unit, system.damping)
+    free, slow = unit @ turned[:, times == 0.0], unit @ turned[:, (times != 0.0) & average]
+    both = np.hstack([free, slow])
+    return Led(free, slow, system.stiffness.times_all(both).T) if both.shape[1] else None
+
+
+def unit_stiff(motions: FloatArray, stiffness: Triplets) -> FloatArray:
+    """Return motions mixed so that the stiffness is 1 for each and couples none.
+
+    Parameters
+    ----------
+    motions
+        As columns, shape (n, k).
+    stiffness
+        Positive among them.
+
+    Returns
+    -------
+    ndarray
+        Shape (n, k).
+
+    Raises
+    ------
+    SingularMatrixError
+        If they have no stiffness among them.
+    """
+    try:
+        L = np.linalg.cholesky(motions.T @ stiffness.times_all(motions))
+    except np.linalg.LinAlgError:
+        raise SingularMatrixError(tuple(np.abs(motions).argmax(axis=0).tolist())) from None
+    return np.asarray(np.linalg.solve(L, motions.T).T, dtype=float)
+
+
+def slowed(unit: FloatArray, damping: Triplets) -> tuple[FloatArray, FloatArray]:
+    """Return by how much dampers slow motions of unit stiffness.
+
+    Parameters
+    ----------
+    unit
+        The motions, of unit stiffness each, as columns, shape (n, k).
+    damping
+        The damping.
+
+    Returns
+    -------
+    tuple
+        Time in which each of their mixtures follows, s, exactly zero where no damper is, shape (k,); and the mixtures
+        that no damper couples, as columns, shape (k, k).
+    """
+    within = unit.T @ damping.times_all(unit)
+    size = np.abs(unit).T @ replace(damping, values=np.abs(damping.values)).times_all(np.abs(unit))
+    if not (within - np.diag(np.diag(within))).any():
+        times, turned = np.diag(within), np.eye(len(within))
+    else:
+        times, turned = np.linalg.eigh(0.5 * (within + within.T))
+    rounding = 64.0 * np.finfo(float).eps * np.abs(size).max(initial=0.0)
+    return np.where(np.abs(times) <= rounding, 0.0, times), turned

@@ -1,0 +1,149 @@
+"""Velocities and accelerations of what has no mass, at every instant, on every way through time and by every scheme.
+
+Two masses on springs k to ground and to a joint between them that has no mass and is pushed by f: both masses move by q
+with ``q'' + k q = f/2``, and the joint by ``q + f/(2 k)``. By the average acceleration alone the joint's velocity would
+alternate by what the start leaves in it, and its acceleration by ever more.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from flexcam.integrate import Problem, generalized_alpha, hht, newmark, solve
+from flexcam.linalg import Triplets
+from flexcam.system import ConstantSpeed, Load, Probe, System
+
+PUSH, STIFF, SPEED, STEP, STEPS = 100.0, 1e4, 30.0, 1e-4, 4000
+METHODS = {
+    "average acceleration": newmark(),
+    "linear acceleration": newmark(beta=1 / 6),
+    "hht": hht(),
+    "generalized-alpha": generalized_alpha(),
+}
+WAYS = ["general", "modal", "compiled"]
+
+pytestmark = pytest.mark.usefixtures("machine_code")
+
+
+def sine(angle):
+    return np.sin(angle)
+
+
+def kinked(angle):
+    """Nothing, then a ramp from the middle of a step on."""
+    return np.maximum(angle - KINK, 0.0)
+
+
+KINK = 1000.5 * STEP * SPEED
+
+
+def system(history, *, damper=0.0, joints=1):
+    """Return the masses, the joint with a damper to ground, and another joint behind the second mass without one."""
+    n = 2 + joints
+    K, C = np.zeros((n, n)), np.zeros((n, n))
+    for row in ([1, 0, 0], [1, -1, 0], [0, 1, -1], [0, 0, 1]):
+        K[:3, :3] += STIFF * np.outer(row, row)
+    C[1, 1] = damper
+    if joints == 2:
+        K[2:, 2:] += STIFF * np.array([[1.0, -1.0], [-1.0, 2.0]])
+    masses = np.diag([1.0, 0.0, 1.0, 0.0][:n])
+    names, push = ("a", "joint", "b", "other")[:n], PUSH * np.eye(n)[1]
+    load = Load("push", push, lambda motion: history(motion.angle))
+    probe = Probe("all", names, np.eye(n), (None,) * n)
+    return System(*(Triplets.from_dense(m) for m in (masses, C, K)), names, (load,), probes=(probe,))
+
+
+def run(made, method, way):
+    response = solve(Problem(made, ConstantSpeed(SPEED), STEP, STEPS, path=way), METHODS[method])
+    assert response.status.ok
+    assert response.stats.path == way
+    return response.time, response["all"]
+
+
+def under_sine(t):
+    """Return displacement, velocity and acceleration of the joint, from rest."""
+    s, w, size = np.sqrt(STIFF), SPEED, 0.5 * PUSH / (STIFF - SPEED**2)
+    q = size * np.array([np.sin(w * t) - w / s * np.sin(s * t), w * (np.cos(w * t) - np.cos(s * t)),
+                         w * (s * np.sin(s * t) - w * np.sin(w * t))])  # fmt: skip
+    return q + 0.5 * PUSH / STIFF * np.array([np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)])
+
+
+def under_ramp(t):
+    s, w = np.sqrt(STIFF), SPEED
+    tau = np.maximum(t - KINK / w, 0.0)
+    rate, on = 0.5 * PUSH * w / STIFF, tau > 0.0
+    return rate * np.array([2.0 * tau - np.sin(s * tau) / s, on * (2.0 - np.cos(s * tau)), s * np.sin(s * tau)])
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("history", "exact", "broken"), [(sine, under_sine, 0), (kinked, under_ramp, 1000)], ids=["start", "kink"]
+)
+def test_rates_of_a_joint_are_right_two_steps_behind_a_start_and_a_kink(history, exact, broken, method, way):
+    """The start is at rest though the load begins at once; the kink lies within a step."""
+    time, joint = run(system(history), method, way)
+    wanted = exact(time)
+    later = np.abs(np.arange(len(time)) - broken - 1.5) > 2.0
+    # Periods are (s h)^2/12 = 1e-5 long, over 40 rad; what alpha takes of the old forces lags by a part of a step.
+    for found, right, allowed in zip(
+        (joint.displacement, joint.velocity, joint.acceleration), wanted, (1e-3, 1e-3, 2e-2), strict=True
+    ):
+        missed = np.abs(found[:, 1] - right)[later]
+        assert missed.max() <= allowed * np.abs(right).max()
+
+
+@functools.cache
+def slowed(damper):
+    """Return the motion of the damped joint by scipy: its velocity balances, its acceleration is the rate of that."""
+    K, push = system(sine).stiffness.dense(), PUSH * np.eye(3)[1]
+
+    def rates(t, state):
+        force = push * np.sin(SPEED * t) - K @ state[:3]
+        return np.array([state[3], force[1] / damper, state[4], force[0], force[2]])
+
+    t = STEP * np.arange(STEPS + 1)
+    found = solve_ivp(rates, (0.0, t[-1]), np.zeros(5), method="Radau", t_eval=t, rtol=1e-10, atol=1e-14).y
+    x, (va, vb) = found[:3], found[3:]
+    v = (PUSH * np.sin(SPEED * t) - K[1] @ x) / damper
+    a = (PUSH * SPEED * np.cos(SPEED * t) - K[1] @ np.array([va, v, vb])) / damper
+    return x[1], v, a
+
+
+@pytest.mark.parametrize("way", ["general", "compiled"])
+def test_a_damped_joint_does_not_ring_either(way):
+    """What its velocity has of the start dies out with the damper; its acceleration keeps nothing of it."""
+    damper = 2.0  # the joint follows in c/(2 k) = 1e-4 s, a step
+    _, joint = run(system(sine, damper=damper), "average acceleration", way)
+    for found, right, allowed in zip(
+        (joint.displacement, joint.velocity, joint.acceleration), slowed(damper), (1e-3, 1e-3, 2e-2), strict=True
+    ):
+        assert np.abs(found[20:, 1] - right[20:]).max() <= allowed * np.abs(right).max()
+
+
+def test_damping_by_stiffness_on_the_modal_way():
+    """Rayleigh's damping couples no natural motions, so that each is taken by itself, the joint's among them."""
+    made = system(sine)
+    made = System(made.mass, made.stiffness.scaled(1e-5), made.stiffness, made.names, made.loads, probes=made.probes)
+    (_, one), (_, other) = (run(made, "average acceleration", way) for way in ("modal", "general"))
+    size = np.abs(other.acceleration).max()
+    np.testing.assert_allclose(one.acceleration, other.acceleration, rtol=0.0, atol=1e-8 * size)
+    assert (
+        np.abs(np.diff(one.acceleration[200:, 1], 2)).max() <= 1e-3 * size
+    )  # (s h)^2 = 1e-4 of it, ringing four times
+
+
+@pytest.mark.parametrize("method", ["average acceleration", "hht", "generalized-alpha"])
+def test_ways_agree_where_one_joint_is_damped_and_another_is_not(method):
+    """Motions without mass are mixed so that the damper is on one of them."""
+    made = system(sine, damper=2.0, joints=2)
+    (_, one), (_, other) = (run(made, method, way) for way in ("general", "compiled"))
+    for found, right in zip(
+        (one.displacement, one.velocity, one.acceleration), (other.displacement, other.velocity, other.acceleration),
+        strict=True,
+    ):  # fmt: skip
+        np.testing.assert_allclose(found, right, rtol=0.0, atol=1e-8 * np.abs(right).max())  # second differences
