@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexcam.fem.damping import modal_damping
 from flexcam.linalg import FloatArray, Triplets
@@ -30,30 +29,15 @@ from flexcam.system import (
 )  # fmt: skip
 from flexcam.train.assembled import build_structure
 from flexcam.train.build import probe_of
-from flexcam.train.driven import plays_before
-from flexcam.train.following import completed, shifted, with_springs
+from flexcam.train.divided import divided
 from flexcam.train.lever import refuse_far_turns
 from flexcam.train.loads import steady_load
-from flexcam.train.model import (
-    Adjuster,
-    CamContact,
-    Lash,
-    Lever,
-    Model,
-    Play,
-    PublishedLoad,
-    Seat,
-    path_name,
-    tip_name,
-)
-from flexcam.train.published import FollowerTrain, follower_train, preload
+from flexcam.train.model import CamContact, Model, PublishedLoad
+from flexcam.train.paths import Coordinate
+from flexcam.train.published import follower_train, preload
+from flexcam.train.settled import settled
 from flexcam.train.springs import spring_parts
 from flexcam.train.structure import Structure
-
-Bools = NDArray[np.bool_]
-
-Coordinate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
-"""A path of the rigid train over the lift, m, with its first two derivatives."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +56,7 @@ class RigidTrain:
         Of the installed springs, the weight and the given loads along them, N, shape (b,).
     bodies
         What no play divides: how its motions go with each other as installed, shape (g, b).
-    rest
+    passed
         Force at the follower that a body passes on while its seat bears it, N, shape (g,); infinite without a seat.
     """
 
@@ -83,7 +67,7 @@ class RigidTrain:
     stiffness: FloatArray
     force: FloatArray
     bodies: FloatArray
-    rest: FloatArray
+    passed: FloatArray
 
     def contact_force(self, event: Event) -> Callable[[CamMotion], FloatArray]:
         """Return the force at the follower by virtual work, N: ``h'.(M (h' s.. + h'' s.^2) + C h' s. + K h + f)``.
@@ -100,7 +84,7 @@ class RigidTrain:
             damped = (h1 * speed[..., None]) @ self.damping
             felt = (h1 * (inertia + damped + h @ self.stiffness + self.force)) @ (self.bodies != 0.0).T
             shut = np.asarray(s <= _SHUT * event.height)[..., None]
-            return np.sum(np.where(shut, np.minimum(felt, self.rest), felt), axis=-1)
+            return np.sum(np.where(shut, np.minimum(felt, self.passed), felt), axis=-1)
 
         return history
 
@@ -129,7 +113,8 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
         Motions and what belongs to them.
     """
     train = follower_train(structure, contact, where)
-    motions, coordinates, bodies, pushes = _split(structure, train)
+    parted = divided(structure, train.motion)
+    motions, bodies = parted.motions, parted.installed
     mass = motions @ structure.mass.times_all(motions.T)
     damping, stiffness = _stretched(structure, motions)
     given = structure.model.damping
@@ -137,17 +122,15 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     if isinstance(contact, PublishedLoad):
         force[0] += preload(structure, contact, train, structure.model.cams[contact.cam], speed)
     damping += given.alpha * mass + given.beta * stiffness + _modal(mass, stiffness, bodies, given.modal)
-    seated = isinstance(contact, CamContact) & _seated(structure, bodies @ motions)
-    rest = np.where(seated, pushes, np.inf)
-    return RigidTrain(motions, coordinates, mass, damping, stiffness, force, bodies, rest)
-
-
-def _seated(structure: Structure, moved: FloatArray) -> Bools:
-    """Tell which of some motions, shape (g, n), go off a seat, shape (g,)."""
-    seats = [one for one in structure.model.contacts.values() if isinstance(one, Seat)]
-    return np.any(
-        [moved @ structure.row(one.at, one.direction) > 0.0 for one in seats] or [np.zeros(len(moved))], axis=0
-    )
+    held, pushed = bodies @ stiffness @ bodies.T, bodies @ force
+    if isinstance(contact, PublishedLoad):  # what it pushes stands as installed
+        return RigidTrain(
+            motions, parted.coordinates(0.0 * pushed), mass, damping, stiffness, force, bodies, np.inf + pushed
+        )
+    begun = settled(parted.bodies, held, pushed)
+    passed = np.where([one.seated for one in parted.bodies], held @ begun.places + pushed - begun.seats, np.inf)
+    passed[0] = 0.0 if parted.bodies[0].seated else np.inf
+    return RigidTrain(motions, parted.coordinates(begun.places), mass, damping, stiffness, force, bodies, passed)
 
 
 def _modal(mass: FloatArray, stiffness: FloatArray, bodies: FloatArray, ratio: float) -> FloatArray:
@@ -176,102 +159,6 @@ def _stretched(structure: Structure, motions: FloatArray) -> tuple[FloatArray, F
             damping += spring.damping * spring.elements * np.outer(row, row)
             stiffness += spring.stiffness * spring.elements * np.outer(row, row)
     return damping, stiffness
-
-
-def _split(
-    structure: Structure, train: FollowerTrain
-) -> tuple[FloatArray, tuple[Coordinate, ...], FloatArray, FloatArray]:
-    """Return the motions of a train: what is in proportion to the lift, what a play holds back, both ends of levers.
-
-    With them come the bodies that no play divides, and what adjusters push these with, at the follower, shape (g,).
-    """
-    base, names, model = train.motion.copy(), structure.dofs.names, structure.model
-    motions: list[FloatArray] = [base]
-    coordinates: list[Coordinate] = [_proportional]
-    belongs, slopes, pushes = [0], [1.0], [0.0]
-
-    def add(
-        moved: FloatArray, coordinate: Coordinate, driver: FloatArray, gap: float = 0.0, push: float | None = None
-    ) -> None:
-        """Add what moves along a coordinate; behind a play, `push` is what its adjuster pushes with."""
-        drives = next((i for i, one in enumerate(motions) if float(driver @ one) != 0.0), 0)
-        for one in motions:
-            one[moved != 0.0] = 0.0
-        slope = float(coordinate(np.zeros(1))[1][0])
-        slopes.append(slope)
-        belongs.append(belongs[drives] if push is None else len(pushes))
-        pushes.extend([] if push is None else [push * slope])
-        motions.append(moved)
-        coordinates.append(_held_back(coordinate, gap))
-
-    rows = {play: structure.row(play.ends[0], play.direction) for play in model.plays}
-    shares = {play: float(row @ train.motion) for play, row in rows.items()}
-    plays = [play for play, share in shares.items() if share != 0.0]
-    before = {play: plays_before(model, model.mesh.node(play.ends[0]), plays) for play in plays}
-    for play in sorted(plays, key=lambda one: len(before[one])):  # one behind another comes after it
-        taken, share = sum(one.gap / shares[one] for one in (*before[play], play)), shares[play]
-        behind = completed(structure, share * shifted(structure, model.mesh.node(play.ends[1]), play.direction))
-        add(behind, _proportional, rows[play], taken, play.plunger_force * share)
-    for name, rocker in model.rockers.items():
-        row = structure.row(rocker.start, rocker.direction)
-        driven = float(row @ train.motion)
-        if driven == 0.0:
-            continue
-        gap, push = _gap_before(model, rocker.point, plays), _push(model.lash_of(name))
-        if isinstance(rocker, Lever):
-            add(_units(structure, [path_name(name)]), _turned(rocker, 0, driven), row)
-            add(_units(structure, [tip_name(name)]), _turned(rocker, 1, driven), row)
-            add(_units(structure, [rocker.point]), _turned(rocker, 1, driven), row, gap, push)
-        elif rocker.point in names:
-            share = rocker.ratio * driven
-            pushed = None if push is None else push * share
-            add(share * _units(structure, [rocker.point]), _proportional, row, gap / share, pushed)
-    # Springs stretch evenly between their ends, whatever moves these.
-    every = np.array([with_springs(structure, one) for one in motions])
-    bodies = np.array(slopes) * (np.arange(len(pushes))[:, None] == np.array(belongs))
-    return every, tuple(coordinates), bodies, np.array(pushes)
-
-
-def _push(play: Lash | Adjuster | None) -> float | None:
-    """Return what a play pushes both its sides apart with, N; None where there is none."""
-    if play is None:
-        return None
-    return play.plunger_force if isinstance(play, Adjuster) else 0.0
-
-
-def _units(structure: Structure, names: list[str]) -> FloatArray:
-    known = [structure.dofs.unit(one) for one in names if one in structure.dofs.names]
-    return np.sum([np.zeros(structure.dofs.size), *known], axis=0)
-
-
-def _held_back(coordinate: Coordinate, gap: float) -> Coordinate:
-    """Return a path behind a play: nothing moves before it is taken up."""
-    if gap == 0.0:
-        return coordinate
-
-    def moved(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        h, h1, h2 = coordinate(lift)
-        on = h > gap
-        return np.where(on, h - gap, 0.0), np.where(on, h1, 0.0), np.where(on, h2, 0.0)
-
-    return moved
-
-
-def _proportional(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return lift, np.ones_like(lift), np.zeros_like(lift)
-
-
-def _turned(lever: Lever, end: int, driven: float) -> Coordinate:
-    """Return the path of a lever's driven end (0), or of its point (1), over the lift."""
-
-    def moved(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        path, slope, bend = lever.path_at(driven * lift)
-        if end == 0:
-            return path, driven * slope, driven**2 * bend
-        y, by_path, by_path_twice = lever.reach(path, 1)
-        return y, by_path * driven * slope, driven**2 * (by_path_twice * slope**2 + by_path * bend)
-
-    return moved
 
 
 ANY_SPEED = 1.0
@@ -345,18 +232,6 @@ def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrai
             ]
     offsets = tuple(_Sum(tuple(component)) if component else None for component in moving)
     return Probe(probe.name, probe.components, np.zeros((len(probe.components), 0)), offsets)
-
-
-def _gap_before(model: Model, point: str, plays: Sequence[Play]) -> float:
-    """Return the play that is taken up before a point moves, by those between nodes too."""
-    names = [name for name, one in model.rockers.items() if one.point == point]
-    play = model.lash_of(names[0]) if names else None
-    gap = play.gap if isinstance(play, Lash) else 0.0
-    start = model.rockers[names[0]].start if names else point
-    ratio = model.rockers[names[0]].ratio if names else 1.0
-    if start in model.mesh.points:
-        gap += ratio * sum(one.gap for one in plays_before(model, model.mesh.node(start), plays))
-    return gap
 
 
 @dataclass(frozen=True, eq=False)

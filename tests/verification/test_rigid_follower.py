@@ -225,6 +225,8 @@ def test_modal_damping_on_both_sides_of_a_play(train, rocker, play):
     ]
     if play is not None:
         more.append(f"contacts.lash={{ at = 'rocker', model = 'lash', gap = {play}, stiffness = '1 GN/m' }}")
+    if play:  # without a seat the valve's spring would close it
+        more.append("contacts.seat={ at = 'valve', model = 'seat', stiffness = '1 GN/m' }")
     cases, event = [train(speed, *more, f"run.damping={{ modal = {one} }}")[0] for one in (0.0, 0.2)], train(1.0)[1]
     free, damped = (run(one, rigid=True) for one in cases)
     s, slope = (event(free.angle, order) for order in (0, 1))

@@ -1,0 +1,192 @@
+"""What plays and levers divide a rigid train into: parts that move along one path each, bodies that no play divides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.linalg import FloatArray
+from flexcam.train.following import completed, shifted, with_springs
+from flexcam.train.model import Adjuster, Lash, Lever, Rocker, Seat, path_name, tip_name
+from flexcam.train.paths import Coordinate, behind, in_proportion, turned
+from flexcam.train.settled import Body
+from flexcam.train.structure import Structure
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What moves along one path.
+
+    Parameters
+    ----------
+    motion
+        Shape (n,), per motion along the path.
+    slope
+        Of the path over the lift, as installed, no play being open.
+    before
+        Number of the part that drives it.
+    body
+        Number of its body.
+    lever, end, share
+        The lever whose turning makes the path of its driven end (0) or its point (1) from the share of what drives it.
+    opens
+        Whether a play stands before it, so that its body begins here.
+    """
+
+    motion: FloatArray
+    slope: float = 1.0
+    before: int = 0
+    body: int = 0
+    lever: Lever | None = None
+    end: int = 0
+    share: float = 1.0
+    opens: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Divided:
+    """A rigid train in its parts.
+
+    Parameters
+    ----------
+    parts, bodies
+        From the cam on.
+    """
+
+    parts: tuple[Part, ...]
+    bodies: tuple[Body, ...]
+
+    @property
+    def motions(self) -> FloatArray:
+        """Of all parts, shape (b, n)."""
+        return np.array([part.motion for part in self.parts])
+
+    @property
+    def installed(self) -> FloatArray:
+        """How the parts of every body go with each other as installed, shape (g, b)."""
+        slopes, belongs = (np.array([getattr(part, one) for part in self.parts]) for one in ("slope", "body"))
+        return slopes * (np.arange(len(self.bodies))[:, None] == belongs)
+
+    def coordinates(self, rests: FloatArray) -> tuple[Coordinate, ...]:
+        """Return the path of every part where bodies rest at given places, m, shape (g,), as `settled` finds them."""
+        found: list[Coordinate] = []
+        for part in self.parts:
+            path = found[part.before] if found else in_proportion
+            if part.lever is not None:
+                path = turned(path, part.lever, part.end, part.share)
+            if part.opens:
+                path = self._opened(part, path, rests)
+            found.append(path)
+        return tuple(found)
+
+    def _opened(self, part: Part, path: Coordinate, rests: FloatArray) -> Coordinate:
+        """Return a path behind a play: an adjuster's is closed, as is one that something has closed at rest."""
+        body, rest = self.bodies[part.body], float(rests[part.body])
+        closed = body.closed(rest, float(rests[body.before]))
+        if body.extends or (closed and body.seated):
+            return behind(path, float(path(np.zeros(1))[0][0]) - part.slope * rest, None)
+        return behind(path, part.slope * body.gap, None if closed else part.slope * rest)
+
+
+@dataclass(frozen=True, eq=False)
+class _Joint:
+    """A play between nodes, or a rocker whose point moves by itself: what drives it, and what is behind it."""
+
+    row: FloatArray
+    moved: FloatArray
+    play: Lash | Adjuster | None
+    rocker: Rocker | None = None
+
+
+def divided(structure: Structure, motion: FloatArray) -> Divided:
+    """Divide a train where plays and levers part it.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    motion
+        Of the whole train in proportion to the lift, no play being open, shape (n,).
+
+    Returns
+    -------
+    Divided
+        Its first part is what goes with the follower.
+    """
+    parts, bodies = [Part(motion)], [Body()]
+    for joint in _outward([*_plays(structure, motion), *_rockers(structure, motion)]):
+        before = next((i for i, one in enumerate(parts) if float(joint.row @ one.motion) != 0.0), 0)
+        for one in _parts_of(structure, joint, parts[before], before):
+            if one.opens:
+                bodies.append(_body(joint, parts[before], one))
+            parts = [replace(old, motion=np.where(one.motion != 0.0, 0.0, old.motion)) for old in parts]
+            parts.append(replace(one, body=len(bodies) - 1) if one.opens else one)
+    # Springs stretch evenly between their ends, whatever moves these.
+    parts = [replace(one, motion=with_springs(structure, one.motion)) for one in parts]
+    seats = [structure.row(one.at, one.direction) for one in structure.model.contacts.values() if isinstance(one, Seat)]
+    moved = [sum((one.slope * one.motion for one in parts if one.body == i), 0.0 * motion) for i in range(len(bodies))]
+    seated = [any(float(row @ one) > 0.0 for row in seats) for one in moved]
+    return Divided(tuple(parts), tuple(replace(one, seated=is_) for one, is_ in zip(bodies, seated, strict=True)))
+
+
+def _plays(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
+    """Yield the plays between nodes of a train."""
+    for play in structure.model.contacts.values():
+        if isinstance(play, Lash | Adjuster) and play.ends is not None and play.direction is not None:
+            row = structure.row(play.ends[0], play.direction)
+            if float(row @ motion):
+                pushed = shifted(structure, structure.model.mesh.node(play.ends[1]), play.direction)
+                yield _Joint(row, completed(structure, pushed), play)
+
+
+def _rockers(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
+    """Yield the rockers of a train whose points move by themselves, with what is linked to these."""
+    for name, rocker in structure.model.rockers.items():
+        row = structure.row(rocker.start, rocker.direction)
+        if float(row @ motion) and rocker.point in structure.dofs.names:
+            own = completed(structure, structure.dofs.unit(rocker.point))
+            yield _Joint(row, own, structure.model.lash_of(name), rocker)
+
+
+def _outward(joints: Sequence[_Joint]) -> Iterator[_Joint]:
+    """Yield joints in the order of the train, whatever the order of the model: before each what drives it."""
+    left = list(joints)
+    while left:
+        first = next((one for one in left if not any(float(one.row @ other.moved) for other in left)), left[0])
+        left.remove(first)
+        yield first
+
+
+def _parts_of(structure: Structure, joint: _Joint, driver: Part, before: int) -> Iterator[Part]:
+    """Yield what a joint drives: both ends of a lever, then what is at its point or behind the play."""
+    rocker, opens = joint.rocker, joint.play is not None
+    if not isinstance(rocker, Lever):
+        yield Part(_through(joint, driver) * joint.moved, driver.slope, before, driver.body, opens=opens)
+        return
+    name, share = structure.name_of(rocker), float(joint.row @ driver.motion)
+    for end, own in ((0, path_name(name)), (1, tip_name(name)), (1, None)):
+        slope = driver.slope * float(turned(in_proportion, rocker, end, share)(np.zeros(1))[1][0])
+        moved = joint.moved if own is None else _unit(structure, own)
+        if moved.any():
+            yield Part(moved, slope, before, driver.body, rocker, end, share, opens and own is None)
+
+
+def _through(joint: _Joint, driver: Part) -> float:
+    """Return the motion behind a joint per path of its part; that of a lever's point is the path itself."""
+    if isinstance(joint.rocker, Lever):
+        return 1.0
+    return float(joint.row @ driver.motion) * (joint.rocker.ratio if joint.rocker else 1.0)
+
+
+def _body(joint: _Joint, driver: Part, first: Part) -> Body:
+    """Return the body that begins behind a play with a part of it."""
+    moved = first.slope * _through(joint, driver)
+    if isinstance(joint.play, Adjuster):
+        return Body(driver.body, push=joint.play.plunger_force * moved, extends=True)
+    return Body(driver.body, gap=joint.play.gap / moved if joint.play else 0.0)
+
+
+def _unit(structure: Structure, name: str) -> FloatArray:
+    return structure.dofs.unit(name) if name in structure.dofs.names else np.zeros(structure.dofs.size)
