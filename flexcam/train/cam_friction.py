@@ -41,14 +41,7 @@ def rubbing(structure: Structure, name: str, contact: CamContact, cam: Cam, forc
     InputError
         If the cam has no profile, or its follower a roller.
     """
-    where = f"contacts.{name}.friction"
-    if cam.follower is None:
-        remedy = "give base_radius and follower of the cam"
-        raise refuse(where, contact.friction, "a cam with a profile", "the velocity of sliding follows from it", remedy)
-    if np.isfinite(cam.follower.roller_radius):
-        why = "a roller takes the sliding up by turning"
-        raise refuse(where, contact.friction, "a follower with a flat face", why, "leave friction out")
-    along = _rubbed(structure, contact, cam)
+    along = rubbed(structure, name, contact, cam)
     acting = AngleVector(-along.vectors, along.functions)
     law = Sliding(force.law, contact.friction, contact.friction_speed)
     offset = (*force.offset, travelled(cam))
@@ -57,14 +50,36 @@ def rubbing(structure: Structure, name: str, contact: CamContact, cam: Cam, forc
     )  # fmt: skip
 
 
-def _rubbed(structure: Structure, contact: CamContact, cam: Cam) -> AngleVector:
+def rubbed(structure: Structure, name: str, contact: CamContact, cam: Cam) -> AngleVector:
     """Return the derivative of the path along the face by the unknowns, per force along the normal.
 
     By virtual work (C. Lanczos, The Variational Principles of Mechanics, 4th ed., ch. III) the friction T does
     T times the path of the cam's surface less that of the face. A swinging face at the distance e from its pivot moves
     along itself by e per angle, lift by arm: that is the moment T e of friction about the pivot. With the force f along
     the lift, T is mu f over the reach, by which every path is divided here.
+
+    Parameters
+    ----------
+    structure, name, contact, cam
+        As for `rubbing`.
+
+    Returns
+    -------
+    AngleVector
+        m per m.
+
+    Raises
+    ------
+    InputError
+        If the cam has no profile, or its follower a roller.
     """
+    where = f"contacts.{name}.friction"
+    if cam.follower is None:
+        remedy = "give base_radius and follower of the cam"
+        raise refuse(where, contact.friction, "a cam with a profile", "the velocity of sliding follows from it", remedy)
+    if np.isfinite(cam.follower.roller_radius):
+        why = "a roller takes the sliding up by turning"
+        raise refuse(where, contact.friction, "a follower with a flat face", why, "leave friction out")
     twist, right = structure.row(cam.at, turning(contact.shaft_axis)), to_right(contact, cam)
     if not isinstance(cam.follower, SwingFlatFollower):
         return AngleVector(np.array([sideways(structure, contact, cam), twist]), (constant(1.0), rub(cam)))

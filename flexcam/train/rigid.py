@@ -26,15 +26,18 @@ from flexcam.system import (
     constant,
     derivative,
     load_sum,
+    total,
 )  # fmt: skip
 from flexcam.train.assembled import build_structure
 from flexcam.train.build import probe_of
+from flexcam.train.cam_functions import lightened, rub
 from flexcam.train.divided import divided
 from flexcam.train.lever import refuse_far_turns
 from flexcam.train.loads import steady_load
 from flexcam.train.model import CamContact, Model, PublishedLoad
 from flexcam.train.paths import Coordinate
 from flexcam.train.published import follower_train, preload
+from flexcam.train.rigid_friction import rigid_friction
 from flexcam.train.settled import settled
 from flexcam.train.springs import spring_parts
 from flexcam.train.structure import Structure
@@ -196,16 +199,34 @@ def build_rigid(model: Model, speed: float) -> System:
     loads: list[Load] = []
     channels: list[Channel] = []
     for name, train in trains.items():
-        event = model.cams[model.driven[name].cam].event
-        channels += [
-            Channel(f"contacts.{name}.force", "N", load_sum(len(loads))),
-            Channel(f"contacts.{name}.torque", "N m", load_sum(len(loads), factor=derivative(event))),
-        ]
-        loads.append(Load(f"contacts.{name}", np.zeros(0), train.contact_force(event)))
+        own = _felt(structure, name, train, len(loads))
+        loads += own[0]
+        channels += own[1]
     nothing = Triplets.zeros(0)
     probes = tuple(_rigid_probe(structure, probe_of(structure, point), trains) for point in model.probes)
     shown = _carried(model, structure, trains)
     return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels), carried=shown)
+
+
+def _felt(structure: Structure, name: str, train: RigidTrain, at: int) -> tuple[list[Load], list[Channel]]:
+    """Return forces of a contact as histories from some position on, and what they make of its channels."""
+    where, contact = f"contacts.{name}", structure.model.driven[name]
+    cam = structure.model.cams[contact.cam]
+    needed, arm = train.contact_force(cam.event), derivative(cam.event)
+    torque = load_sum(at, factor=arm)
+    if not (isinstance(contact, CamContact) and contact.friction):
+        loads = [Load(where, np.zeros(0), needed)]
+        return loads, [Channel(f"{where}.force", "N", load_sum(at)), Channel(f"{where}.torque", "N m", torque)]
+    rubs = rigid_friction(structure, name, contact, train.motions[0])
+    loads = [
+        Load(where, np.zeros(0), rubs.force(needed)),
+        Load(f"{where}.friction", np.zeros(0), rubs.friction(needed)),
+    ]
+    return loads, [
+        Channel(f"{where}.force", "N", load_sum(at)),
+        Channel(f"{where}.torque", "N m", total(torque, load_sum(at + 1, factor=rub(cam)))),
+        Channel(f"{where}.friction", "N", load_sum(at + 1, factor=lightened(cam))),
+    ]
 
 
 def _carried(model: Model, structure: Structure, trains: Mapping[str, RigidTrain]) -> Carried:

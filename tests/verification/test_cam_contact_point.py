@@ -407,47 +407,101 @@ damping = { beta = "2e-5 s" }""",
 }
 
 
+class Rubbed:
+    """Moments of N and mu N at the point of contact of a finger's face, by plane vectors, where friction has set in."""
+
+    def __init__(self, case, response, face, turn, side):
+        on = response.angle > 0.4  # friction sets in with the first step and shakes the shaft a little
+        self.force, self.torque, self.friction = (
+            response.channels[f"contacts.intake.{one}"][on] for one in ("force", "torque", "friction")
+        )
+        event, arm = build_model(case).cams["intake"].event, 0.024
+        s, slope = (event(response.angle[on], order) for order in (0, 1))
+        ways = {"clockwise": 1, "counterclockwise": -1}
+        psi = math.asin((0.024 - face) / 0.04) + s / arm
+        point, reach, normal, self.apart = rubbed_face(face, ways[side], -ways[turn], psi, slope / arm)
+        self.N = self.force * arm / np.abs(crossed(reach, normal))
+        along = np.sign(np.sum(self.apart * np.array([normal[1], -normal[0]]), axis=0))
+        felt = self.N * normal + FRICTION * self.N * along * np.array([normal[1], -normal[0]])
+        self.about_pivot = -ways[side] * crossed(reach, felt)
+        self.about_cam = -ways[turn] * crossed(point, felt)
+        valve, pad = (response[one].displacement[on] for one in ("valve", "pad"))
+        self.borne = (300.0 + 30e3 * valve) * 0.036 * np.cos(pad / arm)
+        self.on = on
+
+
+@pytest.fixture
+def rubbing_finger(tmp_path):
+    def make(face, turn, side, *more):
+        text = FINGER.format(turn=turn, side=side, pad=f"face = {face}")
+        for given, wanted in RUBBED.items():
+            assert text.count(given) == 1
+            text = text.replace(given, wanted)
+        path = tmp_path / "finger.toml"
+        path.write_text(text, encoding="utf-8")
+        return read_case(path, list(more))
+
+    return make
+
+
 @pytest.mark.parametrize("face", [0.003, -0.004])
 @pytest.mark.parametrize("turn", ["clockwise", "counterclockwise"])
 @pytest.mark.parametrize("side", ["clockwise", "counterclockwise"])
-def test_the_moment_of_friction_about_a_pivot(record, tmp_path, face, turn, side):
+def test_the_moment_of_friction_about_a_pivot(record, rubbing_finger, face, turn, side):
     """N and mu N at the point of contact, by moments of plane vectors: the valve's about the pivot, the cam's torque.
 
     Where the face lies beside its pivot, friction's moment is mu e/q of that of N: 1 to 2 % here.
     """
-    text = FINGER.format(turn=turn, side=side, pad=f"face = {face}")
-    for given, wanted in RUBBED.items():
-        assert text.count(given) == 1
-        text = text.replace(given, wanted)
-    path = tmp_path / "finger.toml"
-    path.write_text(text, encoding="utf-8")
-    case = read_case(path)
+    case = rubbing_finger(face, turn, side)
     response = run(case)
-    on = response.angle > 0.4  # friction sets in with the first step and shakes the shaft a little
-    force, torque, friction, sliding = (
-        response.channels[f"contacts.intake.{one}"][on] for one in ("force", "torque", "friction", "sliding")
-    )
-    event, arm = build_model(case).cams["intake"].event, 0.024
-    s, slope = (event(response.angle[on], order) for order in (0, 1))
-    ways = {"clockwise": 1, "counterclockwise": -1}
-    psi = math.asin((0.024 - face) / 0.04) + s / arm
-    point, reach, normal, apart = rubbed_face(face, ways[side], -ways[turn], psi, slope / arm)
-    N = force * arm / np.abs(crossed(reach, normal))
-    along = np.sign(np.sum(apart * np.array([normal[1], -normal[0]]), axis=0)) * np.array([normal[1], -normal[0]])
-    felt = N * normal + FRICTION * N * along
+    found = Rubbed(case, response, face, turn, side)
     name = f"finger, face at {1e3 * face:g} mm, {turn} cam, {side} finger"
-    about_pivot = -ways[side] * crossed(reach, felt)
-    valve, pad = (response[one].displacement[on] for one in ("valve", "pad"))
-    borne = (300.0 + 30e3 * valve) * 0.036 * np.cos(pad / arm)
     record(source=SOURCE, case=name, quantity="largest error of the moment about the pivot", unit="N m", reference=0.0,
-           computed=float(np.abs(about_pivot - borne).max()), tolerance=2e-4 * float(borne.max()), absolute=True,
-           reason="slow, but valve and damping follow; the moment of friction is 1 to 2 %")  # fmt: skip
-    about_cam = -ways[turn] * crossed(point, felt)
+           computed=float(np.abs(found.about_pivot - found.borne).max()), tolerance=2e-4 * float(found.borne.max()),
+           absolute=True, reason="slow, but valve and damping follow; the moment of friction is 1 to 2 %")  # fmt: skip
     record(source=SOURCE, case=name, quantity="largest error of the cam's torque", unit="N m", reference=0.0,
-           computed=float(np.abs(torque - about_cam).max()), tolerance=1e-6 * float(np.abs(torque).max()),
-           absolute=True, reason="rounding; sliding is ten times the speed over which friction turns over")  # fmt: skip
-    np.testing.assert_allclose(np.abs(friction), FRICTION * N, rtol=1e-6)
-    np.testing.assert_allclose(np.abs(sliding), np.hypot(*apart) * 2.0 * math.pi, rtol=1e-9)
+           computed=float(np.abs(found.torque - found.about_cam).max()),
+           tolerance=1e-6 * float(np.abs(found.torque).max()), absolute=True,
+           reason="rounding; sliding is ten times the speed over which friction turns over")  # fmt: skip
+    np.testing.assert_allclose(np.abs(found.friction), FRICTION * found.N, rtol=1e-6)
+    sliding = response.channels["contacts.intake.sliding"][found.on]
+    np.testing.assert_allclose(np.abs(sliding), np.hypot(*found.apart) * 2.0 * math.pi, rtol=1e-9)
+
+
+WEIGHTLESS = ["masses.valve.mass=1e-9", "rockers.finger.inertia=1e-15", "run.damping={ beta = 0.0 }"]
+
+
+@pytest.mark.parametrize("face", [0.003, -0.004])
+@pytest.mark.parametrize("turn", ["clockwise", "counterclockwise"])
+@pytest.mark.parametrize("side", ["clockwise", "counterclockwise"])
+def test_the_moment_of_friction_on_a_rigid_finger(rubbing_finger, face, turn, side):
+    """Rigid, it is the same balance without remainder: force and friction share what the valve needs."""
+    case = rubbing_finger(face, turn, side, *WEIGHTLESS)
+    found = Rubbed(case, run(case, rigid=True), face, turn, side)
+    np.testing.assert_allclose(found.about_pivot, found.borne, rtol=1e-6)  # a valve of 1 mg needs less than 1 uN
+    # Sliding is ten times the speed over which friction turns over: 1 - tanh(10) is 4e-9.
+    np.testing.assert_allclose(found.torque, found.about_cam, atol=1e-7 * np.abs(found.torque).max())
+    np.testing.assert_allclose(np.abs(found.friction), FRICTION * found.N, rtol=1e-7)
+
+
+@pytest.mark.parametrize("cam", ["", REVERSED, 'rotation = "clockwise"'])
+def test_friction_brakes_the_shaft_of_a_rigid_train(case, rubbed, cam):
+    """It takes nothing from the lift of a face that is guided along it; the torque has mu F (rb + s) more."""
+    flexible, event = rubbed(cam)
+    made = case(FLAT, RUBBING, cam=cam, lines=SLOWLY)
+    found = run(read_case(made.path, ["run.speed=60 rpm"]), rigid=True)
+    force, torque, friction = (found.channels[f"contacts.intake.{one}"] for one in ("force", "torque", "friction"))
+    s, slope = (event(found.angle, order) for order in (0, 1))
+    expected = force * (slope + FRICTION * (BASE + s))
+    np.testing.assert_allclose(torque, expected, atol=1e-9 * expected.max())  # v is 15 v0: 1 - tanh(15) is 2e-13
+    on = settled(flexible)
+    for name, own in (("force", force), ("torque", torque), ("friction", friction)):
+        other = flexible.channels[f"contacts.intake.{name}"]
+        # A rod of 8 mm and a spring of 100 kN/m: 0.3 % is given way, and damping takes as much again.
+        np.testing.assert_allclose(own[on], other[on], atol=1e-2 * np.abs(other).max())
+    without = case(FLAT, HERTZ, cam=cam, lines=SLOWLY)
+    smooth = run(read_case(without.path, ["run.speed=60 rpm"]), rigid=True)
+    np.testing.assert_array_equal(force, smooth.channels["contacts.intake.force"])
 
 
 MEMBER = """
