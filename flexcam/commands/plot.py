@@ -16,6 +16,7 @@ from flexcam.case import Case, build_model
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity, speed_range
 from flexcam.commands.sources import Source, named, opened
+from flexcam.held import shared
 from flexcam.response import Response, Status
 from flexcam.terminal import counting, out, print_json
 from flexcam.train import Cam, build_structure
@@ -68,6 +69,11 @@ class Asked:
         """Return the rigid runs by name; none where they are not asked for."""
         return {name: one.rigid for name, one in self.sources.items()} if self.rigid else {}
 
+    def rigid_doubts(self) -> list[str]:
+        """Return what a rigid train that is drawn cannot know, in words."""
+        ones = self.sources.values() if self.rigid else ()
+        return list(dict.fromkeys(told for one in ones for told in shared(one.ready.model, one.case.speed)))
+
 
 @app.command(
     help_prologue="""\
@@ -107,10 +113,13 @@ def plot(
     sources = named(opened(files, overrides, cams=what in _OF_CAMS))
     asked = Asked(sources, probe, channels, over, rigid, cam, angle, count)
     save_figure(_FIGURES[what](asked), target, overwrite=overwrite)
+    doubtful = asked.rigid_doubts()
     if as_json:
-        print_json({"status": "ok", "files": [str(target)]})
+        print_json({"status": "ok", "files": [str(target)], "warnings": doubtful})
     else:
         out().print(str(target))
+        for sentence in doubtful:
+            out().print("\n" + sentence)
     return next((run.status for run in _solved(asked) if not run.status.ok), None)
 
 

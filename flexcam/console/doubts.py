@@ -8,7 +8,7 @@ from flexcam.case import unusual
 from flexcam.console.lobes import lobe_doubts
 from flexcam.console.mishaps import mishaps
 from flexcam.console.watched import Watched
-from flexcam.held import idle_loads, loose, struck, unheld
+from flexcam.held import idle_loads, loose, shared, struck, unheld
 from flexcam.linalg import share_lost
 from flexcam.memory import Extremes
 from flexcam.response import Stats
@@ -86,8 +86,9 @@ def input_doubts(ready: Prepared) -> list[str]:
     """
     standing = [*unheld(ready.model, ready.problem, ready.scheme), *struck(ready.case, ready.model, ready.problem)]
     idle = [*loose(ready.model), *idle_loads(ready.model, ready.problem)]
+    untold = [] if ready.problem.system.size else shared(ready.model, ready.case.speed)
     coarse = [*coarse_steps(ready), *_stiff(ready)]
-    return [*unusual(ready.case), *lobe_doubts(ready.model), *idle, *standing, *coarse]
+    return [*unusual(ready.case), *lobe_doubts(ready.model), *idle, *standing, *untold, *coarse]
 
 
 def _stiff(ready: Prepared) -> list[str]:

@@ -14,6 +14,7 @@ from flexcam.console.doubts import run_doubts
 from flexcam.console.watched import Watched
 from flexcam.console.words import told_apart
 from flexcam.fidelity import Comparison
+from flexcam.held import shared
 from flexcam.limits import margins
 from flexcam.report import words
 from flexcam.report.content import Chapter, Picture, Report
@@ -100,7 +101,7 @@ def _chapter(about: Subject, name: str, main: str, asked: Asked, share: int) -> 
     compared, lacking = _compared(about, known, main)
     more = extras(known.case, main, asked) if status.ok and main else []
     summary = [*words.modelled(about, known, figures), *_in_hand(known.case)]
-    doubts = _doubts(known, figures) if len(known.response.time) else []
+    doubts = _doubts(known, figures, drawn_rigid=about.rigid is not None) if len(known.response.time) else []
     return Chapter(
         name=name,
         title=f"{title}, {known.case.told_speed}",
@@ -115,10 +116,12 @@ def _chapter(about: Subject, name: str, main: str, asked: Asked, share: int) -> 
     )
 
 
-def _doubts(known: Known, figures: list[Figure]) -> list[str]:
+def _doubts(known: Known, figures: list[Figure], *, drawn_rigid: bool) -> list[str]:
     """Return what is doubtful, in a place that says already that these are warnings."""
     watched = Watched.again(known.ready, known.response)
-    told = [one.removeprefix("Warning: ") for one in run_doubts(known.ready, watched, figures, known.response.stats)]
+    found = run_doubts(known.ready, watched, figures, known.response.stats)
+    found += shared(known.ready.model, known.case.speed) if drawn_rigid else []
+    told = [one.removeprefix("Warning: ") for one in found]
     return [f"{one[:1].upper()}{one[1:]}." for one in told]
 
 

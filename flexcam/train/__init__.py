@@ -47,7 +47,7 @@ from flexcam.train.operation import (
 )
 from flexcam.train.published import follower_train
 from flexcam.train.resolution import CoarseCam, coarse_cams
-from flexcam.train.rigid import ANY_SPEED, build_rigid
+from flexcam.train.rigid import ANY_SPEED, build_rigid, shared_forces
 from flexcam.train.strength import MemberStrength, StrengthSink
 from flexcam.train.structure import Structure
 from flexcam.train.transfer import lift_transfer, valve_ratio
@@ -105,6 +105,7 @@ __all__ = [
     "operation_names",
     "seating",
     "separation",
+    "shared_forces",
     "stiff_struts",
     "straight",
     "valve_ratio",

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.linalg import FloatArray
 from flexcam.train.following import completed, shifted, with_springs
@@ -13,6 +14,8 @@ from flexcam.train.model import Adjuster, Lash, Lever, Rocker, Seat, path_name, 
 from flexcam.train.paths import Coordinate, behind, in_proportion, turned
 from flexcam.train.settled import Body
 from flexcam.train.structure import Structure
+
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +83,14 @@ class Divided:
                 path = self._opened(part, path, rests)
             found.append(path)
         return tuple(found)
+
+    def joined(self, rests: FloatArray) -> Bools:
+        """Tell which bodies the cam and no oil bears where they rest, shape (g,): their plays are closed."""
+        found = [True]
+        for body, rest in list(zip(self.bodies, rests, strict=True))[1:]:
+            closed = not body.extends and body.closed(float(rest), float(rests[body.before]))
+            found.append(closed and found[body.before])
+        return np.array(found)
 
     def _opened(self, part: Part, path: Coordinate, rests: FloatArray) -> Coordinate:
         """Return a path behind a play: an adjuster's is closed, as is one that something has closed at rest."""

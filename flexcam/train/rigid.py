@@ -61,6 +61,9 @@ class RigidTrain:
         What no play divides: how its motions go with each other as installed, shape (g, b).
     passed
         Force at the follower that a body passes on while its seat bears it, N, shape (g,); infinite without a seat.
+    shared
+        Force at the follower that a cam on its base circle and a seat share by their stiffness, N: it is left to the
+        seat.
     """
 
     motions: FloatArray
@@ -71,6 +74,7 @@ class RigidTrain:
     force: FloatArray
     bodies: FloatArray
     passed: FloatArray
+    shared: float = 0.0
 
     def contact_force(self, event: Event) -> Callable[[CamMotion], FloatArray]:
         """Return the force at the follower by virtual work, N: ``h'.(M (h' s.. + h'' s.^2) + C h' s. + K h + f)``.
@@ -127,13 +131,17 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     damping += given.alpha * mass + given.beta * stiffness + _modal(mass, stiffness, bodies, given.modal)
     held, pushed = bodies @ stiffness @ bodies.T, bodies @ force
     if isinstance(contact, PublishedLoad):  # what it pushes stands as installed
-        return RigidTrain(
-            motions, parted.coordinates(0.0 * pushed), mass, damping, stiffness, force, bodies, np.inf + pushed
-        )
+        paths = parted.coordinates(0.0 * pushed)
+        return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.inf + pushed)
     begun = settled(parted.bodies, held, pushed)
-    passed = np.where([one.seated for one in parted.bodies], held @ begun.places + pushed - begun.seats, np.inf)
-    passed[0] = 0.0 if parted.bodies[0].seated else np.inf
-    return RigidTrain(motions, parted.coordinates(begun.places), mass, damping, stiffness, force, bodies, passed)
+    needed, seated = held @ begun.places + pushed, np.array([one.seated for one in parted.bodies])
+    passed = np.where(seated, needed - begun.seats, np.inf)
+    passed[0] = 0.0 if seated[0] else np.inf
+    between = seated & parted.joined(begun.places)
+    return RigidTrain(
+        motions, parted.coordinates(begun.places), mass, damping, stiffness, force, bodies, passed,
+        float(np.maximum(needed, 0.0)[between].sum()),
+    )  # fmt: skip
 
 
 def _modal(mass: FloatArray, stiffness: FloatArray, bodies: FloatArray, ratio: float) -> FloatArray:
@@ -253,6 +261,28 @@ def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrai
             ]
     offsets = tuple(_Sum(tuple(component)) if component else None for component in moving)
     return Probe(probe.name, probe.components, np.zeros((len(probe.components), 0)), offsets)
+
+
+def shared_forces(model: Model, speed: float) -> dict[str, float]:
+    """Return what a cam on its base circle and a seat share by their stiffness, of which rigid members know nothing.
+
+    Parameters
+    ----------
+    model
+        The model.
+    speed
+        Camshaft speed, rad/s.
+
+    Returns
+    -------
+    dict
+        Name of the contact to the force of the springs at its follower, N, where no play parts both; without those
+        that nothing presses.
+    """
+    structure = build_structure(model)
+    free = {name: one for name, one in model.driven.items() if isinstance(one, CamContact)}
+    found = {n: rigid_train(structure, one, f"contacts.{n}.follower", speed).shared for n, one in free.items()}
+    return {name: force for name, force in found.items() if force > 0.0}
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,6 +57,16 @@ def test_motion_of_a_result_with_its_rigid_train(flexcam, result, tmp_path):
     assert [word for word in wanted if word not in words] == []
 
 
+def test_what_a_drawn_rigid_train_cannot_know_is_told(flexcam, tmp_path):
+    few = ["--set", "run.revolutions=0.02", "--set", "contacts.lash.gap=0"]
+    case = tmp_path / "intake.toml"
+    shutil.copy(ENGINE, case)
+    told = flexcam("plot", case, "--what", "force", "--rigid", *few, "-o", "a.svg")
+    assert "both share the 640 N of the springs" in " ".join(told.out.split())
+    drawn = flexcam("plot", case, "--what", "force", "--rigid", *few[:2], "-o", "b.svg", "--json")
+    assert drawn.json["warnings"] == []
+
+
 def test_a_rigid_train_lacks_some_forces_and_a_long_title_has_lines(flexcam, tmp_path):
     """It has no adjuster: what only the flexible one has is drawn alone."""
     case = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"

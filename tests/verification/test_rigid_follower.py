@@ -8,12 +8,15 @@ Handbook (2004), ch. 12 (jump).
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flexcam import build_model, read_case, run
+from flexcam import build_model, prepare, read_case, run
+from flexcam.console.doubts import input_doubts
+from flexcam.held import shared
 from flexcam.limits import find_limits, margins
 
 SOURCE = "Rigid follower"
@@ -243,13 +246,47 @@ def test_modal_damping_on_both_sides_of_a_play(train, rocker, play):
 
 def test_without_a_play_the_seat_bears_the_closed_valve(train):
     """Where cam and seat share what no play divides, only their stiffness would tell: at no lift it is the seat's."""
-    seat = "contacts.seat={ at = 'tappet', direction = 'uy', model = 'seat', stiffness = '60 MN/m' }"
-    case, event = train(30.0, seat)
+    case, event = train(30.0, SEATED)
     response = run(case, rigid=True)
     lift, force = event(response.angle, 0), response.channels["contacts.intake.force"]
     lifted = lift > 1e-10
     np.testing.assert_allclose(force[lifted], needed(event, response.angle, 30.0)[lifted], rtol=1e-9)
     assert not force[lift == 0.0].any()
+
+
+SEATED = "contacts.seat={ at = 'tappet', direction = 'uy', model = 'seat', stiffness = '60 MN/m' }"
+
+
+def test_what_cam_and_seat_share_is_told(train):
+    """Of 300 N the cam bears its part of 2 GN/m and 60 MN/m side by side, 291.3 N; shaft and rod give little."""
+    made = train(30.0, SEATED)[0]
+    (told,) = shared(build_model(made), 30.0)
+    springs, cam = (float(one) for one in re.findall(r"([0-9.]+) N ", told + " "))
+    assert springs == INSTALLED
+    assert cam == pytest.approx(INSTALLED * 2e9 / (2e9 + 60e6), rel=2e-3)
+    ready = prepare(train(30.0, SEATED, "fidelity.model=rigid")[0])
+    assert input_doubts(ready).count(told) == 1
+    assert told not in input_doubts(prepare(made))  # the flexible train knows it
+    assert not shared(build_model(train(30.0)[0]), 30.0)
+
+
+GAP, OIL = "lash', gap = {}, stiffness = '1 GN/m'", "lash-adjuster', stiffness = 1e9, leak = 1e6, refill = 500"
+
+
+@pytest.mark.parametrize(
+    ("play", "known"),
+    [(GAP.format(0.0), False), (GAP.format(1e-4), True), (f"{OIL}, plunger_force = 20", True)],
+    ids=["no gap", "gap", "adjuster"],
+)
+def test_behind_a_play_the_share_is_known(train, play, known):
+    more = [
+        "rockers.rocker={ model = 'lumped', from = 'top', to = 'valve', arms = [0.03, 0.03] }",
+        "masses.valve={ at = 'valve', mass = 0.2 }",
+        "springs.back={ at = 'valve', stiffness = 30e3, installed_force = 100.0, direction = 'uy' }",
+        f"contacts.lash={{ at = 'rocker', model = '{play} }}",
+        "contacts.seat={ at = 'valve', model = 'seat', stiffness = '1 GN/m' }",
+    ]
+    assert bool(shared(build_model(train(30.0, *more)[0]), 30.0)) != known
 
 
 def test_limits_names_the_rigid_speed(record, train):
