@@ -147,8 +147,8 @@ def _plays(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
     for play in structure.model.contacts.values():
         if isinstance(play, Lash | Adjuster) and play.ends is not None and play.direction is not None:
             row = structure.row(play.ends[0], play.direction)
-            if float(row @ motion):
-                pushed = shifted(structure, structure.model.mesh.node(play.ends[1]), play.direction)
+            pushed = shifted(structure, structure.model.mesh.node(play.ends[1]), play.direction)
+            if float(row @ motion) and pushed.any():  # what stands on the ground drives nothing
                 yield _Joint(row, completed(structure, pushed), play)
 
 

@@ -40,9 +40,10 @@ from flexcam.system import (
     load_sum,
     total,
 )
+from flexcam.train.borne import borne
 from flexcam.train.cam_plane import pivots
 from flexcam.train.coupling import Coupling
-from flexcam.train.following import completed, shifted, swung
+from flexcam.train.following import completed, swung
 from flexcam.train.model import Cam, CamContact, PublishedLoad
 from flexcam.train.penalty import Stateless
 from flexcam.train.springs import spring_row
@@ -69,6 +70,8 @@ class FollowerTrain:
 def follower_train(structure: Structure, contact: PublishedLoad | CamContact, where: str) -> FollowerTrain:
     """Return the rigid body that a follower and what hangs on it make: it moves along the lift, or turns about a pivot.
 
+    Where springs bear it in place of a pivot, it moves as these are bent least.
+
     Parameters
     ----------
     structure
@@ -85,9 +88,9 @@ def follower_train(structure: Structure, contact: PublishedLoad | CamContact, wh
     """
     if structure.is_node(contact.follower):
         node = find_node(structure.model, contact.follower, where)
-        motion = shifted(structure, node, contact.direction)
-        for pivot in pivots(structure, contact):
-            motion = swung(structure, node, pivot, contact.shaft_axis, contact.direction)
+        held = pivots(structure, contact)
+        turned = [swung(structure, node, pivot, contact.shaft_axis, contact.direction) for pivot in held]
+        motion = turned[0] if turned else borne(structure, contact, node)
     else:
         motion = structure.row(contact.follower, contact.direction, where)
     motion = completed(structure, motion)

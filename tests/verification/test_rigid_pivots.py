@@ -1,0 +1,133 @@
+"""A rigid finger whose pivot stands on a spring, a closed play or an adjuster, against the balance of a lever.
+
+Cam, pivot and valve lie a = 40 mm and L = 60 mm apart on one straight finger. For a lift s at the cam, a pivot that
+yields by p and a valve that goes t = s L/a - p (L/a - 1), the springs' energy is least at p = F (L/a - 1)/k with the
+force F of the valve; the cam bears F L/a (R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 17).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexcam import build_model, prepare, read_case, run
+from flexcam.integrate import Problem, equilibrium, solve
+from flexcam.system import ConstantSpeed
+
+CASE = """
+format = 1
+[nodes]
+cam = [0.06, 0.0, 0.0]
+ground = [0.06, -0.06, 0.04]
+pivot = [0.06, -0.024, 0.04]
+pad = [0.06, -0.024, 0.0]
+tip = [0.06, -0.024, -0.02]
+[materials.stiff]
+E = "2e4 GPa"
+nu = 0.29
+density = "1 kg/m^3"
+[sections]
+bar = {{ shape = "circle", diameter = "30 mm" }}
+[members]
+finger = {{ nodes = ["pivot", "pad", "tip"], material = "stiff", section = "bar" }}
+[supports]
+cam = ["ux", "uy", "uz", "rx", "ry", "rz"]
+ground = ["ux", "uy", "uz", "rx", "ry", "rz"]
+pivot = {held}
+[masses]
+lobe = {{ at = "cam", mass = 0.1 }}
+valve = {{ at = "tip", mass = 0.05 }}
+[springs]
+valve = {{ at = "tip", direction = "-uy", stiffness = 30e3, installed_force = 300 }}
+{springs}
+[cams.intake]
+at = "cam"
+axis = [1, 0, 0]
+law = "4-5-6-7"
+lift = "4 mm"
+rise = 1.2
+return = 1.2
+phase = 0.6
+[contacts]
+intake = {{ cam = "intake", follower = "pad", direction = "-uy", model = "bilateral", stiffness = 1e9 }}
+{contacts}
+[run]
+speed = "1 rpm"
+revolutions = 0.5
+steps_per_revolution = 360
+[output]
+probes = ["pivot", "tip"]
+"""
+FREE, GUIDED = '["ux", "ry", "rz"]', '["ux", "uz", "ry", "rz"]'
+UP = 'up = {{ at = "pivot", direction = "uy", stiffness = {} }}'
+ASIDE = 'aside = { at = "pivot", direction = "uz", stiffness = 1e6 }'
+ARM = 0.06 / 0.04
+
+
+@pytest.fixture
+def finger(tmp_path):
+    def make(held, springs="", contacts=""):
+        path = tmp_path / "finger.toml"
+        path.write_text(CASE.format(held=held, springs=springs, contacts=contacts), encoding="utf-8")
+        return read_case(path)
+
+    return make
+
+
+def balanced(s, k):
+    """Return the force of the cam, and what pivot and tip move from how they are installed, downwards."""
+    yielding = 30e3 * (ARM - 1.0) ** 2 / k
+    pivot = (ARM - 1.0) * 30e3 * ARM * s / (k * (1.0 + yielding))
+    tip = ARM * s - (ARM - 1.0) * pivot
+    # What 300 N have made the pivot yield as installed takes its part of them away for good.
+    return ARM * (300.0 / (1.0 + yielding) + 30e3 * tip), pivot, tip
+
+
+@pytest.mark.parametrize("aside", [True, False], ids=["springs both ways", "guided across"])
+@pytest.mark.parametrize("k", [1e8, 1e6, 1e5])
+def test_a_pivot_on_springs(finger, k, aside):
+    """Rigid and stiff alike; a pivot of 100 kN/m takes 7 % of the valve's force away."""
+    case = finger(FREE if aside else GUIDED, "\n".join([UP.format(k)] + [ASIDE] * aside))
+    rigid = run(case, rigid=True)
+    lift = build_model(case).cams["intake"].event(rigid.angle, 0)
+    force, pivot, tip = balanced(lift, k)
+    found = [rigid.channels["contacts.intake.force"], *(-rigid[f"{n}.uy"].displacement for n in ("pivot", "tip"))]
+    np.testing.assert_allclose(found, [force, pivot, tip], rtol=1e-6, atol=1e-12)
+    base, nose = stiff(case)
+    expected = balanced(4e-3, k)
+    assert base[0] == pytest.approx(balanced(0.0, k)[0], rel=1e-3)  # finger and contact yield by 3 um under 700 N
+    assert nose[0] == pytest.approx(expected[0], rel=1e-3)
+    np.testing.assert_allclose(nose[1:] - base[1:], expected[1:], atol=3e-6)
+
+
+def stiff(case):
+    """Return the force of the flexible train's cam, and what pivot and tip have moved, on its base circle and nose."""
+    ready, found = prepare(case), []
+    for angle in (0.0, 1.8):  # the face slides by s' along the finger, which is none here
+        drive = ConstantSpeed(case.speed, angle)
+        still = solve(
+            Problem(ready.problem.system, drive, 1e-6, 1, equilibrium(ready.problem.system, drive)), ready.scheme
+        )
+        moved = [-still[f"{name}.uy"].displacement[0] for name in ("pivot", "tip")]
+        found.append([still.channels["contacts.intake.force"][0], *moved])
+    return np.array(found)
+
+
+STANDS = {
+    "adjuster": 'model = "lash-adjuster", stiffness = 1e8, leak = 1e9, refill = 500, plunger_force = 40',
+    "closed play": 'model = "lash", gap = 0, stiffness = 1e8',
+}
+WAYS = ['from = "ground", to = "pivot", direction = "uy"', 'from = "pivot", to = "ground", direction = "-uy"']
+
+
+@pytest.mark.parametrize("way", WAYS, ids=["pushed", "pushing"])
+@pytest.mark.parametrize("stand", STANDS.values(), ids=STANDS)
+def test_a_pivot_on_an_adjuster(finger, stand, way):
+    """It stands on its oil as on a spring of that stiffness, whichever end is named first."""
+    case = finger(GUIDED, contacts=f"stand = {{ {way}, {stand} }}")
+    rigid = run(case, rigid=True)
+    lift = build_model(case).cams["intake"].event(rigid.angle, 0)
+    # The pivot yields by 1/13000 of what the valve goes: the force has no work of the oil.
+    np.testing.assert_allclose(rigid.channels["contacts.intake.force"], balanced(lift, 1e8)[0], rtol=2e-4)
+    np.testing.assert_allclose(-rigid["tip.uy"].displacement, balanced(lift, 1e8)[2], atol=1e-12)
+    assert stiff(case)[1][0] == pytest.approx(balanced(4e-3, 1e8)[0], rel=1e-3)
