@@ -1,27 +1,28 @@
-"""How a rigid follower moves that springs bear where another has a support: as they are bent least."""
+"""How a rigid follower moves: along the lift, about its pivot, or as the springs that bear it are bent least."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from flexcam.linalg import FloatArray
-from flexcam.train.following import completed, shifted
+from flexcam.train.following import completed
 from flexcam.train.model import Adjuster, CamContact, Lash, PublishedLoad
 from flexcam.train.springs import spring_row
 from flexcam.train.structure import Structure
 
-_FREE = 1e-9
-"""Motion of what supports hold, as a part of the largest, that counts as none."""
+_SLIGHT = 1e-9
+"""Part of a motion that counts as none."""
 
 
 def borne(structure: Structure, contact: CamContact | PublishedLoad, node: int) -> FloatArray:
-    """Return the unit motion along the lift of a follower's member that turns and swings aside as its springs make it.
+    """Return the unit motion along the lift of everything that members connect to a follower's node.
 
-    Its cam gives the motion of one node along the lift. Where supports leave a turning in the plane of the cam, or a
-    motion across the lift, the springs are bent with the least energy: in balance, but for what is behind a play. A
-    finger on a stiff spring under its pivot turns about that; the spring yields by its force over its stiffness. What
-    costs no energy does not move. Minimum potential energy: C. L. Dym and I. H. Shames, Solid Mechanics: A Variational
-    Approach (1973), ch. 3.
+    In the plane of the cam it moves across the lift and turns as its supports ask: a finger about its pivot, each point
+    by ``phi x (x - x_pivot)`` (J. L. Meriam and L. G. Kraige, Engineering Mechanics: Dynamics, ch. 5). Where supports
+    leave several ways, springs are bent with the least energy, as in balance (C. L. Dym and I. H. Shames, Solid
+    Mechanics: A Variational Approach (1973), ch. 3), but for what is behind a play: a finger on a stiff spring under
+    its pivot turns about that, and the spring yields by its force over its stiffness. What costs none does not move.
+    What supports hold along the lift itself, so that it bends, goes along it in what they leave free.
 
     Parameters
     ----------
@@ -37,38 +38,56 @@ def borne(structure: Structure, contact: CamContact | PublishedLoad, node: int) 
     ndarray
         Shape (n,).
     """
-    straight, beside = shifted(structure, node, contact.direction), _beside(structure, contact, node)
+    numbers = structure.dofs.numbers[structure.model.mesh.connected(node)]
+    free = numbers >= 0
+    straight, *others = _fields(structure, contact, node)
+
+    def moved(field: FloatArray) -> FloatArray:
+        motion = np.zeros(structure.dofs.size)
+        motion[numbers[free]] = field[free]
+        return motion
+
+    asked, ways = _supported(straight[~free], np.array([one[~free] for one in others]))
+    if asked is None:
+        return moved(straight)
+    begun = moved(straight + np.tensordot(asked, others, axes=1))
+    beside = [moved(np.tensordot(way, others, axes=1)) for way in ways]
     if not beside:
-        return straight
+        return begun
     rows = _bent(structure)
-    bent = np.array([rows @ completed(structure, one) for one in (straight, *beside)]).T
-    # Rounding of what costs nothing is no energy.
-    amounts = np.linalg.lstsq(bent[:, 1:], -bent[:, 0], rcond=_FREE)[0]
-    return straight + amounts @ np.array(beside)
+    bent = np.array([rows @ completed(structure, one) for one in (begun, *beside)]).T
+    amounts = _least(bent[:, 1:], -bent[:, 0])
+    return begun + amounts @ np.array(beside)
 
 
-def _beside(structure: Structure, contact: CamContact | PublishedLoad, node: int) -> list[FloatArray]:
-    """Return the motions of a follower's member in the plane of its cam that supports leave it, its node not lifting.
+def _fields(structure: Structure, contact: CamContact | PublishedLoad, node: int) -> list[FloatArray]:
+    """Return motions of what is connected to a node, shape (m, 6): along the lift, across it, turning about the node.
 
-    Moving across the lift and turning about its node, by its own length: both, one, what is left of both, or none.
+    The last is by the length of it all; a single node does not turn.
     """
-    mesh, numbers = structure.model.mesh, structure.dofs.numbers
-    moved, axis = mesh.connected(node), np.asarray(contact.shaft_axis)
-    across = np.concatenate([np.cross(contact.direction[:3], axis), np.zeros(3)])
-    away = mesh.nodes[moved] - mesh.nodes[node]
+    mesh, axis = structure.model.mesh, np.asarray(contact.shaft_axis)
+    away = mesh.nodes[mesh.connected(node)] - mesh.nodes[node]
+    across = np.concatenate([np.cross(contact.direction[:3], axis), np.zeros(3)], dtype=np.float64)
+    turned = np.concatenate([np.cross(axis, away), np.broadcast_to(axis, away.shape)], axis=1, dtype=np.float64)
     length = float(np.linalg.norm(away, axis=1).max())
-    if length == 0.0:
-        return []
-    turned = np.concatenate([np.cross(axis, away), np.broadcast_to(axis, away.shape)], axis=1) / length
-    fields = np.array([np.broadcast_to(across, turned.shape), turned])
-    free = numbers[moved] >= 0
-    _, sizes, ways = np.linalg.svd(fields[:, ~free].T, full_matrices=True)
-    left = ways[int(np.count_nonzero(sizes > _FREE)) :]
-    motions: list[FloatArray] = []
-    for field in np.tensordot(left, fields, axes=1):
-        motions.append(np.zeros(structure.dofs.size))
-        motions[-1][numbers[moved][free]] = field[free]
-    return motions
+    shifts = [np.broadcast_to(one, turned.shape) for one in (contact.direction, across)]
+    return [*shifts, *([turned / length] if length > 0.0 else [])]
+
+
+def _supported(straight: FloatArray, others: FloatArray) -> tuple[FloatArray | None, FloatArray]:
+    """Return what of other motions supports ask beside that along the lift, and the ways that they leave free.
+
+    All are given where supports hold them, shapes (h,) and (k, h); None where nothing holds still.
+    """
+    _, sizes, ways = np.linalg.svd(others.T, full_matrices=True)
+    asked = _least(others.T, -straight)
+    still = np.abs(straight + asked @ others).max(initial=0.0) <= _SLIGHT
+    return asked if still else None, ways[int(np.count_nonzero(sizes > _SLIGHT)) :]
+
+
+def _least(matrix: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Return the smallest amounts of columns that come nearest to what is wanted; rounding is no column."""
+    return np.linalg.lstsq(matrix, wanted, rcond=_SLIGHT)[0].astype(np.float64, copy=False)
 
 
 def _bent(structure: Structure) -> FloatArray:

@@ -7,7 +7,7 @@ import numpy as np
 from flexcam.cam import SwingFlatFollower, SwingRollerFollower
 from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
-from flexcam.train.model import Cam, CamContact, PublishedLoad
+from flexcam.train.model import Cam, CamContact
 from flexcam.train.structure import Structure, find_node
 
 _SAME = 1e-6
@@ -114,7 +114,7 @@ def refuse_other_arm(structure: Structure, contact: CamContact, cam: Cam, where:
             raise refuse(f"{key}.rotation", given, allowed, why, f"or turn the cam, see {where}")
 
 
-def pivots(structure: Structure, contact: CamContact | PublishedLoad) -> list[int]:
+def pivots(structure: Structure, contact: CamContact) -> list[int]:
     """Return the node about which the follower's member turns in the plane of the cam, if that is just one.
 
     Parameters

@@ -84,39 +84,6 @@ def shifted(structure: Structure, node: int, direction: FloatArray) -> FloatArra
     return motion
 
 
-def swung(structure: Structure, node: int, pivot: int, axis: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return the motion of everything that members connect to a node, turning about another, as the node begins it.
-
-    Each moves by ``phi x (x - x_pivot)``: J. L. Meriam and L. G. Kraige, Engineering Mechanics: Dynamics, ch. 5
-    (rotation about a fixed axis).
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    node, pivot
-        Their numbers.
-    axis
-        Of the rotation, shape (3,), global axes.
-    direction
-        Shape (6,), global axes: the node moves by 1 along it.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,).
-    """
-    mesh = structure.model.mesh
-    turns = np.concatenate(
-        [np.cross(axis, mesh.nodes - mesh.nodes[pivot]), np.broadcast_to(axis, (len(mesh.nodes), 3))], 1
-    )
-    turns /= float(turns[node] @ direction)
-    motion, moved = np.zeros(structure.dofs.size), mesh.connected(node)
-    numbers = structure.dofs.numbers[moved]
-    motion[numbers[numbers >= 0]] = turns[moved][numbers >= 0]
-    return motion
-
-
 def _pushed_on(structure: Structure, motion: FloatArray) -> FloatArray:
     """Return a motion with what plays between nodes push along, no play being open."""
     moved = motion.copy()

@@ -41,9 +41,8 @@ from flexcam.system import (
     total,
 )
 from flexcam.train.borne import borne
-from flexcam.train.cam_plane import pivots
 from flexcam.train.coupling import Coupling
-from flexcam.train.following import completed, swung
+from flexcam.train.following import completed
 from flexcam.train.model import Cam, CamContact, PublishedLoad
 from flexcam.train.penalty import Stateless
 from flexcam.train.springs import spring_row
@@ -88,9 +87,7 @@ def follower_train(structure: Structure, contact: PublishedLoad | CamContact, wh
     """
     if structure.is_node(contact.follower):
         node = find_node(structure.model, contact.follower, where)
-        held = pivots(structure, contact)
-        turned = [swung(structure, node, pivot, contact.shaft_axis, contact.direction) for pivot in held]
-        motion = turned[0] if turned else borne(structure, contact, node)
+        motion = borne(structure, contact, node)
     else:
         motion = structure.row(contact.follower, contact.direction, where)
     motion = completed(structure, motion)

@@ -100,6 +100,16 @@ def test_a_pivot_on_springs(finger, k, aside):
     np.testing.assert_allclose(nose[1:] - base[1:], expected[1:], atol=3e-6)
 
 
+def test_a_pivot_that_is_held_up_and_stands_on_a_spring_aside(finger):
+    """It turns about the pivot: a spring across the lift bears nothing of it."""
+    case = finger('["ux", "uy", "ry", "rz"]', ASIDE)
+    rigid = run(case, rigid=True)
+    force, pivot, tip = balanced(build_model(case).cams["intake"].event(rigid.angle, 0), np.inf)
+    found = [rigid.channels["contacts.intake.force"], *(-rigid[f"{n}.uy"].displacement for n in ("pivot", "tip"))]
+    np.testing.assert_allclose(found, [force, pivot, tip], rtol=1e-6, atol=1e-12)
+    assert stiff(case)[1][0] == pytest.approx(balanced(4e-3, np.inf)[0], rel=1e-3)
+
+
 def stiff(case):
     """Return the force of the flexible train's cam, and what pivot and tip have moved, on its base circle and nose."""
     ready, found = prepare(case), []
