@@ -39,29 +39,22 @@ def borne(structure: Structure, contact: CamContact | PublishedLoad, node: int) 
         Shape (n,).
     """
     numbers = structure.dofs.numbers[structure.model.mesh.connected(node)]
-    free = numbers >= 0
-    straight, *others = _fields(structure, contact, node)
-
-    def moved(field: FloatArray) -> FloatArray:
-        motion = np.zeros(structure.dofs.size)
-        motion[numbers[free]] = field[free]
-        return motion
-
-    asked, ways = _supported(straight[~free], np.array([one[~free] for one in others]))
+    fields, free = _fields(structure, contact, node), numbers >= 0
+    motions = np.zeros((len(fields), structure.dofs.size))
+    motions[:, numbers[free]] = fields[:, free]
+    asked, ways = _supported(fields[:, ~free])
     if asked is None:
-        return moved(straight)
-    begun = moved(straight + np.tensordot(asked, others, axes=1))
-    beside = [moved(np.tensordot(way, others, axes=1)) for way in ways]
-    if not beside:
+        return motions[0]
+    begun, beside = motions[0] + asked @ motions[1:], ways @ motions[1:]
+    if not len(beside):
         return begun
     rows = _bent(structure)
     bent = np.array([rows @ completed(structure, one) for one in (begun, *beside)]).T
-    amounts = _least(bent[:, 1:], -bent[:, 0])
-    return begun + amounts @ np.array(beside)
+    return begun + _least(bent[:, 1:], -bent[:, 0]) @ beside
 
 
-def _fields(structure: Structure, contact: CamContact | PublishedLoad, node: int) -> list[FloatArray]:
-    """Return motions of what is connected to a node, shape (m, 6): along the lift, across it, turning about the node.
+def _fields(structure: Structure, contact: CamContact | PublishedLoad, node: int) -> FloatArray:
+    """Return motions of what is joined to a node, shape (k, m, 6): along the lift, across it, turning about the node.
 
     The last is by the length of it all; a single node does not turn.
     """
@@ -71,14 +64,15 @@ def _fields(structure: Structure, contact: CamContact | PublishedLoad, node: int
     turned = np.concatenate([np.cross(axis, away), np.broadcast_to(axis, away.shape)], axis=1, dtype=np.float64)
     length = float(np.linalg.norm(away, axis=1).max())
     shifts = [np.broadcast_to(one, turned.shape) for one in (contact.direction, across)]
-    return [*shifts, *([turned / length] if length > 0.0 else [])]
+    return np.array([*shifts, *([turned / length] if length > 0.0 else [])])
 
 
-def _supported(straight: FloatArray, others: FloatArray) -> tuple[FloatArray | None, FloatArray]:
-    """Return what of other motions supports ask beside that along the lift, and the ways that they leave free.
+def _supported(held: FloatArray) -> tuple[FloatArray | None, FloatArray]:
+    """Return what of other motions supports ask beside the first, and the ways of these that they leave free.
 
-    All are given where supports hold them, shapes (h,) and (k, h); None where nothing holds still.
+    All are given where supports hold them, shape (k, h); None where they cannot hold still.
     """
+    straight, others = held[0], held[1:]
     _, sizes, ways = np.linalg.svd(others.T, full_matrices=True)
     asked = _least(others.T, -straight)
     still = np.abs(straight + asked @ others).max(initial=0.0) <= _SLIGHT
