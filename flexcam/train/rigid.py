@@ -38,6 +38,7 @@ from flexcam.train.model import CamContact, Model, PublishedLoad
 from flexcam.train.paths import Coordinate
 from flexcam.train.published import follower_train, preload
 from flexcam.train.rigid_friction import rigid_friction
+from flexcam.train.rigid_springs import SpringLaw, spring_laws
 from flexcam.train.settled import settled
 from flexcam.train.springs import spring_parts
 from flexcam.train.structure import Structure
@@ -61,6 +62,8 @@ class RigidTrain:
         What no play divides: how its motions go with each other as installed, shape (g, b).
     passed
         Force at the follower that a body passes on while its seat bears it, N, shape (g,); infinite without a seat.
+    springs
+        What springs do beside their mean stiffness.
     shared
         Force at the follower that a cam on its base circle and a seat share by their stiffness, N: it is left to the
         seat.
@@ -74,6 +77,7 @@ class RigidTrain:
     force: FloatArray
     bodies: FloatArray
     passed: FloatArray
+    springs: tuple[SpringLaw, ...]
     shared: float = 0.0
 
     def contact_force(self, event: Event) -> Callable[[CamMotion], FloatArray]:
@@ -89,7 +93,8 @@ class RigidTrain:
             h, h1, h2 = (np.stack(one, axis=-1) for one in zip(*(c(s) for c in self.coordinates), strict=True))
             inertia = (h1 * rate[..., None] + h2 * speed[..., None] ** 2) @ self.mass
             damped = (h1 * speed[..., None]) @ self.damping
-            felt = (h1 * (inertia + damped + h @ self.stiffness + self.force)) @ (self.bodies != 0.0).T
+            held = sum((one.force(h, motion.cam) for one in self.springs), h @ self.stiffness + self.force)
+            felt = (h1 * (inertia + damped + held)) @ (self.bodies != 0.0).T
             shut = np.asarray(s <= _SHUT * event.height)[..., None]
             return np.sum(np.where(shut, np.minimum(felt, self.passed), felt), axis=-1)
 
@@ -129,17 +134,17 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     if isinstance(contact, PublishedLoad):
         force[0] += preload(structure, contact, train, structure.model.cams[contact.cam], speed)
     damping += given.alpha * mass + given.beta * stiffness + _modal(mass, stiffness, bodies, given.modal)
-    held, pushed = bodies @ stiffness @ bodies.T, bodies @ force
+    held, pushed, springs = bodies @ stiffness @ bodies.T, bodies @ force, spring_laws(structure, motions)
     if isinstance(contact, PublishedLoad):  # what it pushes stands as installed
         paths = parted.coordinates(0.0 * pushed)
-        return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.inf + pushed)
+        return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.inf + pushed, springs)
     begun = settled(parted.bodies, held, pushed)
     needed, seated = held @ begun.places + pushed, np.array([one.seated for one in parted.bodies])
     passed = np.where(seated, needed - begun.seats, np.inf)
     passed[0] = 0.0 if seated[0] else np.inf
     between = seated & parted.joined(begun.places)
     return RigidTrain(
-        motions, parted.coordinates(begun.places), mass, damping, stiffness, force, bodies, passed,
+        motions, parted.coordinates(begun.places), mass, damping, stiffness, force, bodies, passed, springs,
         float(np.maximum(needed, 0.0)[between].sum()),
     )  # fmt: skip
 

@@ -324,6 +324,30 @@ def test_all_forces_on_the_rigid_model(train, key, more):
     np.testing.assert_allclose(rigid.channels["contacts.intake.force"], expected, atol=1e-6 * expected.max())
 
 
+@pytest.mark.parametrize("rigid", [False, True], ids=["stiff", "rigid"])
+@pytest.mark.parametrize("parts", [1, 4])
+@pytest.mark.parametrize("kind", ["touching coils", "pulsation"])
+def test_springs_that_are_more_than_stiff(train, kind, parts, rigid):
+    """From 6 mm on n coils touch, each with its part of the way: kc/n. What pulsates does so at any lift."""
+    key = {
+        "touching coils": "springs.valve.clash_travel=6 mm",
+        "pulsation": "springs.valve.pulsation={ order = 3, amplitude = 0.2, phase = 0.5 }",
+    }[kind]
+    more = [f"springs.valve.elements={parts}", "springs.valve.clash_stiffness=2e6"][: 2 if "clash" in key else 1]
+    more += ["springs.valve.mass=1e-6"] if parts > 1 else []
+    case, event = train(math.pi, key, *more)
+    response = run(read_case(case.path, [*case.overrides, "run.steps_per_revolution=360"]), rigid=rigid)
+    s, angle = event(response.angle, 0), response.angle
+    added = 0.2 * SPRING * np.cos(3.0 * angle + 0.5) * s
+    if kind == "touching coils":
+        added = 2e6 / parts * np.maximum(s - 6e-3, 0.0)
+    expected = needed(event, angle, math.pi) + added
+    force = response.channels["contacts.intake.force"]
+    # A contact of 2 GN/m gives 4 um under 8 kN, on coils of 2 MN/m.
+    np.testing.assert_allclose(force, expected, atol=1e-3 if rigid else 3e-3 * expected.max())
+    assert np.abs(added).max() > 0.05 * expected.max()
+
+
 def test_the_rigid_speed_counts_given_forces_and_no_damper(train):
     """A steady push closes the contact; a damper is none of inertia and springs, at any speed of the case."""
     event = train(1.0)[1]

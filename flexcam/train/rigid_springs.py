@@ -1,0 +1,72 @@
+"""What springs of a rigid train do beside their mean stiffness: coils that touch, and a stiffness that pulsates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.linalg import FloatArray
+from flexcam.system import AngleFunction, Evaluated, Storing
+from flexcam.train.coils import coils
+from flexcam.train.structure import Structure
+
+
+@dataclass(frozen=True, eq=False)
+class SpringLaw:
+    """A law of a spring's parts along the motions of a train.
+
+    Parameters
+    ----------
+    law
+        Forces from how far the parts are pressed, as in the flexible train.
+    rows
+        How far the motions press each part, shape (c, b).
+    offset
+        Prescribed part of that.
+    """
+
+    law: Storing
+    rows: FloatArray
+    offset: AngleFunction
+
+    def force(self, moved: FloatArray, cam: Evaluated) -> FloatArray:
+        """Return the forces against some motions by virtual work.
+
+        Parameters
+        ----------
+        moved
+            How far the motions have gone, m, shape (m, b).
+        cam
+            Functions of the cam at these instants.
+
+        Returns
+        -------
+        ndarray
+            N, shape (m, b).
+        """
+        pressed = moved @ self.rows.T + cam(self.offset, 0)[:, None]
+        return self.law.stored(pressed, np.zeros((len(pressed), 0)), cam.angle).by_gap @ self.rows
+
+
+def spring_laws(structure: Structure, motions: FloatArray) -> tuple[SpringLaw, ...]:
+    """Return the laws of the springs that a train moves.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    motions
+        Of the train, shape (b, n).
+
+    Returns
+    -------
+    tuple
+        None where springs are nothing but stiff.
+    """
+    found: list[SpringLaw] = []
+    for one in coils(structure).forces:
+        rows = np.array([sensed.vectors[0] for sensed in one.sense]) @ motions.T
+        if rows.any() and isinstance(one.law, Storing):
+            found.append(SpringLaw(one.law, rows, one.offset[0]))
+    return tuple(found)
