@@ -16,11 +16,11 @@ from flexcam.case import Case, build_model
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity, speed_range
 from flexcam.commands.sources import Source, named, opened
-from flexcam.held import shared
 from flexcam.response import Response, Status
 from flexcam.terminal import counting, out, print_json
 from flexcam.train import Cam, build_structure
 from flexcam.units import shaft_name
+from flexcam.untold import shared
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

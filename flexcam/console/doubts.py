@@ -8,12 +8,13 @@ from flexcam.case import unusual
 from flexcam.console.lobes import lobe_doubts
 from flexcam.console.mishaps import mishaps
 from flexcam.console.watched import Watched
-from flexcam.held import idle_loads, loose, shared, struck, unheld
+from flexcam.held import idle_loads, loose, struck, unheld
 from flexcam.linalg import share_lost
 from flexcam.memory import Extremes
 from flexcam.response import Stats
 from flexcam.runner import Prepared
 from flexcam.train import Figure, Fineness, ModelModes, coarse_cams, compressed, stiff_struts
+from flexcam.untold import pressed_shut, shared
 
 _WORTH_TELLING = 1e-4
 """Part of a deflection: four digits are what tables show."""
@@ -86,7 +87,8 @@ def input_doubts(ready: Prepared) -> list[str]:
     """
     standing = [*unheld(ready.model, ready.problem, ready.scheme), *struck(ready.case, ready.model, ready.problem)]
     idle = [*loose(ready.model), *idle_loads(ready.model, ready.problem)]
-    untold = [] if ready.problem.system.size else shared(ready.model, ready.case.speed)
+    rigid = [] if ready.problem.system.size else [one(ready.model, ready.case.speed) for one in (shared, pressed_shut)]
+    untold = [sentence for told in rigid for sentence in told]
     coarse = [*coarse_steps(ready), *_stiff(ready)]
     return [*unusual(ready.case), *lobe_doubts(ready.model), *idle, *standing, *untold, *coarse]
 

@@ -14,7 +14,6 @@ from flexcam.console.doubts import run_doubts
 from flexcam.console.watched import Watched
 from flexcam.console.words import told_apart
 from flexcam.fidelity import Comparison
-from flexcam.held import shared
 from flexcam.limits import margins
 from flexcam.report import words
 from flexcam.report.content import Chapter, Picture, Report
@@ -26,6 +25,7 @@ from flexcam.report.subject import Known, Subject
 from flexcam.runner import figures_of, scalar_probe
 from flexcam.train import Figure
 from flexcam.units import RPM
+from flexcam.untold import shared
 
 
 def report_of(subjects: Sequence[Subject], *, probe: str | None = None, asked: Asked | None = None) -> Report:

@@ -47,7 +47,8 @@ from flexcam.train.operation import (
 )
 from flexcam.train.published import follower_train
 from flexcam.train.resolution import CoarseCam, coarse_cams
-from flexcam.train.rigid import ANY_SPEED, build_rigid, shared_forces
+from flexcam.train.rigid import ANY_SPEED, build_rigid
+from flexcam.train.rigid_standing import shared_forces, touching_coils
 from flexcam.train.strength import MemberStrength, StrengthSink
 from flexcam.train.structure import Structure
 from flexcam.train.transfer import lift_transfer, valve_ratio
@@ -108,6 +109,7 @@ __all__ = [
     "shared_forces",
     "stiff_struts",
     "straight",
+    "touching_coils",
     "valve_ratio",
     "without_compression",
 ]

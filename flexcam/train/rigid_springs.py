@@ -18,6 +18,8 @@ class SpringLaw:
 
     Parameters
     ----------
+    name
+        Such as ``springs.valve.clash``.
     law
         Forces from how far the parts are pressed, as in the flexible train.
     rows
@@ -26,6 +28,7 @@ class SpringLaw:
         Prescribed part of that.
     """
 
+    name: str
     law: Storing
     rows: FloatArray
     offset: AngleFunction
@@ -45,8 +48,12 @@ class SpringLaw:
         ndarray
             N, shape (m, b).
         """
-        pressed = moved @ self.rows.T + cam(self.offset, 0)[:, None]
+        pressed = self.pressed(moved, cam)
         return self.law.stored(pressed, np.zeros((len(pressed), 0)), cam.angle).by_gap @ self.rows
+
+    def pressed(self, moved: FloatArray, cam: Evaluated) -> FloatArray:
+        """Return how far each part is pressed, m, shape (m, c), by what is given to `force`."""
+        return moved @ self.rows.T + cam(self.offset, 0)[:, None]
 
 
 def spring_laws(structure: Structure, motions: FloatArray) -> tuple[SpringLaw, ...]:
@@ -68,5 +75,5 @@ def spring_laws(structure: Structure, motions: FloatArray) -> tuple[SpringLaw, .
     for one in coils(structure).forces:
         rows = np.array([sensed.vectors[0] for sensed in one.sense]) @ motions.T
         if rows.any() and isinstance(one.law, Storing):
-            found.append(SpringLaw(one.law, rows, one.offset[0]))
+            found.append(SpringLaw(one.name, one.law, rows, one.offset[0]))
     return tuple(found)

@@ -16,8 +16,8 @@ from scipy.optimize import brentq
 
 from flexcam import build_model, prepare, read_case, run
 from flexcam.console.doubts import input_doubts
-from flexcam.held import shared
 from flexcam.limits import find_limits, margins
+from flexcam.untold import shared
 
 SOURCE = "Rigid follower"
 MASS, SPRING, INSTALLED = 0.5, 20e3, 300.0
@@ -346,6 +346,15 @@ def test_springs_that_are_more_than_stiff(train, kind, parts, rigid):
     # A contact of 2 GN/m gives 4 um under 8 kN, on coils of 2 MN/m.
     np.testing.assert_allclose(force, expected, atol=1e-3 if rigid else 3e-3 * expected.max())
     assert np.abs(added).max() > 0.05 * expected.max()
+
+
+def test_touching_coils_of_a_rigid_train_are_told(train):
+    """At 12 mm of lift, 2 mm beyond: check and run say what a flexible run says of its clearance."""
+    keys = ["cams.intake.lift=12 mm", "springs.valve.elements=4", "springs.valve.mass=0.01", "fidelity.model=rigid"]
+    told = [input_doubts(prepare(train(30.0, *keys, f"springs.valve.clash_travel={mm} mm")[0])) for mm in (10, 13)]
+    assert [[one for one in each if "coils" in one] for each in told] == [
+        ["Warning: coils of 'valve' touch: 2 mm beyond closed"], [],
+    ]  # fmt: skip
 
 
 def test_the_rigid_speed_counts_given_forces_and_no_damper(train):
