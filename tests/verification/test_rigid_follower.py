@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -268,6 +269,14 @@ def test_what_cam_and_seat_share_is_told(train):
     assert input_doubts(ready).count(told) == 1
     assert told not in input_doubts(prepare(made))  # the flexible train knows it
     assert not shared(build_model(train(30.0)[0]), 30.0)
+
+
+def test_a_share_that_nothing_tells_is_left_out(train):
+    """A contact of Hertz without a profile: the rigid train moves all the same, the flexible one cannot be made."""
+    model = build_model(train(30.0, SEATED)[0])
+    bare = replace(model, contacts=model.contacts | {"intake": replace(model.contacts["intake"], stiffness=None)})
+    (told,) = shared(bare, 30.0)
+    assert told.endswith("leaves all to the seat")
 
 
 GAP, OIL = "lash', gap = {}, stiffness = '1 GN/m'", "lash-adjuster', stiffness = 1e9, leak = 1e6, refill = 500"
