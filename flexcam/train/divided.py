@@ -130,6 +130,9 @@ def divided(structure: Structure, motion: FloatArray) -> Divided:
     for joint in _outward([*_plays(structure, motion), *_rockers(structure, motion)]):
         before = next((i for i, one in enumerate(parts) if float(joint.row @ one.motion) != 0.0), 0)
         for one in _parts_of(structure, joint, parts[before], before):
+            if twin := _twin(parts, before, one):
+                bodies[twin.body] = _least(bodies[twin.body], _body(joint, parts[before], one))
+                continue
             if one.opens:
                 bodies.append(_body(joint, parts[before], one))
             parts = [replace(old, motion=np.where(one.motion != 0.0, 0.0, old.motion)) for old in parts]
@@ -189,6 +192,19 @@ def _through(joint: _Joint, driver: Part) -> float:
     if isinstance(joint.rocker, Lever):
         return 1.0
     return float(joint.row @ driver.motion) * (joint.rocker.ratio if joint.rocker else 1.0)
+
+
+def _twin(parts: Sequence[Part], before: int, pushed: Part) -> Part | None:
+    """Return the part that another play beside this one pushes from the same body; None where there is none."""
+    own = parts[before]
+    beside = (one for one in parts if one.opens and one is not own and parts[one.before].body == own.body)
+    return next((one for one in beside if pushed.opens and np.any((one.motion != 0.0) & (pushed.motion != 0.0))), None)
+
+
+def _least(one: Body, other: Body) -> Body:
+    """Return a body behind two plays side by side: the narrower one carries, adjusters push together."""
+    gap, push = min(one.gap, other.gap), one.push + other.push
+    return replace(one, gap=gap, push=push, extends=one.extends or other.extends)
 
 
 def _body(joint: _Joint, driver: Part, first: Part) -> Body:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from flexcam.train.model import CamContact, PublishedLoad
 from flexcam.train.paths import Coordinate
 from flexcam.train.published import follower_train, preload
 from flexcam.train.rigid_springs import SpringLaw, spring_laws
-from flexcam.train.settled import settled
+from flexcam.train.settled import Body, settled
 from flexcam.train.springs import spring_parts
 from flexcam.train.structure import Structure
 
@@ -39,8 +39,9 @@ class RigidTrain:
         Of the installed springs, the weight and the given loads along them, N, shape (b,).
     bodies
         What no play divides: how its motions go with each other as installed, shape (g, b).
-    passed
-        Force at the follower that a body passes on while its seat bears it, N, shape (g,); infinite without a seat.
+    standing
+        Share of a body in the force at the follower while the cam does not lift, N, shape (g,), where it or what it
+        rests on is on its seat; else NaN.
     springs
         What springs do beside their mean stiffness.
     shared
@@ -55,7 +56,7 @@ class RigidTrain:
     stiffness: FloatArray
     force: FloatArray
     bodies: FloatArray
-    passed: FloatArray
+    standing: FloatArray
     springs: tuple[SpringLaw, ...]
     shared: float = 0.0
 
@@ -75,7 +76,7 @@ class RigidTrain:
             held = sum((one.force(h, motion.cam) for one in self.springs), h @ self.stiffness + self.force)
             felt = (h1 * (inertia + damped + held)) @ (self.bodies != 0.0).T
             shut = np.asarray(s <= _SHUT * event.height)[..., None]
-            return np.sum(np.where(shut, np.minimum(felt, self.passed), felt), axis=-1)
+            return np.sum(np.where(shut & ~np.isnan(self.standing), self.standing, felt), axis=-1)
 
         return history
 
@@ -116,16 +117,27 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     held, pushed, springs = bodies @ stiffness @ bodies.T, bodies @ force, spring_laws(structure, motions)
     if isinstance(contact, PublishedLoad):  # what it pushes stands as installed
         paths = parted.coordinates(0.0 * pushed)
-        return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.inf + pushed, springs)
+        return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.nan * pushed, springs)
     begun = settled(parted.bodies, held, pushed)
     needed, seated = held @ begun.places + pushed, np.array([one.seated for one in parted.bodies])
-    passed = np.where(seated, needed - begun.seats, np.inf)
-    passed[0] = 0.0 if seated[0] else np.inf
+    standing = _standing(parted.bodies, needed - begun.seats)
     between = seated & parted.joined(begun.places)
     return RigidTrain(
-        motions, parted.coordinates(begun.places), mass, damping, stiffness, force, bodies, passed, springs,
+        motions, parted.coordinates(begun.places), mass, damping, stiffness, force, bodies, standing, springs,
         float(np.maximum(needed, 0.0)[between].sum()),
     )  # fmt: skip
+
+
+def _standing(bodies: Sequence[Body], left: FloatArray) -> FloatArray:
+    """Return the shares of bodies in the force of a cam that does not lift, from what their own seats leave of them.
+
+    A seat on the first takes what all leave; where others bear on a seat, this has less to leave than nothing.
+    """
+    found, borne = left.copy(), [bodies[0].seated]
+    for body in bodies[1:]:
+        borne.append(body.seated or borne[body.before])
+    found[0] -= max(float(left.sum()), 0.0) if bodies[0].seated else 0.0
+    return np.where(borne, found, np.nan)
 
 
 def _modal(mass: FloatArray, stiffness: FloatArray, bodies: FloatArray, ratio: float) -> FloatArray:

@@ -78,6 +78,8 @@ NEAR = 'near = {{ from = "top", to = "bottom", direction = "uy", model = "lash",
 FAR = 'far = {{ at = "rocker", model = "lash", gap = {}, stiffness = 5e8 }}'
 PUMPING = """near = { from = "top", to = "bottom", direction = "uy", model = "lash-adjuster", stiffness = 5e8, \
 leak = 1e9, refill = 50, plunger_force = 20 }"""
+BESIDE = 'beside = { from = "top", to = "bottom", direction = "uy", model = "lash", gap = 1e-4, stiffness = 5e8 }'
+ROD_SEAT = 'rod = { at = "end", direction = "uy", model = "seat", stiffness = 5e9 }'
 SEAT = 'seat = { at = "valve", model = "seat", stiffness = 5e9 }'
 
 
@@ -139,6 +141,8 @@ ARRANGED = {
     "both, seat": ([FAR.format(4e-4), NEAR.format(3e-4), SEAT], 5.0, 300.0),
     "both, springs close them": ([NEAR.format(3e-4), FAR.format(4e-4)], 5.0, 300.0),
     "both, springs end before": ([NEAR.format(3e-4), FAR.format(4e-4)], 0.05, 6.0),
+    "a narrower one beside it": ([NEAR.format(3e-4), BESIDE, FAR.format(4e-4), SEAT], 5.0, 300.0),
+    "both, seat under the rod": ([NEAR.format(3e-4), FAR.format(4e-4), ROD_SEAT], 5.0, 300.0),
     "adjuster closes the play behind": ([PUMPING, FAR.format(4e-4), SEAT], 5.0, 300.0),
 }
 
@@ -197,3 +201,27 @@ outer = { at = "head", direction = "uy", stiffness = 20e3, installed_force = 100
     np.testing.assert_allclose(rigid["head.uy"].displacement, rigid["valve"].displacement, atol=1e-15)
     at = [int(one) for one in DEGREES]
     np.testing.assert_allclose(rigid.channels["contacts.intake.force"][at], flexible, atol=3.0)  # 110 kN/m, as above
+
+
+def test_two_rockers_on_one_rod(train):
+    """Either valve waits for its own play, and the cam feels of each what it has reached."""
+    second = [
+        'rockers.second={ model = "lumped", from = "end", to = "other", arms = [0.03, 0.036] }',
+        'masses.other={ at = "other", mass = 0.1 }',
+        'springs.other={ at = "other", direction = "uy", stiffness = 20e3, installed_force = 150 }',
+        'contacts.play={ at = "second", model = "lash", gap = 6e-4, stiffness = 5e8 }',
+        'contacts.other={ at = "other", model = "seat", stiffness = 5e9 }',
+    ]
+    path = train("ratio", NEAR.format(3e-4), FAR.format(4e-4), SEAT).path
+    case = read_case(path, [*second, "output.probes=['tappet', 'end', 'valve', 'other']"])
+    response = run(case, rigid=True)
+    s = build_model(case).cams["intake"].event(response.angle, 0)
+    rod = np.maximum(s - 3e-4, 0.0)
+    force, expected = response.channels["contacts.intake.force"], 10.0 + 1e3 * s + 500.0 * rod
+    for name, ratio, gap, installed, k in (("valve", 1.5, 4e-4, 300.0, 30e3), ("other", 1.2, 6e-4, 150.0, 20e3)):
+        lift = np.maximum(ratio * rod - gap, 0.0)
+        np.testing.assert_allclose(response[name].displacement, lift, atol=1e-15)
+        expected += np.where(lift > 0.0, ratio * (installed + k * lift), 0.0)
+    np.testing.assert_allclose(force, expected, atol=1e-3)  # inertia, as above
+    flexible = stiff(case)[:, 0]
+    np.testing.assert_allclose(force[[int(2 * one) for one in DEGREES]], flexible, atol=1.5)
