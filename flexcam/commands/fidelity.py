@@ -56,7 +56,7 @@ def trade(
     else:
         out().print(trade_table(against, found))
         out().print(TRADE_LEGEND)
-        for sentence in trade_words(against):
+        for sentence in trade_words(against, found):
             out().print("\n" + sentence)
         for path in files:
             out().print(path)

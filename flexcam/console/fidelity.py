@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from flexcam.fidelity import Choice, Error, Reference, Traded
+from flexcam.response import Cause
 from flexcam.terminal import table
 
 _SHOWN = {"m": (1e3, "mm"), "m/s": (1.0, "m/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
@@ -62,19 +63,34 @@ def _percent(share: float | None) -> str:
     return "" if share is None else f"{100.0 * share:.2g}"
 
 
-def trade_words(against: Reference) -> list[str]:
+def trade_words(against: Reference, found: Sequence[Traded]) -> list[str]:
     """Return what is doubtful about a ladder, in words.
 
     Parameters
     ----------
-    against
-        The reference.
+    against, found
+        As for `trade_table`.
 
     Returns
     -------
     list
-        A sentence where the reference itself errs by more than a few percent; none where its errors are small.
+        A sentence where the reference itself errs by more than a few percent, and one where the method of the case
+        refuses steps of some models; none where all is well.
     """
+    return [*_rough(against), *_refused(found)]
+
+
+def _refused(found: Sequence[Traded]) -> list[str]:
+    """Return which models were not run, and the first reason."""
+    refused = [one for one in found if one.status.cause is Cause.REFUSED]
+    if not refused:
+        return []
+    models = {one.rung: [str(other.steps) for other in refused if other.rung == one.rung] for one in refused}
+    told = "; ".join(f"{name} at {', '.join(steps)}" for name, steps in models.items())
+    return [f"Not run, as the method of the case refuses such steps: {told}. The first: {refused[0].status.text}"]
+
+
+def _rough(against: Reference) -> list[str]:
     shares = {name: error / against.size[name] for name, error in against.errors.items() if against.size[name] > 0.0}
     rough = [f"{name} ({_percent(share)} %)" for name, share in shares.items() if share > _ROUGH]
     if not rough:
@@ -104,7 +120,7 @@ def trade_json(against: Reference, found: Sequence[Traded]) -> dict[str, object]
     return {
         "reference": {"steps_per_revolution": against.steps, "errors": own, "sizes": against.size},
         "rungs": [traded_json(one) for one in found],
-        "warnings": trade_words(against),
+        "warnings": trade_words(against, found),
     }
 
 

@@ -15,7 +15,7 @@ from flexcam.fidelity.measure import Measured, distance, measured
 from flexcam.fidelity.rungs import Rung, as_beams, ladder, measured_run, steps_of, with_elements
 from flexcam.integrate import integrated, solve
 from flexcam.response import Advance, Cause, Response, RunFailedError, Status, counted, heed
-from flexcam.runner import Prepared, standing
+from flexcam.runner import Prepared, prepare, standing
 
 _REFINED = 4
 """Steps of the reference, times those of the case; its elements are three times as many."""
@@ -106,6 +106,8 @@ def reference(case: Case, probe: str, until: float | None = None) -> Reference:
     -------
     Reference
         Of flexible members, three times the elements and four times the steps of the case, whatever model it asks for.
+        By average acceleration where the case's method is not stable at every step: finer elements swing faster than
+        the steps follow.
 
     Raises
     ------
@@ -118,7 +120,7 @@ def reference(case: Case, probe: str, until: float | None = None) -> Reference:
         where, why = case.place(("run", "start")), "a result fits one mesh, and others are tried"
         raise refuse(where, "a start from a result", "another start", why, "give rest, equilibrium, periodic or values")
     steps = steps_of(case)
-    beams = as_beams(case).with_run({"path": "auto"})  # which its size decides; the ways agree to rounding
+    beams = _sound(as_beams(case).with_run({"path": "auto"}))  # which its size decides; the ways agree to rounding
     try:
         finest, coarser = (
             measured_run(Rung("reference", "", with_elements(beams, factor=elements)).stepped(n * steps), probe, until)
@@ -131,6 +133,12 @@ def reference(case: Case, probe: str, until: float | None = None) -> Reference:
         raise InputError(_of_finer(fault) for fault in refusal.faults) from None
     errors = {name: _COVERS * value for name, value in distance(finest, coarser, rms=True).items()}
     return Reference(finest, errors, {name: finest.size(name) for name in errors}, _REFINED * steps)
+
+
+def _sound(case: Case) -> Case:
+    """Return a case whose method is stable at every step: itself, or by average acceleration."""
+    limited = case.record.run.integrator.made().stable_to() < math.inf
+    return case.with_average_acceleration() if limited else case
 
 
 _NAMED = f"the reference, of {_FINER} times the elements and {_REFINED} times the steps"
@@ -165,7 +173,7 @@ def candidates(case: Case) -> list[Rung]:
     counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _FEWEST or n == 1)]
     return sorted(
         (rung.stepped(n) for rung in ladder(case) for n in counts),
-        key=lambda rung: (_size(standing(rung.case)), steps_of(rung.case)),
+        key=lambda rung: (_size(standing(_sound(rung.case))), steps_of(rung.case)),
     )
 
 
@@ -194,9 +202,12 @@ def tried(
     Returns
     -------
     Traded
-        Without errors where its run ended early.
+        Without errors where its run ended early, or its method refuses such steps.
     """
-    ready = rung.prepared(until)
+    try:
+        ready = rung.prepared(until)
+    except InputError as refusal:
+        return _refused(rung, refusal)
     response, first = _timed(ready, until)
     seconds = [first, *(_timed(ready, until)[1] for _ in range(repeats - 1))]
     errors: dict[str, float] = {}
@@ -207,6 +218,15 @@ def tried(
         rung.name, rung.words, steps_of(rung.case), response.stats.unknowns,
         response.stats.unknowns * ready.problem.steps, statistics.median(seconds), errors, response.status,
     )  # fmt: skip
+
+
+def _refused(rung: Rung, refusal: InputError) -> Traded:
+    """Return a rung whose method does not take its steps; any other refusal is one of the case."""
+    if not all(fault.where.startswith("run.") for fault in refusal.faults):
+        raise refusal
+    problem = prepare(_sound(rung.case)).problem
+    unknowns, status = integrated(problem), Status(Cause.REFUSED, "; ".join(map(str, refusal.faults)))
+    return Traded(rung.name, rung.words, steps_of(rung.case), unknowns, unknowns * problem.steps, 0.0, {}, status)
 
 
 def _timed(ready: Prepared, until: float | None) -> tuple[Response, float]:

@@ -123,4 +123,6 @@ def _trade(case: Case, probe: str) -> Extra:
         f"The table has the numbers ({TRADE_LEGEND})."
     )
     title = "What a cheaper model costs in error"
-    return Extra(tuple(trade_words(against)), (table,), (Picture(title, png_of(work_precision_figure(rungs)), words),))
+    return Extra(
+        tuple(trade_words(against, rungs)), (table,), (Picture(title, png_of(work_precision_figure(rungs)), words),)
+    )

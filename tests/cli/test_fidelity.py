@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import csv
 import re
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flexcam import read_case, read_result, run
+from flexcam.checks import refuse
 from flexcam.console.fidelity import trade_table
 from flexcam.fidelity import Measured, Reference, Traded
-from flexcam.response import Status
+from flexcam.response import Cause, RunFailedError, Status
 from flexcam.terminal import out
 
 ROOT = Path(__file__).parents[2]
 FEW = ("run.revolutions=1", "run.steps_per_revolution=360")
+TRADE = import_module("flexcam.fidelity.trade")  # its function has the same name
 FEW_SET = [word for one in FEW for word in ("--set", one)]
 
 
@@ -100,18 +103,49 @@ def test_a_rough_reference_is_told(flexcam, ladder):
     assert ladder["warnings"] == []
 
 
-@pytest.mark.parametrize(
-    ("method", "code", "said"),
-    [
-        ('"newmark", beta = 0.1, gamma = 0.5', 3, "times the steps: "),
-        ('"central-difference"', 2, "times the steps; a motion"),
-    ],
-)  # fmt: skip
-def test_a_reference_that_cannot_be_is_named(trade, method, code, said):
-    """Its elements are finer than those of the case, whose own steps may be short enough."""
-    done = trade("--set", f"run.integrator={{ method = {method} }}", "--set", "run.steps_per_revolution=4000")
-    assert done.code == code
-    assert f"the reference, of 3 times the elements and 4 {said}" in done.err
+def test_a_reference_that_fails_is_named(trade, monkeypatch):
+    """Its elements and steps are other than those of the case, whose own run need not fail."""
+
+    def failing(*asked):
+        raise RunFailedError(Status(Cause.NO_CONVERGENCE, "the forces do not settle"))
+
+    monkeypatch.setattr(TRADE, "measured_run", failing)
+    done = trade()
+    assert done.code == 3
+    assert "the reference, of 3 times the elements and 4 times the steps: the forces do not settle" in done.err
+
+
+def test_steps_that_a_method_cannot_take_are_no_reason_to_refuse_the_others(trade):
+    """The case's own steps are short enough; fewer, or those of twice the elements, are not."""
+    explicit = ("--set", "run.integrator.method=central-difference", "--set", "run.steps_per_revolution=4000")
+    done = trade(*explicit, "--json")
+    assert done.code == 0
+    rungs = {(one["model"], one["steps_per_revolution"]): one for one in done.json["rungs"]}
+    refused = {key for key, one in rungs.items() if one["status"] == "refused"}
+    assert {("beams", 2000), ("beams x2", 4000)} <= refused
+    assert all(not rungs[key]["errors"] and not rungs[key]["best"] for key in refused)
+    # Second order in the steps: 4000 of them leave some 1e-6 of the lift against the reference of finer elements.
+    assert rungs["beams", 4000]["errors"]["lift"] < 1e-5
+    (told,) = done.json["warnings"]
+    assert "beams x2 at 500, 1000, 2000, 4000. The first: run.step" in told
+    assert "with central-difference" in told
+    # Where the method is bound by the step, the reference is that of average acceleration.
+    plain = trade("--set", "run.steps_per_revolution=4000", "--json").json
+    assert done.json["reference"] == plain["reference"]
+
+
+def test_another_refusal_of_a_model_ends_the_ladder(trade, monkeypatch):
+    """Only what a method says of its steps is told in a row."""
+    refusal = refuse("memory", "9 TB", "8 GB")
+
+    def prepared(*asked):
+        raise refusal
+
+    monkeypatch.setattr("flexcam.fidelity.rungs.Rung.prepared", prepared)
+    monkeypatch.setattr(TRADE, "reference", lambda *asked: None)
+    done = trade()
+    assert done.code == 2
+    assert "memory: given 9 TB" in done.err
 
 
 def test_json_holds_the_ladder(ladder):
