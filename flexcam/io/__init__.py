@@ -20,6 +20,7 @@ from flexcam.io.pvd import write_pvd
 from flexcam.io.regular import text_of
 from flexcam.io.result import Result, read_result
 from flexcam.io.result_size import points_drawn, result_bytes
+from flexcam.io.scratch import scratch
 from flexcam.io.sealed import seal, seal_fault
 from flexcam.io.target import free_to_write, made_folder, named_as_folder, takes_files
 from flexcam.io.toml_text import toml_text
@@ -53,6 +54,7 @@ __all__ = [
     "read_profile",
     "read_result",
     "result_bytes",
+    "scratch",
     "seal",
     "seal_fault",
     "takes_files",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-def hold(file: int) -> None:
+def hold(file: int) -> bool:
     """Take the lock of an open file; it ends with the process, however that ends, or with the descriptor.
 
     Where there are no such locks nobody is kept out: on some network drives, and where the system has none (Windows).
@@ -13,6 +13,11 @@ def hold(file: int) -> None:
     file
         Its descriptor.
 
+    Returns
+    -------
+    bool
+        Whether there are such locks.
+
     Raises
     ------
     BlockingIOError
@@ -21,10 +26,11 @@ def hold(file: int) -> None:
     try:
         import fcntl
     except ImportError:
-        return
+        return False
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         raise
     except OSError:
-        return
+        return False
+    return True

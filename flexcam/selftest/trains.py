@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -14,7 +12,7 @@ from flexcam.case.starters import new_case
 from flexcam.fidelity import loaded_mode
 from flexcam.integrate import solve
 from flexcam.integrate.compiled.machine import available
-from flexcam.io import read_result
+from flexcam.io import read_result, scratch
 from flexcam.response import Response
 from flexcam.runner import Prepared, prepare, result_file
 from flexcam.selftest.check import Check
@@ -31,8 +29,8 @@ def trains() -> Iterator[Check]:
     Check
         Whether it passes or not.
     """
-    with TemporaryDirectory(prefix="flexcam-selftest-", ignore_cleanup_errors=True) as folder:
-        case = read_case(new_case("published-model", Path(folder) / "case.toml")[0])
+    with scratch() as folder:
+        case = read_case(new_case("published-model", folder / "case.toml")[0])
         yield Check(
             "speed at which the loaded mode resonates", _PAPER, 4027.0, loaded_mode(case)[1], 0.5 / 4027.0, "rpm"
         )

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import os
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any, cast
 
 from flexcam.case import CaseFile
-from flexcam.io import file_beside
+from flexcam.io import file_beside, scratch
 from flexcam.sweep.plan import Plan
 
 _LONGEST = 255
@@ -118,9 +119,10 @@ def opened(source: Bundle | Path) -> CaseFile:
     """
     if isinstance(source, Path):
         return CaseFile.opened(source)
-    folder = tempfile.TemporaryDirectory(prefix="flexcam-", ignore_cleanup_errors=True)
-    _folders.append(folder)  # removed when the process ends
-    return CaseFile.opened(source.unpacked(Path(folder.name)))
+    return CaseFile.opened(source.unpacked(_folders.enter_context(scratch())))
 
 
-_folders: list[tempfile.TemporaryDirectory[str]] = []
+_folders = ExitStack()
+"""Folders that are removed when the process ends."""
+
+atexit.register(_folders.close)

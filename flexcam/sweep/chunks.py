@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from flexcam.case import Case, CaseFile, build_model
 from flexcam.checks import InputError
+from flexcam.io import scratch
 from flexcam.response import Cause
 from flexcam.sweep.bundle import Bundle, opened
 from flexcam.sweep.evaluate import Row, evaluate, refused
@@ -191,9 +191,9 @@ def _ran(case: Case, model: Model | None, *, runs: int, channels: bool) -> Outco
 
 def _kept(case: Case, model: Model | None, *, runs: int) -> Outcome:
     """Run a case and return its result file too."""
-    with tempfile.TemporaryDirectory(prefix="flexcam-", ignore_cleanup_errors=True) as folder:
-        row = evaluate(case, folder=Path(folder), model=model, runs=runs)
-        written = next(Path(folder).iterdir(), None)
+    with scratch() as folder:
+        row = evaluate(case, folder=folder, model=model, runs=runs)
+        written = next(folder.iterdir(), None)
         if written is None:
             return Outcome(row)
         return Outcome(row, (written.name.removeprefix(case.name), written.read_bytes()))

@@ -8,7 +8,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import tempfile
 import threading
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -21,6 +20,7 @@ from typing import Protocol
 
 from flexcam import __version__
 from flexcam.checks import refuse
+from flexcam.io import scratch
 from flexcam.response import Cause, RunFailedError, Status
 from flexcam.sweep.bundle import Bundle
 from flexcam.sweep.chunks import Outcome, evaluated
@@ -88,8 +88,8 @@ class Processes:
 
 @contextmanager
 def _unpacked(bundle: Bundle) -> Generator[Path]:
-    with tempfile.TemporaryDirectory(prefix="flexcam-", ignore_cleanup_errors=True) as folder:
-        yield bundle.unpacked(Path(folder))
+    with scratch() as folder:
+        yield bundle.unpacked(folder)
 
 
 @contextmanager
