@@ -41,9 +41,8 @@ def told_optimum(design: Design, found: Evaluations) -> Told:
         f"Best of {len(found.rows)} variants" if best is not None else "Nearest to all bounds, which no variant meets"
     )
     rows = [(goal.words, f"{shown(value_of(row, goal.name))} {_unit(row.units, goal.name)}".strip())]
-    rows += [
-        (f"--set {one.partition('=')[0]}", one.partition("=")[2]) for one in design.points.overrides(found.points[at])
-    ]
+    point = zip(design.points.variables, found.points[at].tolist(), strict=True)
+    rows += [(f"--set {one.key}", f"{shown(x)}{one.unit}") for one, x in point]  # every digit: --json, --csv, -o
     tables = [facts(head, rows)]
     if design.bounds:
         tables.append(_bounds(design, found, at))

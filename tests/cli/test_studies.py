@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 import signal
 import subprocess
 import sys
@@ -183,6 +184,20 @@ def test_lightest_spring_for_a_frequency(flexcam, oscillator, tmp_path):
     again = flexcam("optimize", oscillator, *told, "--json").json
     assert again["best"] == done.json["best"]
     assert flexcam("optimize", oscillator, *told, "-o", best).code == 2  # it is there
+
+
+def test_the_table_has_no_digits_that_say_nothing(flexcam, oscillator, tmp_path):
+    """Six, as in other tables, as an override that can be copied; JSON has every digit."""
+    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
+            "--subject", "frequency.1 >= 110 Hz", "--evaluations", "24")  # fmt: skip
+    (whole,) = flexcam("optimize", oscillator, *told, "--json").json["best"]["overrides"]
+    key, _, value = whole.partition("=")
+    digits = value.removesuffix("kN/m")
+    assert len(digits) > 10
+    shown = flexcam("optimize", oscillator, *told).out
+    row = next(line for line in shown.splitlines() if f"--set {key}" in line)
+    (told_value,) = re.findall(r"[\d.]+(?=kN/m)", row)
+    assert told_value == f"{float(digits):.6g}"
 
 
 def test_the_best_of_a_case_with_a_mesh_can_be_run(flexcam, tmp_path):
