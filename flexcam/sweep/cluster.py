@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import socket
 import warnings
 from collections.abc import Generator
 from concurrent.futures import Future
@@ -12,7 +13,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from flexcam import __version__
-from flexcam.checks import InputError, refuse
+from flexcam.checks import InputError, refuse, said
 from flexcam.sweep.bundle import Bundle
 from flexcam.sweep.chunks import Outcome, evaluated
 from flexcam.sweep.workers import Pool, Variants, undisturbed
@@ -127,15 +128,33 @@ def _greet(asked: Cluster) -> None:
 
     try:
         asyncio.run(greeted())
-    except (OSError, ValueError, TypeError) as fault:
-        raise _nobody(asked, str(fault) or "it keeps silent") from None
+    except OSError as fault:  # also of the time that is over
+        raise _nobody(asked, *_silence(fault)) from None
+    except (ValueError, TypeError) as fault:
+        raise _nobody(asked, str(fault), "write it as tcp://HOST:PORT") from None
     except (MemoryError, EOFError, RuntimeError, LookupError, AttributeError):
-        raise _nobody(asked, "something else does") from None
+        raise _nobody(asked, "something else does", "check the port") from None
 
 
-def _nobody(asked: Cluster, why: str) -> InputError:
-    why, remedy = f"none answers there within {_PATIENCE:g} s: {why}", "start one: dask scheduler; or use --workers N"
-    return refuse("--scheduler", asked.address or "nothing", "the address of a Dask scheduler", why, remedy)
+def _silence(fault: BaseException) -> tuple[str, str]:
+    """Return why nobody answered, which Dask tries again until the time is over, and what to do."""
+    first = fault
+    while (behind := first.__cause__ or first.__context__) is not None:
+        first = behind
+    if isinstance(first, ConnectionRefusedError):
+        return "the connection is refused: no program listens on that port", "start one there: dask scheduler"
+    if isinstance(first, socket.gaierror):
+        return f"no machine is known by that name ({first.strerror})", "check the name, or give the number"
+    if isinstance(first, OSError) and first.errno:
+        return said(first), "check the address and the network"
+    why = "it keeps silent: no scheduler, or a firewall or a machine that is off"
+    return why, "check that a scheduler runs there and its port is open"
+
+
+def _nobody(asked: Cluster, why: str, remedy: str) -> InputError:
+    told = f"none answers there within {_PATIENCE:g} s: {why}"
+    given = asked.address or "nothing"
+    return refuse("--scheduler", given, "the address of a Dask scheduler", told, f"{remedy}; or use --workers N")
 
 
 def _answers(client: Any, asked: Cluster) -> None:  # noqa: ANN401 - distributed has no types
