@@ -7,6 +7,7 @@ from pydantic_core import ErrorDetails
 _KINDS = {
     "string_type": "a text", "bool_type": "true or false", "bool_parsing": "true or false", "list_type": "a list",
     "tuple_type": "a list", "dict_type": "a table", "float_type": "a number", "float_parsing": "a number",
+    "int_type": "a whole number", "int_parsing": "a whole number", "int_from_float": "a whole number",
 }  # fmt: skip
 """What it calls a valid string, boolean, list, tuple, dictionary or number."""
 

@@ -52,9 +52,9 @@ class Polynomial:
 
     def __post_init__(self) -> None:
         p, least = self.exponents, 1 if self.conditions else 2
-        if len(p) < 2 or p[0] < least or p[-1] > _LARGEST or any(b <= a for a, b in pairwise(p)):
+        if why := _impossible(p, least):
             allowed = f"two or more whole numbers, ascending from {least}, up to {_LARGEST}"
-            raise refuse("exponents", list(p), allowed, "" if self.conditions else "s' must vanish at z = 0")
+            raise refuse("exponents", list(p), allowed, why)
         if self.conditions:
             self._check_conditions()
 
@@ -110,6 +110,19 @@ class Polynomial:
         dense = np.zeros(self.exponents[-1] + 1)
         dense[list(self.exponents)] = self.coefficients
         return _derived(dense, order), _derived(self._from_end, order)
+
+
+def _impossible(p: tuple[int, ...], least: int) -> str:
+    """Return why some exponents make no law; nothing for an empty text."""
+    if len(p) < 2:
+        return "one power alone does not come to rest"
+    if min(p) < least:
+        return "s must begin at 0" if least == 1 else "s and s' must vanish at z = 0"
+    if max(p) > _LARGEST:
+        return f"beyond {_LARGEST} too many digits are lost between the ends"
+    if twice := [b for a, b in pairwise(sorted(p)) if a == b]:
+        return f"{twice[0]} stands there twice"
+    return "" if list(p) == sorted(p) else "they do not ascend"
 
 
 def _power(z: float, order: int, exponent: int) -> Fraction:

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from flexcam.case import given_law
 from flexcam.checks import InputError
 from flexcam.motion import LAWS, Polynomial
 
@@ -107,5 +108,25 @@ def test_refused(case):
 
 
 def test_without_conditions_the_first_power_is_refused_because_it_starts_with_a_velocity():
-    with pytest.raises(InputError, match="s' must vanish at z = 0"):
+    with pytest.raises(InputError, match="s and s' must vanish at z = 0"):
         Polynomial((1, 2, 3))
+
+
+@pytest.mark.parametrize(
+    ("exponents", "reason"),
+    [
+        ((3,), "does not come to rest"),
+        ((0, 4), "s and s' must vanish"),
+        ((3, 4, 61), "too many digits"),
+        ((3, 4, 4), "4 stands there twice"),
+        ((5, 4, 3), "do not ascend"),
+    ],
+)
+def test_exponents_are_refused_for_their_own_reason(exponents, reason):
+    with pytest.raises(InputError, match=reason):
+        Polynomial(exponents)
+
+
+def test_a_broken_exponent_is_told_to_be_a_whole_number():
+    with pytest.raises(InputError, match="a whole number is needed there"):
+        given_law({"id": "polynomial", "exponents": [2.5, 4, 5]})
