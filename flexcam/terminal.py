@@ -62,6 +62,17 @@ class _Out(Console):
         raise BrokenPipeError
 
 
+def note(sentence: str) -> None:
+    """Tell something beside the answer, on standard error.
+
+    Parameters
+    ----------
+    sentence
+        What to tell.
+    """
+    sys.stderr.write(printable(f"{sentence}\n"))
+
+
 def print_json(content: object) -> None:
     """Print one JSON object to standard output; numbers that are not finite are a fault of flexcam.
 

@@ -42,6 +42,7 @@ def load(words: Sequence[str]) -> None:
     words
         Of the command line.
     """
+    running.command = words[0] if words else ""
     called = [file for file, commands in FILES.items() if words and words[0] in commands]
     for file in called or FILES:
         import_module(f"flexcam.commands.{file}")

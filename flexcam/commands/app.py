@@ -15,13 +15,16 @@ from cyclopts import App, Parameter
 from flexcam import __version__
 from flexcam.case import Case, read_case
 from flexcam.checks import refuse
+from flexcam.commands.unused import unused
+from flexcam.terminal import note
 from flexcam.units import RPM, parse
 
 
 @dataclass
 class Running:
-    """What the signal handler and a running solution know of each other."""
+    """What the signal handler and a running solution know of each other, and the command that is under way."""
 
+    command: str = ""
     signals: list[int] = field(default_factory=list[int])
     solving: bool = False
 
@@ -82,8 +85,16 @@ def quantity(where: str, text: str, dimension: str, unit: str) -> float:
 
 
 def load(path: Path, overrides: Sequence[str] | None) -> Case:
-    """Read a case with the values of ``--set`` laid over it."""
-    return read_case(path, overrides or ())
+    """Read a case with the values of ``--set`` laid over it; what of it the command does not act on is told."""
+    case = read_case(path, overrides or ())
+    tell_unused(overrides, case)
+    return case
+
+
+def tell_unused(overrides: Sequence[str] | None, case: Case | None = None) -> None:
+    """Tell what the command under way does not act on; of a file with cams alone, what is laid over it."""
+    for sentence in unused(running.command, overrides or (), case):
+        note(sentence)
 
 
 def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:

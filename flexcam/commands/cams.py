@@ -15,7 +15,7 @@ from flexcam.cam import PRESSURE_ANGLE, bridged, lift_from_profile
 from flexcam.cams import CamFacts, cam_facts, load_cams, overlaps, profile_table
 from flexcam.case import given_follower
 from flexcam.checks import did_you_mean, positive, refuse
-from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity
+from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity, tell_unused
 from flexcam.console.cams import cam_json, cam_table, overlap_table, read_table, smoothing_table
 from flexcam.io import free_to_write, made_folder, named_as_folder, read_profile, write_lift_table, write_profile
 from flexcam.terminal import out, print_json
@@ -48,6 +48,7 @@ def cam(
     if folder is not None:
         named_as_folder(folder)
     cams = load_cams(case, overrides or ())
+    tell_unused(overrides)
     if name is not None and name not in cams.cams:
         raise refuse("--cam", repr(name), ", ".join(cams.cams), "", did_you_mean(name, cams.cams))
     wheel = quantity("--cutter", cutter, "length", "mm") if cutter is not None else None

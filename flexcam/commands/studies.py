@@ -26,6 +26,7 @@ from flexcam.commands.app import (
     bracket,
     free_picture,
     speed_range,
+    tell_unused,
 )
 from flexcam.commands.app import CaseFile as CasePath
 from flexcam.console.optimum import goal_history, told_front, told_optimum
@@ -122,6 +123,7 @@ class _Asked:
     ) -> None:  # fmt: skip
         self.file, self.fixed = CaseFile.opened(path), tuple(overrides or ())
         self.case = self.file.read(self.fixed)
+        tell_unused(self.fixed, self.case)
         self.names = tuple(dict.fromkeys(names))
         of_limits = any(name.startswith("limits.") for name in names)
         for end, given in (("--lowest", lowest), ("--highest", highest)):

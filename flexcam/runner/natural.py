@@ -54,7 +54,8 @@ def modes(
     """
     if prestress is None:
         return model_modes(build_structure(build_model(case)), count)
-    ready = prepare(case.with_run({"start": prestress}))
+    flexible = case.with_fidelity({"model": "beams", "modes": None, "reduction": "modes"})
+    ready = prepare(flexible.with_run({"start": prestress}))
     state = ready.problem.start or State.rest(ready.problem.system.size)
     return model_modes(build_structure(ready.model), count, loaded=state.displacement)
 

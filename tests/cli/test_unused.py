@@ -1,0 +1,98 @@
+"""No key that a user gave is passed over in silence: it takes effect, or is told to have no part in the command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from flexcam.case import CaseRecord
+from flexcam.commands import FILES
+from flexcam.commands.unused import UNUSED
+
+DATA = Path(__file__).parents[1] / "data"
+INLINE = DATA / "inline.toml"
+
+COMMANDS = {name for names in FILES.values() for name in names}
+
+
+def known(key):
+    """Tell whether a key, or a table, is one of the case format."""
+    record = CaseRecord
+    for step in key.split("."):
+        if step not in record.model_fields:
+            return False
+        inner = record.model_fields[step].annotation
+        record = inner if hasattr(inner, "model_fields") else record
+    return True
+
+
+@pytest.mark.parametrize("row", UNUSED, ids=lambda row: " ".join([*row.commands, *row.keys]))
+def test_the_table_names_what_there_is(row):
+    assert set(row.commands) <= COMMANDS
+    assert all(known(key) for key in (*row.keys, *row.but))
+    assert row.why
+    assert row.remedy
+
+
+LAID = [
+    "run.revolutions=3", "run.steps_per_revolution=900", "run.path=general", "run.adaptive={tolerance=1e-3}",
+    "run.start=equilibrium", 'run.integrator={method="bathe"}', "run.damping.modal=0.05", "output.field_every=7",
+    "fidelity.model=sdof", "fidelity.model=rigid", "fidelity.tolerance=20%", "fidelity.estimate=true",
+    "fidelity.modes=3",
+]  # fmt: skip
+"""Keys of a run and of its model, with values that its file does not have."""
+
+
+@pytest.mark.parametrize("prestress", [(), ("--prestress", "equilibrium")])
+@pytest.mark.parametrize("laid", LAID)
+def test_what_changes_no_mode_is_told(flexcam, laid, prestress):
+    words = ("modes", INLINE, *prestress, "--json")
+    done = flexcam(*words, "--set", laid)
+    assert done.code == 0
+    assert done.json == flexcam(*words).json
+    key = laid.partition("=")[0]
+    assert done.err.startswith(f"Note: {key} (--set")
+    assert "has no part in modes: natural modes " in done.err
+    assert done.err.count("\n") == 1
+
+
+def test_what_changes_modes_is_not_told(flexcam):
+    plain = flexcam("modes", INLINE, "--json")
+    assert plain.err == ""  # the file has a whole run, which is nothing to tell
+    done = flexcam("modes", INLINE, "--set", "springs.valve.stiffness=50kN/m", "--json")
+    assert done.err == ""
+    assert done.json != plain.json
+
+
+def test_a_key_of_the_file_is_told_by_its_line(flexcam, tmp_path):
+    """The tolerance of a case chooses the model of a run; what looks at one model cannot follow it."""
+    text = INLINE.read_text(encoding="utf-8") + '\n[fidelity]\ntolerance = "5 %"\nestimate = true\n'
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
+    line = text.splitlines().index('tolerance = "5 %"') + 1
+    told = f"Note: fidelity.tolerance (line {line}), fidelity.estimate (line {line + 1}) have no part in "
+    for command in ("stability", "compare", "orders"):
+        done = flexcam(command, "case.toml", "--json")
+        assert done.code == 0
+        assert done.err.startswith(f"{told}{command}: it takes the model as the case names it; flexcam run ")
+    assert flexcam("sensitivity", "case.toml", "--of", "frequency.1", "--to", "springs.valve.stiffness").err.startswith(
+        f"Note: fidelity.estimate (line {line + 1}) has no part in sensitivity"
+    )
+    assert flexcam("check", "case.toml").err == ""
+
+
+def test_a_run_acts_on_everything_but_what_is_for_others(flexcam):
+    words = ("run", INLINE, "--set", "run.steps_per_revolution=360", "--overwrite")
+    assert flexcam(*words, "--set", "fidelity.tolerance=20%").err == ""
+    done = flexcam(*words, "--set", "sweep.seed=3")
+    assert done.err == "Note: sweep.seed (--set) has no part in run: that table is for flexcam sweep; leave it out\n"
+    done = flexcam(*words, "--set", "fidelity.masses=5")
+    assert "has no part in this case: they are those of a chain, and the model is beams" in done.err
+
+
+def test_the_cams_alone(flexcam):
+    done = flexcam("cam", INLINE, "--set", "springs.valve.stiffness=30kN/m", "--set", "run.speed=2000rpm")
+    assert done.code == 0
+    assert done.err == (
+        "Note: springs.valve.stiffness (--set) has no part in cam: it looks at the cams alone; leave it out\n"
+    )
