@@ -16,6 +16,7 @@ from flexcam.cams import CamFacts, cam_facts, load_cams, overlaps, profile_table
 from flexcam.case import given_follower
 from flexcam.checks import did_you_mean, positive, refuse
 from flexcam.commands.app import Json, Overrides, Overwrite, app, quantity, tell_unused
+from flexcam.commands.targets import apart
 from flexcam.console.cams import cam_json, cam_table, overlap_table, read_table, smoothing_table
 from flexcam.io import free_to_write, made_folder, named_as_folder, read_profile, write_lift_table, write_profile
 from flexcam.terminal import out, print_json
@@ -147,6 +148,7 @@ def lift(
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Say what a cam given by points of its profile does to a follower, and write the lift as a table."""
+    apart({"--output": output}, [profile])
     if base_radius is not None:
         positive("--base-radius", quantity("--base-radius", base_radius, "length", "mm"), "m")
     if not _LEAST_POINTS <= points <= _MOST_POINTS:

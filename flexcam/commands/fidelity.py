@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from flexcam import fidelity
 from flexcam.checks import refuse
 from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load
+from flexcam.commands.targets import apart
 from flexcam.console.fidelity import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_words
 from flexcam.io import free_to_write, write_text
 from flexcam.runner import prepare, scalar_probe
@@ -33,6 +34,7 @@ def trade(
     """Run the models of a case against a converged one: what each costs, and by how much it errs."""
     if repeats < 1:
         raise refuse("--repeats", repeats, "a whole number from 1")
+    apart({"--csv": csv, "--plot": plot}, [case])
     read = load(case, overrides)
     if csv is not None:
         free_to_write("output", csv, overwrite=overwrite)

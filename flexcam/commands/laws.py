@@ -11,7 +11,8 @@ from cyclopts import Parameter
 from flexcam.case import given_law, law_file
 from flexcam.case.toml import toml
 from flexcam.checks import did_you_mean, refuse
-from flexcam.commands.app import Json, Overwrite, Picture, app
+from flexcam.commands.app import Json, Overwrite, Picture, app, free_picture
+from flexcam.commands.targets import apart
 from flexcam.console.laws import law_facts, law_json, laws_table, spectrum_table
 from flexcam.motion import LAWS, Law, criteria, kind_names, residual_spectrum
 from flexcam.terminal import out, print_json
@@ -86,6 +87,9 @@ def _drawn(found: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *
     """Draw laws and what vibration they leave behind, where that is asked for."""
     if plot is None and spectrum is None:
         return
+    apart({"--plot": plot, "--spectrum": spectrum})
+    free_picture(plot, overwrite)
+    free_picture(spectrum, overwrite)
     from flexcam.view import law_figure, save_figure, spectrum_figure
 
     for path, figure in ((plot, law_figure), (spectrum, spectrum_figure)):

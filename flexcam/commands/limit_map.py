@@ -13,6 +13,7 @@ from flexcam.case import CaseFile
 from flexcam.checks import refuse
 from flexcam.commands.answers import write_answer
 from flexcam.commands.app import Overrides, free_picture
+from flexcam.commands.targets import apart
 from flexcam.console.limit_map import axis_words, told_limit_map
 from flexcam.io import free_to_write
 from flexcam.limits import Search
@@ -35,6 +36,7 @@ def map_limits(
     if over is None or beside is None:
         given = "--over alone" if over else "--and alone" if beside else "--limit, --workers, --csv or --plot alone"
         raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "they belong to a map over two numbers")
+    apart({"--csv": csv, "--plot": plot}, [path])
     free_picture(plot, overwrite)
     if csv is not None:
         free_to_write("output", csv, overwrite=overwrite)

@@ -23,6 +23,7 @@ from flexcam.commands.app import (
     load_beams,
     speed_range,
 )
+from flexcam.commands.targets import apart
 from flexcam.console.campbell import campbell_json, campbell_table, crossing_table, ended_early, nothing_known
 from flexcam.console.orders import orders_csv, orders_json, orders_table
 from flexcam.io import free_to_write, write_text
@@ -111,6 +112,7 @@ def orders(
     """
     if highest_order < 1:
         raise refuse("--orders", highest_order, "a whole number from 1")
+    apart({"--csv": csv, "--plot": plot}, [case])
     read = load(case, overrides)
     scale = read.turns
     low, high = speed_range(lowest, highest, count, read.speed, scale)

@@ -29,6 +29,7 @@ from flexcam.commands.app import (
     tell_unused,
 )
 from flexcam.commands.app import CaseFile as CasePath
+from flexcam.commands.targets import apart
 from flexcam.console.optimum import goal_history, told_front, told_optimum
 from flexcam.console.sensitivity import told_derivatives, told_scatter, told_shares
 from flexcam.io import free_to_write, write_text
@@ -84,6 +85,7 @@ def sensitivity(
     overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Tell how scalars follow the numbers of a case: derivatives, shares of their variance, or the scatter of parts."""
+    apart({"--csv": csv, "--plot": plot}, [case])
     free_picture(plot, overwrite)
     if csv is not None:
         free_to_write("output", csv, overwrite=overwrite)
@@ -258,6 +260,7 @@ def optimize(
     overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Find the best variant of a case within bounds; of two goals, those of which none is better in both."""
+    apart({"--output": target, "--csv": csv, "--plot": plot}, [case])
     free_picture(plot, overwrite)
     for path in (csv, target):
         if path is not None:

@@ -14,6 +14,7 @@ from flexcam.case.read import holds_mechanism
 from flexcam.checks import positive, refuse
 from flexcam.commands.app import Json, Overrides, Overwrite, Picture, app, free_picture, load, quantity
 from flexcam.commands.cams import CamName
+from flexcam.commands.targets import apart
 from flexcam.console.synthesis import (
     LEGEND,
     harmonic_table,
@@ -25,7 +26,7 @@ from flexcam.console.synthesis import (
     synthesis_table,
 )
 from flexcam.design import harmonic_cam, polydyne_cam, polydyne_of
-from flexcam.io import made_folder, write_law, write_lift
+from flexcam.io import free_to_write, made_folder, write_law, write_lift
 from flexcam.motion import event_extremes
 from flexcam.synthesis import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesized, minimax, pareto
 from flexcam.terminal import out, print_json
@@ -140,6 +141,8 @@ def _numbers(where: str, given: list[str], default: float | None) -> dict[str, f
         name, equals, text = one.partition("=")
         if not equals and default is None:
             raise refuse(where, repr(one), "CRITERION=VALUE, such as Cj=52.5")
+        if name.strip() in found:
+            raise refuse(where, repr(one), "every criterion once", f"{name.strip()} is given twice", "leave one out")
         found[name.strip()] = parse(text.strip(), "number", where) if equals else default or 0.0
     return found
 
@@ -153,15 +156,24 @@ def _condition(text: str) -> tuple[float, int, float]:
         raise refuse("--condition", repr(text), allowed) from None
 
 
+def _paths(output: Path | None, count: int) -> list[Path]:
+    """Return the files of some laws, numbered where they are several; none where none is asked for."""
+    if output is None:
+        return []
+    if count == 1:
+        return [output]
+    return [output.with_name(f"{output.stem}-{i}{output.suffix}") for i in range(1, count + 1)]
+
+
 def _law_files(
     front: list[Synthesized], goals: tuple[str, str] | None, output: Path | None, plot: Path | None, *, overwrite: bool
 ) -> list[Path]:
     """Write what is asked for of a law, or of a front of two criteria, the goals."""
     files: list[Path] = []
-    for i, found in enumerate(front, start=1):
-        if output is None:
-            break
-        path = output if len(front) == 1 else output.with_name(f"{output.stem}-{i}{output.suffix}")
+    paths = _paths(output, len(front))
+    for path in paths:  # before anything is written
+        free_to_write("output", path, overwrite=overwrite)
+    for found, path in zip(front, paths, strict=False):
         about = {"flexcam": __version__, **{k: v for k, v in synthesis_json(found).items() if v is not None}}
         files.append(write_law(found.law, made_folder(path.parent) / path.name, about=about, overwrite=overwrite))
     if plot is not None:
@@ -187,6 +199,7 @@ def synthesize_harmonic(
     output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Replace a cam's lift by harmonics that its train cannot resonate with, dwells kept strictly."""
+    apart({"--output": output}, [case])
     strict, wide = (
         quantity("--tolerance", tolerance, "length", "um"),
         None if bound is None else quantity("--bound", bound, "length", "mm"),
@@ -224,6 +237,7 @@ def synthesize_polydyne(
     output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Find the cam that makes the valve move as the case's cam would move it if everything were rigid."""
+    apart({"--output": output}, [case])
     at = None if speed is None else positive("--speed", quantity("--speed", speed, "speed", "rpm"), "rad/s")
     if damping and frequency is None:
         raise refuse("--damping", damping, "nothing without --frequency", "the case's train has its own")

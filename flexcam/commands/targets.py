@@ -1,0 +1,44 @@
+"""Files that a command writes: refused before anything is computed where they would take each other's place."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from flexcam.checks import Fault, InputError
+
+
+def apart(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None:
+    """Refuse files that stand in each other's place, or in that of what the command reads, also to be overwritten.
+
+    Parameters
+    ----------
+    written
+        Option to the file that it names; None where it was not given.
+    read
+        Files that are read.
+
+    Raises
+    ------
+    InputError
+        With a fault per file that is in the place of one before it.
+
+    Examples
+    --------
+    >>> apart({"--csv": Path("table.csv"), "--plot": Path("table.svg")}, [Path("case.toml")])
+    """
+    taken = {_real(path): "what is read" for path in read}
+    faults: list[Fault] = []
+    for option, path in written.items():
+        if path is None:
+            continue
+        if (other := taken.setdefault(_real(path), option)) != option:
+            why = "it would be lost" if other == "what is read" else "the one would replace the other"
+            faults.append(Fault(option, str(path), f"another file than {other}", why, "name another file"))
+    if faults:
+        raise InputError(faults)
+
+
+def _real(path: Path) -> str:
+    return os.path.realpath(path)
