@@ -13,6 +13,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 
@@ -64,7 +65,7 @@ def _misspelt(words: Sequence[str], fault: CycloptsError) -> Fault:
     """Return a command line that is none, in the words of this one."""
     command = [word for word in words[:1] if any(word in commands for commands in FILES.values())]
     why, remedy = str(fault), ""
-    if found := re.match(r'Command "\S+" parameter (--\S+) requires an argument', why):
+    if found := re.match(r'Command "[^"]+" parameter (--\S+) requires an argument', why):
         option = found[1]
         why = f"{option[2:].upper()} ({option}) is missing"
         if option in words:
@@ -93,8 +94,23 @@ def _signal_code() -> int:
     return TERMINATED if signal.SIGTERM in running.signals else INTERRUPTED
 
 
+def _empty(words: Sequence[str]) -> list[Fault]:
+    """Return a fault per option of a file that is followed by an empty word, which Python takes for this folder."""
+    pairs = [*pairwise(words), *(tuple(word.partition("=")[::2]) for word in words if word.endswith("="))]
+    why, remedy = "such as by a variable of the shell that is not set", "name one, or leave the option out"
+    return [
+        Fault(one, "nothing", "a file or a folder", why, remedy) for one, other in pairs if one in _FILES and not other
+    ]
+
+
+_FILES = ("-o", "--output", "--csv", "--plot", "--spectrum", "--save", "--mac")
+"""Options that name one."""
+
+
 def _dispatch(words: Sequence[str]) -> int:
     as_json = "--json" in words
+    if empty := _empty(words):
+        return _refused(empty, as_json)
     try:
         load(words)
         status = app(words, exit_on_error=False, print_error=False, result_action="return_value")

@@ -108,12 +108,15 @@ def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
     return case
 
 
+_MOST_SPEEDS = 10_000
+
+
 def speed_range(
     lowest: str | None, highest: str | None, count: int, speed: float, scale: float, most: float = 1.5
 ) -> tuple[float, float]:
     """Return the speeds of the camshaft between which a command looks; from half to `most` times the case's."""
-    if count < 2:
-        raise refuse("--count", count, "a whole number from 2")
+    if not 2 <= count <= _MOST_SPEEDS:
+        raise refuse("--count", count, f"a whole number from 2 to {_MOST_SPEEDS}", "each speed is a run")
     low = 0.5 * speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
     high = most * speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
     if not high > low:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
@@ -42,12 +42,16 @@ def cam(
     pressure_angle: Annotated[str, Parameter(help="Largest allowed.")] = f"{math.degrees(PRESSURE_ANGLE):g} deg",
     points: Annotated[int, Parameter(help="Of the profile, per revolution.")] = 720,
     plot: Annotated[Path | None, Parameter(help="Folder for pictures.")] = None,
-    plot_format: Annotated[Literal["svg", "png", "pdf"], Parameter(help="Of the pictures.")] = "svg",
+    plot_format: Annotated[
+        Literal["svg", "png", "pdf"] | None, Parameter(help="Of the pictures; svg by default.")
+    ] = None,
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Say what the cams of a file do: lift, joints, valve events, profile and its limits; write profiles to files."""
+    _with_a_folder(folder, forms, plot, plot_format)
     if folder is not None:
         named_as_folder(folder)
+    kind = plot_format or "svg"
     cams = load_cams(case, overrides or ())
     tell_unused(overrides)
     if name is not None and name not in cams.cams:
@@ -63,7 +67,7 @@ def cam(
     _folder_of_pictures(plot)
     files: list[Path] = []
     for one in found:  # before anything is written
-        for path in _picture_names(plot / f"{cams.name}-{one}", plot_format).values() if plot is not None else ():
+        for path in _picture_names(plot / f"{cams.name}-{one}", kind).values() if plot is not None else ():
             free_to_write("picture", path, overwrite=overwrite)
     for one, facts in found.items():
         if folder is not None and facts.profile is not None:
@@ -71,7 +75,7 @@ def cam(
             table = profile_table(facts.profile, wheel)
             files += write_profile(table, stem, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
         if plot is not None:
-            files += _pictures(made_folder(plot) / f"{cams.name}-{one}", plot_format, facts, overwrite=overwrite)
+            files += _pictures(made_folder(plot) / f"{cams.name}-{one}", kind, facts, overwrite=overwrite)
     pairs = overlaps(found)
     if as_json:
         print_json({
@@ -91,6 +95,19 @@ def cam(
         out().print(overlap_table(pairs))
     for path in files:
         out().print(str(path))
+
+
+def _with_a_folder(
+    folder: Path | None, forms: Sequence[str] | None, plot: Path | None, plot_format: str | None
+) -> None:
+    """Refuse the form of files that are not asked for."""
+    for option, given, other, asked in (
+        ("--format", forms, "-o", folder),
+        ("--plot-format", plot_format, "--plot", plot),
+    ):
+        if given and asked is None:
+            told, why = given if isinstance(given, str) else ", ".join(given), "no such file is asked for"
+            raise refuse(option, told, f"{option} with {other} only", why, f"add {other} FOLDER")
 
 
 def _profile_asked(found: Mapping[str, CamFacts], folder: Path | None, cutter: str | None) -> None:

@@ -86,6 +86,9 @@ def _two(case: Path, against: str, probe: str | None, overrides: Overrides, as_j
     if case.suffix == _RESULT:
         from flexcam.commands.sources import Source
 
+        if overrides and Path(against).suffix == _RESULT:
+            why = "both have been computed"
+            raise refuse("--set", overrides[0], "a case among what is compared", why, "give the case, or leave it out")
         one, read = read_result(case).response, None
         at = probe or scalar_probe(Source(case).ready)
     else:

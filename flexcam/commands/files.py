@@ -64,6 +64,7 @@ def export(
         ("--paraview", "pvd", macro, "the macro opens that collection"),
         ("--field", "pvd", fields is not None, "the collection has fields"),
         ("--probe", "csv", probes is not None, "the table has probes"),
+        ("--every", form if form in ("pvd", "csv") else "pvd or csv", every != 1, "a mesh has no instants"),
         ("--instants", "csv", instants is not None, "the table has instants between those of the run"),
     ):
         if given and form != needed:
@@ -100,14 +101,16 @@ def _collection(
     return [first, write_macro(first, shown, degrees, overwrite=overwrite), *rest]
 
 
+_MOST_INSTANTS = 10_000_000
+
+
 def _at_instants(response: Response, count: int | None) -> Response:
     """Return a response at so many evenly spaced instants; None for its own."""
     if count is None:
         return response
-    if count < 2 or len(response.time) < 2:
-        raise refuse(
-            "--instants", f"{count} of a run of {len(response.time)} instants", "2 or more, of a run of 2 or more"
-        )
+    if not 2 <= count <= _MOST_INSTANTS or len(response.time) < 2:
+        given = f"{count} of a run of {len(response.time)} instants"
+        raise refuse("--instants", given, f"2 to {_MOST_INSTANTS}, of a run of 2 or more")
     return response.at(np.linspace(float(response.time[0]), float(response.time[-1]), count))
 
 

@@ -67,4 +67,7 @@ def _axis(option: str, setting: str) -> Axis:
     key, equals, spec = setting.partition("=")
     if not equals:
         raise refuse(option, repr(setting), f"{option} KEY=SPEC, such as springs.valve.stiffness=40:70:5kN/m")
+    if key.strip() in ("run.speed", "run.crank_speed"):
+        why = "a limit is a speed, looked for from --lowest to --highest: that of the case has no part in it"
+        raise refuse(option, key.strip(), "another number of the case", why, "vary a part")
     return axis(key.strip(), spec, where=f"{option} {setting}")

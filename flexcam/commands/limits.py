@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
+from flexcam.checks import positive, refuse
 from flexcam.commands.app import (
     CaseFile,
     Json,
@@ -16,6 +17,7 @@ from flexcam.commands.app import (
     Picture,
     app,
     bracket,
+    free_picture,
     load_beams,
     quantity,
     speed_range,
@@ -64,7 +66,7 @@ def limits(
     scale = read.turns
     low, high = speed_range(lowest, highest, 2, read.speed, scale, most=2.0)
     width = bracket("--tolerance", tolerance, scale)
-    height = quantity("--bounce-height", bounce_height, "length", "mm")
+    height = positive("--bounce-height", quantity("--bounce-height", bounce_height, "length", "mm"), "m", zero=True)
     if any(one is not None for one in (over, beside, which, workers, csv, plot)):
         from flexcam.commands.limit_map import map_limits
 
@@ -105,7 +107,8 @@ def parting(
     read = load_beams(case, overrides)
     scale = read.turns
     low, high = speed_range(lowest, highest, count, read.speed, scale)
-    part = parse(tolerance, "number")
+    part = positive("--tolerance", parse(tolerance, "number", "--tolerance"), "1", zero=True)
+    free_picture(plot, overwrite)
     with counting(count, "speeds") as shown:
         found = compare_models(read, np.linspace(low, high, count).tolist(), contact=contact, advance=shown)
     shaft = shaft_name(scale)
@@ -132,7 +135,7 @@ def stability(
     case: CaseFile, *,
     lowest: Annotated[str | None, Parameter(help="Lowest speed of a map; that of the case alone by default.")] = None,
     highest: Annotated[str | None, Parameter(help="Highest speed of a map.")] = None,
-    count: Annotated[int, Parameter(help="Speeds of the map, evenly between both.")] = 11,
+    count: Annotated[int | None, Parameter(help="Speeds of the map, evenly between both; 11 by default.")] = None,
     plot: Annotated[Path | None, Parameter(help="Also draw the map: .svg, .png or .pdf.")] = None,
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
@@ -143,15 +146,20 @@ def stability(
     read = load_beams(case, overrides)
     scale = read.turns
     if lowest is None and highest is None and plot is None:
+        if count is not None:
+            why, remedy = "the case's speed alone is looked at", "add a range, or leave it out"
+            raise refuse("--count", count, "--count with --lowest, --highest or --plot only", why, remedy)
         found = find_causes(read)
         if as_json:
             print_json({"status": "ok", **stability_json(found, scale)})
         else:
             out().print(stability_table(found, scale))
         return
-    low, high = speed_range(lowest, highest, count, read.speed, scale)
-    with counting(count, "speeds") as shown:
-        every = over_speeds(read, np.linspace(low, high, count).tolist(), advance=shown)
+    number = 11 if count is None else count
+    low, high = speed_range(lowest, highest, number, read.speed, scale)
+    free_picture(plot, overwrite)
+    with counting(number, "speeds") as shown:
+        every = over_speeds(read, np.linspace(low, high, number).tolist(), advance=shown)
     if plot is not None:
         from flexcam.view import growth_figure, save_figure, titled
 

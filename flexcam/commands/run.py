@@ -28,7 +28,7 @@ from flexcam.console.doubts import run_doubts
 from flexcam.console.ran import Ran, ran_json, ran_parts
 from flexcam.console.watched import Watched
 from flexcam.integrate import solve
-from flexcam.io import named_as_folder, takes_files
+from flexcam.io import free_to_write, named_as_folder, takes_files
 from flexcam.response import Cause, RunFailedError, Stats, Status
 from flexcam.runner import (
     budget_of,
@@ -70,6 +70,8 @@ def run(
     until = None if time_limit is None else time.monotonic() + duration("--time-limit", time_limit)
     given = load(case, overrides)
     takes_files(named_as_folder(folder))
+    if not resume:  # before anything is computed to choose a model
+        free_to_write("result", folder / f"{given.name}.vtkhdf", overwrite=overwrite)
     read, choice = fidelity.chosen(given, until)
     probe = scalar_probe(standing(read)) if read.record.fidelity.estimate else ""
     ready = prepare(read, until=until, allow_large=allow_large)

@@ -161,10 +161,14 @@ def _whole_numbers(where: str, text: str) -> list[int]:
     """Return the numbers of an option: ``1:12``, ``1,2,4`` or one."""
     if found := re.fullmatch(r"\s*(\d{1,4})\s*:\s*(\d{1,4})\s*", text):
         first, last = int(found[1]), int(found[2])
-        if 1 <= first <= last:
+        if 1 <= first <= last <= _MOST_ORDERS:
             return list(range(first, last + 1))
     elif re.fullmatch(r"\s*\d{1,4}\s*(,\s*\d{1,4}\s*)*", text):
         numbers = [int(one) for one in text.split(",")]
-        if min(numbers) >= 1:
+        if min(numbers) >= 1 and max(numbers) <= _MOST_ORDERS:
             return sorted(set(numbers))
-    raise refuse(where, repr(text), "whole numbers from 1: 1:12, or 1,2,4")
+    raise refuse(where, repr(text), f"whole numbers from 1 to {_MOST_ORDERS}: 1:12, or 1,2,4")
+
+
+_MOST_ORDERS = 1000
+"""What a lift has above says nothing: its harmonics are below a thousandth of the largest long before."""

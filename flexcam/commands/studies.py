@@ -270,6 +270,9 @@ def optimize(
     goals = (*(study.Goal(name) for name in least or ()), *(study.Goal(name, most=True) for name in most or ()))
     if len(goals) not in (1, 2):
         raise refuse("goals", f"{len(goals)} of --least and --most", "one, or two for a front")
+    if len({goal.name for goal in goals}) < len(goals):
+        why = "of one quantity there is no front: every variant would be on it"
+        raise refuse("--least, --most", f"{goals[0].name} twice", "two different quantities", why, "leave one out")
     bounds = study.constraints_of(subject or ())
     names = [*(goal.name for goal in goals), *(bound.name for bound in bounds)]
     options = "--least, --most or --subject"

@@ -110,6 +110,11 @@ def unused(command: str, overrides: Sequence[str], case: Case | None = None) -> 
     ['Note: run.revolutions (--set) has no part in limits: it runs a few revolutions at each speed; leave it out']
     """
     laid = [one.partition("=")[0].strip() for one in overrides]
+    twice = [
+        f"Note: --set {one} has no part: --set {overrides[last]} is laid over it; leave one out"
+        for i, one in enumerate(overrides)
+        if (last := len(laid) - 1 - laid[::-1].index(laid[i])) != i
+    ]
     found: dict[tuple[str, str], list[str]] = {}
     for row in UNUSED:
         if command in row.commands:
@@ -117,7 +122,7 @@ def unused(command: str, overrides: Sequence[str], case: Case | None = None) -> 
             told = told if row.laid or case is None else [case.place(key) for key in _given(case, row.keys)]
             found.setdefault((row.why, row.remedy), []).extend(told)
     sentences = [_sentence(keys, command, *reason) for reason, keys in found.items() if keys]
-    return [*sentences, *_of_others(command, laid), *_idle(command, case)]
+    return [*twice, *sentences, *_of_others(command, laid), *_idle(command, case)]
 
 
 def _sentence(keys: Sequence[str], command: str, why: str, remedy: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -51,8 +50,8 @@ def view(
     from flexcam.view.rendering import ready_to_render
     from flexcam.view.saving import FRAMES, free_to_save, save
 
-    if not math.isfinite(scale):
-        raise refuse("--scale", scale, "a finite number")
+    if not abs(scale) <= _LARGEST_SCALE:
+        raise refuse("--scale", scale, f"a finite number, up to {_LARGEST_SCALE:g} by size", "a picture shows no more")
     angle = None if at is None else quantity("--at", at, "angle", "deg")
     pixels = _pixels(size)
     if picture is not None:
@@ -97,6 +96,7 @@ def _pixels(text: str) -> tuple[int, int]:
 
 
 _LEAST, _MOST = 64, 8192
+_LARGEST_SCALE = 1e6
 
 
 def _read(source: Path, overrides: Overrides) -> tuple[Case, Result | None]:

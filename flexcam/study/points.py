@@ -108,6 +108,8 @@ def given_twice(option: str, keys: Sequence[str]) -> list[Fault]:
 def _variable(case: Case, setting: str, where: str) -> Variable:
     key, _, spec = (part.strip() for part in setting.partition("="))
     number = number_of(case, key, where)  # or there is no such key
+    if not spec:
+        raise refuse(where, "no interval", f"{key}=LOW:HIGHunit, such as {key}=0.9:1.1{number.unit.removeprefix('SI')}")
     ends = axis(key, spec, where=where)
     low, *_, high = ends.values[0], ends.values[-1]
     if not ends.interval or low.number is None or high.number is None:

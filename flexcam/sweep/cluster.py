@@ -11,6 +11,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
+from urllib.parse import urlsplit
 
 from flexcam import __version__
 from flexcam.checks import InputError, refuse, said
@@ -127,6 +128,7 @@ def _greet(asked: Cluster) -> None:
                 await scheduler.identity()
 
     try:
+        _ = urlsplit(asked.address).port  # Dask takes one beyond 65535 for another
         asyncio.run(greeted())
     except OSError as fault:  # also of the time that is over
         raise _nobody(asked, *_silence(fault)) from None

@@ -1,0 +1,99 @@
+"""Options that contradict, repeat, lack their other half or are far too large: refused, or told, never passed over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+INLINE = ROOT / "tests/data/inline.toml"
+ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
+CAM = ROOT / "cases/cams/li-fb2.toml"
+HUGE = "100000000000"
+STIFF = "springs.valve.stiffness"
+
+REFUSED = {
+    "too many speeds of a map": (("stability", INLINE, "--lowest", "1000rpm", "--count", HUGE), "2 to 10000"),
+    "too many speeds to part": (("parting", ENGINE, "--count", HUGE), "2 to 10000"),
+    "too many speeds for orders": (("orders", INLINE, "--count", HUGE), "2 to 10000"),
+    "too many speeds for modes": (("campbell", INLINE, "--count", HUGE), "2 to 10000"),
+    "too many speeds of a picture": (("plot", INLINE, "--what", "campbell", "--count", HUGE), "2 to 10000"),
+    "too many orders": (("campbell", INLINE, "--orders", "1:9999"), "1 to 1000"),
+    "speeds of no map": (("stability", INLINE, "--count", "5"), "--lowest, --highest or --plot only"),
+    "a negative height": (("limits", ENGINE, "--bounce-height=-1mm"), "zero or more"),
+    "a negative part": (("parting", ENGINE, "--tolerance=-5%"), "--tolerance: given -0.05"),
+    "a part in mm": (("parting", ENGINE, "--tolerance", "5mm"), "--tolerance: given '5mm'"),
+    "no picture of that kind": (("parting", ENGINE, "--plot", "x.bmp"), ".svg"),
+    "a limit over speed": (
+        ("limits", ENGINE, "--over", "run.crank_speed=1000:2000:500rpm", "--and", "masses.valve.mass=80:90:10g"),
+        "--over: given run.crank_speed; allowed: another number",
+    ),
+    "an interval without its option": (
+        ("optimize", INLINE, "--vary", STIFF, "--least", "frequency.1"), f"no interval; allowed: {STIFF}=LOW:HIGH",
+    ),
+    "one goal twice": (
+        ("optimize", INLINE, "--vary", f"{STIFF}=30:60kN/m", "--least", "frequency.1", "--most", "frequency.1"),
+        "two different quantities",
+    ),
+    "forms without a folder": (("cam", CAM, "--format", "csv"), "--format with -o only"),
+    "a kind without pictures": (("cam", CAM, "--plot-format", "png"), "--plot-format with --plot only"),
+    "a mesh at instants": (("export", INLINE, "--format", "msh", "--every", "2"), "a mesh has no instants"),
+    "a huge scale": (("view", INLINE, "--scale", "1e300", "--save", "x.png"), "up to 1e+06"),
+    "no folder": (("run", INLINE, "-o", ""), "-o: given nothing; allowed: a file or a folder"),
+    "no folder at all": (("run", INLINE, "--output="), "--output: given nothing"),
+    "no table": (("trade", INLINE, "--csv", ""), "--csv: given nothing"),
+    "a word that is missing": (("synthesize", "law"), "MINIMIZE (--minimize) is missing"),
+    "a port beyond all ports": (
+        ("sweep", INLINE, "--set", "run.speed=1000,2000rpm", "--scheduler", "tcp://127.0.0.1:99999"), "out of range",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_refused_before_anything_is_computed(flexcam, what):
+    words, said = REFUSED[what]
+    done = flexcam(*words)
+    assert done.code == 2
+    assert said in done.err
+    assert not [path for path in Path().rglob("*") if path.is_file()]
+
+
+@pytest.fixture
+def result(flexcam):
+    assert flexcam("run", INLINE, "--set", "run.steps_per_revolution=360").code == 0
+    return Path("results/inline.vtkhdf")
+
+
+def test_what_is_laid_over_results_is_refused(flexcam, result):
+    done = flexcam("compare", result, "--against", result, "--set", "run.speed=1rpm")
+    assert done.code == 2
+    assert "--set: given run.speed=1rpm; allowed: a case among what is compared" in done.err
+    few = ("--set", "run.steps_per_revolution=360")
+    assert flexcam("compare", result, "--against", INLINE, *few).code == 0
+
+
+def test_instants_beyond_all_tables(flexcam, result):
+    done = flexcam("export", result, "--format", "csv", "--instants", HUGE)
+    assert done.code == 2
+    assert "2 to 10000000" in done.err
+
+
+def test_a_result_that_is_there_is_told_before_a_model_is_chosen(flexcam, result, monkeypatch):
+    def choosing(*asked):
+        raise AssertionError
+
+    monkeypatch.setattr("flexcam.fidelity.chosen", choosing)
+    done = flexcam("run", INLINE, "--set", "fidelity.tolerance=1%")
+    assert done.code == 2
+    assert "result: given results/inline.vtkhdf; allowed: a file that does not exist yet" in done.err
+
+
+def test_a_key_laid_over_twice_is_told(flexcam):
+    done = flexcam(
+        "check", INLINE, "--set", "run.speed=1000rpm", "--set", "run.revolutions=1", "--set", "run.speed=2rpm"
+    )
+    assert done.code == 0
+    assert (
+        done.err == "Note: --set run.speed=1000rpm has no part: --set run.speed=2rpm is laid over it; leave one out\n"
+    )
