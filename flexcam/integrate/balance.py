@@ -18,6 +18,7 @@ from flexcam.linalg import (
     TOO_MUCH,
     FloatArray,
     IntArray,
+    SingularMatrixError,
     Triplets,
     diagonal_scale,
     factorize_held,
@@ -90,12 +91,20 @@ def balanced(
                 raise RunFailedError(TOO_FINE)
             _refuse_unstable(potential, u, tangent)
             return u
-        step = factorize_held(tangent, free, hold).solve(missing)
+        step = _step(tangent, free, hold, missing)
         part, energy = potential.shortened(u, step, missing, energy)
         u, before = u + part * step, most
     missing, _, tangent = potential.at(u)
     _refuse_unstable(potential, u, tangent)
     raise _unbalanced(system, missing, free)
+
+
+def _step(tangent: Triplets, free: FloatArray, hold: float, missing: FloatArray) -> FloatArray:
+    """Return the step of Newton: where the free motions are held, a tangent is singular by rounding alone."""
+    try:
+        return factorize_held(tangent, free, hold).solve(missing)
+    except SingularMatrixError:
+        raise RunFailedError(TOO_FINE) from None
 
 
 def _refuse_unstable(potential: _Potential, u: FloatArray, tangent: Triplets) -> None:

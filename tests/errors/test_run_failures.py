@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from flexcam import prepare, read_case
 from flexcam.integrate import Problem, SaveAt, State, newmark, solve
 from flexcam.linalg import DENSE_LIMIT, Triplets
 from flexcam.response import Cause, RunFailedError
@@ -136,6 +139,14 @@ def test_interrupt_keeps_what_is_finished():
     assert sink.status is response.status
     assert len(response.time) >= 50
     assert_kept(response)
+
+
+def test_nodes_nearly_at_one_place_leave_no_digits():
+    """An element of 30 nm beside one of 55 mm: stiffnesses 18 decades apart, found while the contacts balance."""
+    case = Path(__file__).parents[2] / "cases/direct-acting/bucket.toml"
+    with pytest.raises(RunFailedError) as failed:
+        prepare(read_case(case, ['nodes.front.0="3e-05 mm"']))
+    assert failed.value.status.cause is Cause.ROUNDING
 
 
 def test_every_cause_has_its_own_words():
