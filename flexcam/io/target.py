@@ -29,7 +29,8 @@ def free_to_write(where: str, path: Path, *, overwrite: bool, remedy: str = _REM
     Raises
     ------
     InputError
-        If it exists and may not be replaced, is a folder or a symbolic link to nothing, or its folder cannot be made.
+        If it exists and may not be replaced, is a folder or a symbolic link to nothing, or its folder cannot be made or
+        takes no files.
     """
     if path.is_symlink() and not path.exists():  # whose target it would make is not known
         remedy = "remove the link, or name another file"
@@ -40,15 +41,23 @@ def free_to_write(where: str, path: Path, *, overwrite: bool, remedy: str = _REM
         raise refuse(where, str(path), "a file that does not exist yet", "nothing is written over", remedy)
     if why := _barred(path.parent):
         raise refuse("folder", str(path.parent), _MADE, why, "name another")
+    if (path.is_file() or not path.exists()) and not os.access(_nearest(path.parent), os.W_OK | os.X_OK):
+        raise refuse("folder", str(path.parent), _TAKES, "it may not be written", "name another")
 
 
-_MADE, _NOWHERE = "a folder that can be made", "a symbolic link stands there that leads nowhere"
+_MADE, _TAKES = "a folder that can be made", "a folder that takes files"
+_NOWHERE = "a symbolic link stands there that leads nowhere"
+
+
+def _nearest(folder: Path) -> Path:
+    """Return a folder, or the nearest above it of what is there."""
+    whole = folder.absolute()
+    return next(one for one in (whole, *whole.parents) if os.path.lexists(one))
 
 
 def _barred(folder: Path) -> str:
     """Return what stands in the place of a folder or of one above it; nothing for an empty text."""
-    whole = folder.absolute()
-    above = next(one for one in (whole, *whole.parents) if os.path.lexists(one))
+    above = _nearest(folder)
     if above.is_dir():
         return ""
     return f"{above} is a symbolic link that leads nowhere" if above.is_symlink() else f"{above} is a file"
@@ -129,7 +138,7 @@ def takes_files(folder: Path) -> None:
             pass
     except OSError as fault:
         why = said(fault)
-        raise refuse("folder", str(folder), "a folder that takes files", why, "name another with -o") from None
+        raise refuse("folder", str(folder), _TAKES, why, "name another with -o") from None
     finally:
         for one in missing:
             with suppress(OSError):

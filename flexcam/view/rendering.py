@@ -8,7 +8,7 @@ import subprocess
 import sys
 from functools import cache
 
-from flexcam.checks import refuse
+from flexcam.checks import refuse, said
 from flexcam.response import Cause, RunFailedError, Status
 
 _WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
@@ -85,6 +85,8 @@ def _drawn_by(window: str, *, off_screen: bool) -> str:
         )
     except subprocess.TimeoutExpired:
         return f"drawing took more than {_PATIENCE:g} s"
+    except OSError as fault:  # no interpreter of its own, or one that may not be started
+        return f"no process can be started: {said(fault)}"
     if done.returncode == 0:
         return ""
     lines = [_HEAD.sub("", _COLOUR.sub("", line)).strip() for line in done.stderr.splitlines()]

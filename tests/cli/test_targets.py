@@ -64,3 +64,29 @@ def test_an_ordinary_link_to_a_folder_is_followed(tmp_path):
     takes_files(tmp_path / "link/below")
     assert os.path.lexists(made_folder(tmp_path / "link/below"))
     assert (tmp_path / "real/below").is_dir()
+
+
+@pytest.mark.parametrize("words", [
+    ("trade", "--csv"), ("trade", "--plot"), ("orders", "--csv"),
+    ("optimize", "--vary", "springs.valve.stiffness=30:60kN/m", "--least", "frequency.1", "-o"),
+])  # fmt: skip
+def test_a_folder_that_may_not_be_written_is_told_before_anything_is_computed(
+    flexcam, case, tmp_path, monkeypatch, words
+):
+    """Root may write everywhere: the system's answer stands for that to anybody else."""
+    locked = tmp_path / "locked"
+    locked.mkdir()
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != locked)
+    name = {"--csv": "x.csv", "--plot": "x.svg", "-o": "x.toml"}[words[-1]]
+    command, *options = words
+    for below in (locked, locked / "deeper"):
+        done = flexcam(command, case, *options, below / name)
+        assert done.code == 2
+        assert f"folder: given {below}; allowed: a folder that takes files; it may not be written" in done.err
+    assert not list(locked.iterdir())
+
+
+def test_a_device_takes_what_is_written(monkeypatch):
+    """Whatever may be made beside it."""
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    free_to_write("output", Path("/dev/null"), overwrite=True)
