@@ -28,9 +28,9 @@ along springs at it; a train of masses and springs alone needs no material, sect
 Files that a case names lie in its folder, up to two folders above it, or below these; [security.md](security.md) has the reasons
 and the way to allow others. A number that is possible but hardly meant, such as `E = 207` (207 Pa: did you mean 207 GPa?), is not
 refused: `check`, `run` and the report tell it, with what was likely meant, and the result keeps the sentence. So are components
-that two supports hold, springs on what a support holds, members that nothing touches, loads on nothing, contacts that no
-spring closes before the cam turns, and lobes that cannot be made: undercut, or thinner than their shaft. A whole case without
-a mesh file:
+that two supports hold, springs on what a support holds, members that nothing touches, parts that nothing uses, loads on
+nothing, contacts that no spring closes before the cam turns, and lobes that cannot be made: undercut, or thinner than their
+shaft. A whole case without a mesh file:
 
 ```toml
 """

@@ -15,7 +15,7 @@ _ROUND = 300.0
 
 
 def odd(case: Case) -> Iterator[str]:
-    """Yield which numbers of a case contradict each other or lack their unit, in words.
+    """Yield which keys of a case contradict each other, lack their unit or have no part in it, in words.
 
     Parameters
     ----------
@@ -31,6 +31,7 @@ def odd(case: Case) -> Iterator[str]:
     yield from _materials(case)
     yield from _sections(case)
     yield from _models(case)
+    yield from _spare(case)
 
 
 def _bare_speeds(case: Case) -> Iterator[str]:
@@ -90,6 +91,23 @@ def _models(case: Case) -> Iterator[str]:
         yield f"Warning: {place['modes']}: it asks for nothing, for fidelity.tolerance chooses the model"
     if whole:
         yield f"Warning: {place['tolerance']}: any model is within 100 % of {', '.join(whole)}: did you mean percent?"
+
+
+def _spare(case: Case) -> Iterator[str]:
+    """Yield the parts that nothing is made of or moved by: under a name beside the one that was meant."""
+    record = case.record
+    users = {
+        "materials": ({one.material for one in record.members.values()}, "no member is made of it"),
+        "sections": ({one.section for one in record.members.values()}, "no member has it"),
+        "cams": (
+            {getattr(one, "cam", None) for one in record.contacts.values()},
+            "no contact names it: it moves nothing",
+        ),
+    }
+    for table, (used, why) in users.items():
+        for name in getattr(record, table):
+            if name not in used:
+                yield f"Warning: {case.place((table, name))}: {why}"
 
 
 _ABOVE = 1.02

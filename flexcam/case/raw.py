@@ -160,6 +160,7 @@ _OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integ
 
 def _toml_value(text: str) -> object:
     try:
-        return toml(f"value = {text}")["value"]
+        made = toml(f"value = {text}")
     except ValueError:
         return text
+    return made["value"] if len(made) == 1 else text  # what stands on further lines is not passed over

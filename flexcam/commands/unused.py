@@ -83,6 +83,9 @@ UNUSED = (
 )  # fmt: skip
 """What no command may pass over in silence."""
 
+_TELLS = ("check", "run")
+"""Commands that tell it with everything else that is doubtful about a case."""
+
 _OWN = {"paper": "compare", "settings": "settings", "sweep": "sweep"}
 """Tables that are there for one command."""
 
@@ -153,7 +156,11 @@ def _of_others(command: str, laid: Sequence[str]) -> Iterator[str]:
 
 def _idle(command: str, case: Case | None) -> Iterator[str]:
     """Yield keys that another key of the same case leaves without a part, whatever is asked."""
-    if case is None or any(command in row.commands and "fidelity.masses" in row.keys for row in UNUSED):
+    if (
+        case is None
+        or command in _TELLS
+        or any(command in row.commands and "fidelity.masses" in row.keys for row in UNUSED)
+    ):
         return
     if case.record.fidelity.model != "chain" and (given := list(_given(case, ["fidelity.masses"]))):
         why = f"they are those of a chain, and the model is {case.record.fidelity.model}"

@@ -87,6 +87,11 @@ def test_a_run_acts_on_everything_but_what_is_for_others(flexcam):
     done = flexcam(*words, "--set", "sweep.seed=3")
     assert done.err == "Note: sweep.seed (--set) has no part in run: that table is for flexcam sweep; leave it out\n"
     done = flexcam(*words, "--set", "fidelity.masses=5")
+    assert (done.err, "it counts the masses of a chain, and the model is beams" in " ".join(done.out.split())) == (
+        "",
+        True,
+    )
+    done = flexcam("orders", INLINE, "--count", "2", "--set", "fidelity.masses=5")
     assert "has no part in this case: they are those of a chain, and the model is beams" in done.err
 
 

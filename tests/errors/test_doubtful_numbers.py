@@ -206,3 +206,23 @@ def test_a_lobe_that_cannot_be_made(override, said):
 
 def test_a_lobe_as_thick_as_its_shaft_is_no_fault():
     assert lobe_doubts(build_model(read_case(PUSHROD, ["sections.shaft.diameter=48mm"]))) == []
+
+
+@pytest.mark.parametrize(("override", "said"), [
+    ('materials.gold={E="80 GPa", nu=0.4, density="19300 kg/m^3"}', "no member is made of it"),
+    ('sections.spare={shape="circle", diameter="5 mm"}', "no member has it"),
+    ('cams.spare={at="cam", law="shm", lift="5 mm", rise="90 deg", return="90 deg"}', "no contact names it"),
+])  # fmt: skip
+def test_parts_that_nothing_uses(override, said):
+    """A name misspelt by --set makes a part of its own, beside the one that was meant."""
+    (told,) = unusual(read_case(CASE, [override]))
+    key = override.partition("=")[0]
+    assert told.startswith(f"Warning: {key} (--set {key}=")
+    assert said in told
+
+
+def test_what_stands_on_further_lines_of_an_override_is_not_passed_over():
+    with pytest.raises(InputError, match=r"run\.speed"):
+        read_case(CASE, ["run.speed=300\nrevolutions=5"])
+    with pytest.raises(InputError, match=r"run\.speed"):
+        read_case(CASE, ["run.speed=300\n[run]"])
