@@ -20,10 +20,10 @@ from types import FrameType
 from cyclopts import CycloptsError
 
 from flexcam import __version__
-from flexcam.checks import Fault, InputError, printable
+from flexcam.checks import Fault, InputError
 from flexcam.commands import FILES, app, load, running
 from flexcam.response import Cause, RunFailedError, Status
-from flexcam.terminal import print_json
+from flexcam.terminal import note, print_json
 
 DONE, REFUSED, FAILED, FAULT, INTERRUPTED, TERMINATED = 0, 2, 3, 70, 130, 143
 
@@ -31,7 +31,7 @@ DONE, REFUSED, FAILED, FAULT, INTERRUPTED, TERMINATED = 0, 2, 3, 70, 130, 143
 def _ended(status: Status) -> int:
     if status.ok:
         return DONE
-    sys.stderr.write(printable(f"{status}\n"))
+    note(str(status))
     return _signal_code() if status.cause is Cause.INTERRUPTED else FAILED
 
 
@@ -39,7 +39,8 @@ def _refused(faults: Sequence[Fault], as_json: bool) -> int:
     if as_json:
         print_json({"status": "refused", "errors": [fault.as_dict() for fault in faults]})
     else:
-        sys.stderr.write("".join(f"{fault}\n" for fault in faults))
+        for fault in faults:
+            note(str(fault))
     return REFUSED
 
 
@@ -57,7 +58,7 @@ def _crashed(words: Sequence[str], as_json: bool) -> int:
     message = f"a fault of flexcam itself; please report it with {file.name}"
     if as_json:
         print_json({"status": "fault", "message": message, "crash_file": file.name})
-    sys.stderr.write(f"{message}\n")
+    note(message)
     return FAULT
 
 
@@ -158,7 +159,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = DONE
         _drop_output()
     except OSError as fault:
-        sys.stderr.write(f"output could not be written: {fault.strerror}; free space\n")
+        note(f"output could not be written: {fault.strerror}; free space")
         code = FAILED
         _drop_output()
     raise SystemExit(code)

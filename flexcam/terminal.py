@@ -6,7 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from textwrap import fill
 
@@ -63,14 +63,15 @@ class _Out(Console):
 
 
 def note(sentence: str) -> None:
-    """Tell something beside the answer, on standard error.
+    """Tell something beside the answer, on standard error; where nobody can be told, the exit code still says it.
 
     Parameters
     ----------
     sentence
         What to tell.
     """
-    sys.stderr.write(printable(f"{sentence}\n"))
+    with suppress(OSError):  # full, or without a reader
+        sys.stderr.write(printable(f"{sentence}\n"))
 
 
 def print_json(content: object) -> None:

@@ -252,3 +252,18 @@ def test_a_case_named_like_a_partial_result(tmp_path):
     done = flexcam(tmp_path, "run", "case.partial.toml")
     assert done.returncode == 2
     assert "rename it" in done.stderr
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a stream that takes nothing")
+@pytest.mark.parametrize(("words", "code"), [
+    (("check", "none.toml"), 2), (("modes", "inline.toml", "--set", "fidelity.model=rigid"), 0),
+    (("run", "inline.toml", "--time-limit", "1ms"), 3),
+])  # fmt: skip
+def test_nobody_can_be_told(words, code, tmp_path):
+    """Standard error is full: the exit code says all that can be said."""
+    (tmp_path / "inline.toml").write_bytes((Path(__file__).parents[1] / "data/inline.toml").read_bytes())
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "flexcam", *words], cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=full, check=False
+        )
+    assert done.returncode == code
