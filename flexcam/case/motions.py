@@ -199,7 +199,8 @@ def _checked(record: type[BaseModel], table: object, what: str, example: str) ->
             near = did_you_mean(str(error["input"]), known)
             raise refuse(key, told(error["input"]), ", ".join(map(repr, known)), "", near) from None
         hint = "" if key.partition(".")[0] in record.model_fields else did_you_mean(key, record.model_fields)
-        raise refuse(key, told(error["input"]), allowed, _needed(record, error), hint) from None
+        why = "there is no such key" if error["type"] == "extra_forbidden" else _needed(record, error)
+        raise refuse(key, told(error["input"]), allowed, why, hint) from None
     return {key: getattr(checked, key) for key in record.model_fields}
 
 

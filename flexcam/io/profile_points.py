@@ -35,7 +35,8 @@ def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
     Raises
     ------
     InputError
-        If the file cannot be read, its columns are not found, a row holds no numbers or the unit is not said.
+        If the file cannot be read, its columns are not found, a row holds no numbers, or the unit is not said or said
+        to be two.
     """
     try:
         lines = lines_of(path)
@@ -45,7 +46,8 @@ def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
     if not rows:
         raise refuse("profile", f"{path.name}, which is empty", "rows of x and y")
     head = [] if _numbers(rows[0][1], (0, 1)) else rows.pop(0)[1]
-    columns, scale = _columns(head, path), _scale(head, unit, path)
+    columns = _columns(head, path)
+    scale = _scale([head[column] for column in columns] if head else [], unit, path)
     bad = [Fault(f"{path.name}, line {number}", repr(",".join(parts)[:40]), "numbers", "", "correct or remove the row")
            for number, parts in rows if not _numbers(parts, columns)]  # fmt: skip
     if bad:
@@ -87,10 +89,15 @@ def _columns(head: list[str], path: Path) -> tuple[int, int]:
 
 
 def _scale(head: list[str], given: str | None, path: Path) -> float:
-    columns = [words for words in map(_words, head) if {"x", "y"} & set(words)]
-    named = [word for words in columns for word in words if word in _LENGTHS]
-    unit = given or (named[0] if named else None)
-    if unit not in _LENGTHS:
+    """Return the unit that the heads of both columns say, each by its last word that is one, or that is given."""
+    words = [[word for word in _words(name) if word in _LENGTHS] for name in head]
+    named = [given or "", *(word[-1] for word in words if word)]
+    units = list(dict.fromkeys(unit for unit in named if unit))
+    where = f"{path.name}, unit"
+    if len(units) > 1:
+        why, remedy = "x, y and --unit contradict each other", "leave --unit out, or correct the head"
+        raise refuse(where, " and ".join(units), "one unit", why, remedy)
+    if not units or units[0] not in _LENGTHS:
         remedy = "add --unit mm, or a first row such as x [mm], y [mm]"
-        raise refuse(f"{path.name}, unit", unit or ", ".join(head)[:60] or "no head", ", ".join(_LENGTHS), "", remedy)
-    return _LENGTHS[unit]
+        raise refuse(where, given or ", ".join(head)[:60] or "no head", ", ".join(_LENGTHS), "", remedy)
+    return _LENGTHS[units[0]]

@@ -65,6 +65,8 @@ def test_a_circle_within_its_base_circle(told, tmp_path):
     ("x [mm], z\n1, 2\n", FLAT, ["one column x and one y"]),
     ("x, y\n1, 2\n", FLAT, ["--unit mm"]),
     ("", FLAT, ["empty"]),
+    ("x [mm], y [mm]\n1, 2\n", (*FLAT, "--unit", "um"), ["given um and mm; allowed: one unit"]),
+    ("x [mm], y [m]\n1, 2\n", FLAT, ["given mm and m; allowed: one unit"]),
     (None, FLAT, ["readable text file"]),
     ("1, 2\n", ("--follower", "flat", "--base-radius", "18 mm"), ["texts need quotes"]),
     ("1, 2\n", ("--follower", '{ type = "flat" }'), ["base_radius"]),

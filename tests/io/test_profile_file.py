@@ -174,3 +174,12 @@ def test_lines_of_points_are_those_of_an_editor(end, tmp_path):
     with pytest.raises(InputError) as refused:
         read_profile(path)
     assert [fault.where for fault in refused.value.faults] == ["points.csv, line 4"]
+
+
+@pytest.mark.parametrize("head", ["x in mm, y in mm", "x [mm], y [mm]", "x_mm, y", "x, y in mm"])
+def test_the_unit_is_the_last_word_of_a_head(head, tmp_path):
+    """In mm, not in inches."""
+    path = tmp_path / "points.csv"
+    path.write_text(f"{head}\n10, 0\n0, 10\n-10, 0\n", encoding="utf-8")
+    assert np.array_equal(read_profile(path), [[0.01, 0.0], [0.0, 0.01], [-0.01, 0.0]])
+    assert np.array_equal(read_profile(path, unit="mm"), read_profile(path))
