@@ -2,6 +2,7 @@
 
 May import `report` and everything below it.
 A new command is a function in the file of its kind and a name in `FILES`; its tables are a file of `console`.
+What it does not act on of a case is a row of `unused.UNUSED`, and so is told.
 """
 
 from collections.abc import Sequence
