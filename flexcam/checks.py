@@ -162,6 +162,47 @@ def gathered(read: Callable[[str], Read], given: Iterable[str]) -> tuple[list[Re
     return found, faults
 
 
+def together(first: Callable[[], Read], *others: Callable[[], object]) -> Read:
+    """Return what the first of several checks returns, once all of them have been made.
+
+    Parameters
+    ----------
+    first, others
+        Each raises `InputError` for what it refuses; none needs what another one returns.
+
+    Returns
+    -------
+    Read
+        Of the first.
+
+    Raises
+    ------
+    InputError
+        With the faults of all.
+
+    Examples
+    --------
+    >>> together(lambda: positive("length", 1.0, "m"), lambda: positive("width", 2.0, "m"))
+    1.0
+    >>> try:
+    ...     together(lambda: positive("length", -1.0, "m"), lambda: positive("width", -2.0, "m"))
+    ... except InputError as refusal:
+    ...     [fault.where for fault in refusal.faults]
+    ['length', 'width']
+    """
+    found, faults = list[Read](), list[Fault]()
+    for i, check in enumerate((first, *others)):
+        try:
+            value = check()
+        except InputError as refusal:
+            faults += refusal.faults
+        else:
+            found += [cast("Read", value)] if i == 0 else []
+    if faults:
+        raise InputError(faults)
+    return found[0]
+
+
 def told(value: object) -> str:
     """Return a value as it would stand in a case file: nobody who writes one needs to read Python.
 

@@ -108,6 +108,12 @@ def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
     return case
 
 
+def from_one(option: str, number: int) -> None:
+    """Refuse a number of things that is none."""
+    if number < 1:
+        raise refuse(option, number, "a whole number from 1")
+
+
 _MOST_SPEEDS = 10_000
 
 

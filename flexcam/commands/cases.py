@@ -8,13 +8,14 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from flexcam.case import build_model, read_case
-from flexcam.checks import refuse
+from flexcam.checks import together
 from flexcam.commands.app import (
     CaseFile,
     Json,
     Overrides,
     Overwrite,
     app,
+    from_one,
     load,
 )
 from flexcam.console.cases import (
@@ -112,11 +113,11 @@ def modes(
     mac
         Another case, as it stands in its file, whose modes are compared with these (modal assurance criterion).
     """
-    if count < 1:
-        raise refuse("--count", count, "a whole number from 1")
-    if folder is not None:
-        named_as_folder(folder)
-    read = load(case, overrides)
+    read = together(
+        lambda: load(case, overrides),
+        lambda: from_one("--count", count),
+        lambda: None if folder is None else named_as_folder(folder),
+    )
     found = case_modes(read, count, prestress=prestress)
     likeness, compared = None, 0
     if mac is not None:

@@ -8,11 +8,11 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from flexcam import fidelity
-from flexcam.checks import refuse
-from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, load
-from flexcam.commands.targets import apart
+from flexcam.checks import together
+from flexcam.commands.app import CaseFile, Json, Overrides, Overwrite, app, from_one, load
+from flexcam.commands.targets import free_targets
 from flexcam.console.fidelity import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_words
-from flexcam.io import free_to_write, write_text
+from flexcam.io import write_text
 from flexcam.runner import prepare, scalar_probe
 from flexcam.terminal import counting, out, print_json
 
@@ -32,16 +32,11 @@ def trade(
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Run the models of a case against a converged one: what each costs, and by how much it errs."""
-    if repeats < 1:
-        raise refuse("--repeats", repeats, "a whole number from 1")
-    apart({"--csv": csv, "--plot": plot}, [case])
-    read = load(case, overrides)
-    if csv is not None:
-        free_to_write("output", csv, overwrite=overwrite)
-    if plot is not None:
-        from flexcam.view import free_for_picture
-
-        free_for_picture(plot, overwrite=overwrite)
+    read = together(
+        lambda: load(case, overrides),
+        lambda: from_one("--repeats", repeats),
+        lambda: free_targets(csv, plot, case, overwrite=overwrite),
+    )
     at = probe or scalar_probe(prepare(read))
     with counting(None, "models") as shown:
         against, found = fidelity.trade(read, at, repeats=repeats, advance=shown)

@@ -12,10 +12,9 @@ from flexcam import study
 from flexcam.case import CaseFile
 from flexcam.checks import refuse
 from flexcam.commands.answers import write_answer
-from flexcam.commands.app import Overrides, free_picture
-from flexcam.commands.targets import apart
+from flexcam.commands.app import Overrides
+from flexcam.commands.targets import free_targets
 from flexcam.console.limit_map import axis_words, told_limit_map
-from flexcam.io import free_to_write
 from flexcam.limits import Search
 from flexcam.response import Status
 from flexcam.sweep import Axis, axis
@@ -36,10 +35,7 @@ def map_limits(
     if over is None or beside is None:
         given = "--over alone" if over else "--and alone" if beside else "--limit, --workers, --csv or --plot alone"
         raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "they belong to a map over two numbers")
-    apart({"--csv": csv, "--plot": plot}, [path])
-    free_picture(plot, overwrite)
-    if csv is not None:
-        free_to_write("output", csv, overwrite=overwrite)
+    free_targets(csv, plot, path, overwrite=overwrite)
     file = CaseFile.opened(path)
     plan = study.grid_plan(_axis("--over", over), _axis("--and", beside), overrides or ())
     case = validated(file, plan)

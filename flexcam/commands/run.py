@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from flexcam import fidelity
 from flexcam.budget import affordable
 from flexcam.case import Case
-from flexcam.checks import InputError
+from flexcam.checks import InputError, together
 from flexcam.commands.app import (
     AllowLarge,
     CaseFile,
@@ -67,9 +67,13 @@ def run(
     time_limit: TimeLimit = None, resume: Resume = False, allow_large: AllowLarge = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Solve a case in time and write its result file."""
-    until = None if time_limit is None else time.monotonic() + duration("--time-limit", time_limit)
-    given = load(case, overrides)
-    takes_files(named_as_folder(folder))
+    begun = time.monotonic()
+    given = together(
+        lambda: load(case, overrides),
+        lambda: takes_files(named_as_folder(folder)),
+        lambda: None if time_limit is None else duration("--time-limit", time_limit),
+    )
+    until = None if time_limit is None else begun + duration("--time-limit", time_limit)
     if not resume:  # before anything is computed to choose a model
         free_to_write("result", folder / f"{given.name}.vtkhdf", overwrite=overwrite)
     read, choice = fidelity.chosen(given, until)

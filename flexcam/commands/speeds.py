@@ -10,7 +10,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from flexcam.case import Case
-from flexcam.checks import refuse
+from flexcam.checks import refuse, together
 from flexcam.commands.app import (
     CaseFile,
     Json,
@@ -19,14 +19,15 @@ from flexcam.commands.app import (
     Picture,
     app,
     free_picture,
+    from_one,
     load,
     load_beams,
     speed_range,
 )
-from flexcam.commands.targets import apart
+from flexcam.commands.targets import free_targets
 from flexcam.console.campbell import campbell_json, campbell_table, crossing_table, ended_early, nothing_known
 from flexcam.console.orders import orders_csv, orders_json, orders_table
-from flexcam.io import free_to_write, write_text
+from flexcam.io import write_text
 from flexcam.orders import Signal, waterfall
 from flexcam.response import Status
 from flexcam.runner import prepare, scalar_probe
@@ -57,12 +58,14 @@ def campbell(
 
     Speeds are those of the crankshaft where the case gives crank_speed, else those of the camshaft.
     """
-    read = load_beams(case, overrides)
-    scale = read.turns
+    read = together(
+        lambda: load_beams(case, overrides),
+        lambda: _whole_numbers("--orders", orders),
+        lambda: free_picture(plot, overwrite),
+    )
+    scale, numbers = read.turns, _whole_numbers("--orders", orders)
     low, high = speed_range(lowest, highest, count, read.speed, scale)
-    free_picture(plot, overwrite)
     speeds = np.linspace(low, high, count).tolist()
-    numbers = _whole_numbers("--orders", orders)
     with counting(count, "speeds") as shown:
         found = find_crossings(read, speeds, orders=numbers, modes=modes, contact=contact, advance=shown)
     if plot is not None:
@@ -110,15 +113,13 @@ def orders(
 
     Speeds are those of the crankshaft where the case gives crank_speed, else those of the camshaft.
     """
-    if highest_order < 1:
-        raise refuse("--orders", highest_order, "a whole number from 1")
-    apart({"--csv": csv, "--plot": plot}, [case])
-    read = load(case, overrides)
+    read = together(
+        lambda: load(case, overrides),
+        lambda: from_one("--orders", highest_order),
+        lambda: free_targets(csv, plot, case, overwrite=overwrite),
+    )
     scale = read.turns
     low, high = speed_range(lowest, highest, count, read.speed, scale)
-    free_picture(plot, overwrite)
-    if csv is not None:
-        free_to_write("output", csv, overwrite=overwrite)
     speeds = np.linspace(low, high, count).tolist()
     with counting(count, "speeds") as shown:
         found = waterfall(read, speeds, signals(read, channels, probes), highest_order, advance=shown)

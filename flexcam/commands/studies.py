@@ -29,7 +29,7 @@ from flexcam.commands.app import (
     tell_unused,
 )
 from flexcam.commands.app import CaseFile as CasePath
-from flexcam.commands.targets import apart
+from flexcam.commands.targets import apart, free_targets
 from flexcam.console.optimum import goal_history, told_front, told_optimum
 from flexcam.console.sensitivity import told_derivatives, told_scatter, told_shares
 from flexcam.io import free_to_write, write_text
@@ -85,10 +85,7 @@ def sensitivity(
     overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Tell how scalars follow the numbers of a case: derivatives, shares of their variance, or the scatter of parts."""
-    apart({"--csv": csv, "--plot": plot}, [case])
-    free_picture(plot, overwrite)
-    if csv is not None:
-        free_to_write("output", csv, overwrite=overwrite)
+    free_targets(csv, plot, case, overwrite=overwrite)
     if (sobol is not None) + (tolerances is not None) > 1:
         raise refuse("--sobol", "--sobol and --tolerance", "one of them", "they are two questions")
     if (tolerances is not None) == (keys is not None):

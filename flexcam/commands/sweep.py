@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from flexcam import sweep as sweeps
-from flexcam.checks import refuse
+from flexcam.checks import refuse, together
 from flexcam.commands.app import AllowLarge, CaseFile, Folder, Json, Overwrite, app
 from flexcam.console.sweep import sweep_json, sweep_status, sweep_table, sweep_words
 from flexcam.io import named_as_folder
@@ -60,12 +60,16 @@ def sweep(
     What the case's table [sweep] says counts too; --set lays over it. See docs/sweeps.md.
     """
     kept = [name.strip() for words in scalars or [] for name in words.split(",")]
-    asked = sweeps.study(case, settings or (), sampled=sample, seed=seed, scalars=kept, limit=limit)
-    target = sweeps.Target(named_as_folder(folder), resume, overwrite, histories, parquet)
+    asked = together(
+        lambda: sweeps.study(case, settings or (), sampled=sample, seed=seed, scalars=kept, limit=limit),
+        lambda: named_as_folder(folder),
+        lambda: _workers(scheduler, workers),
+    )
+    target = sweeps.Target(folder, resume, overwrite, histories, parquet)
     runners = _workers(scheduler, workers)
     if not allow_large:
-        together = 1 if scheduler or workers == 0 else workers or _cores()
-        sweeps.afford(asked, folder if histories else None, together=together)
+        at_once = 1 if scheduler or workers == 0 else workers or _cores()
+        sweeps.afford(asked, folder if histories else None, together=at_once)
     with counting(len(asked.plan), "variants") as shown:
         table, files = sweeps.sweep_files(asked, target, runners, advance=shown)
     ended = sweep_status(table)

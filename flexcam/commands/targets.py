@@ -6,7 +6,9 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from flexcam.checks import Fault, InputError
+from flexcam.checks import Fault, InputError, together
+from flexcam.commands.app import free_picture
+from flexcam.io import free_to_write
 
 
 def apart(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None:
@@ -38,6 +40,30 @@ def apart(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None
             faults.append(Fault(option, str(path), f"another file than {other}", why, "name another file"))
     if faults:
         raise InputError(faults)
+
+
+def free_targets(csv: Path | None, plot: Path | None, read: Path, *, overwrite: bool) -> None:
+    """Refuse a table and a picture that could not be written, before anything is computed.
+
+    Parameters
+    ----------
+    csv, plot
+        The files; None for none.
+    read
+        The case.
+    overwrite
+        Whether they may be replaced.
+
+    Raises
+    ------
+    InputError
+        With the faults of both.
+    """
+    together(
+        lambda: apart({"--csv": csv, "--plot": plot}, [read]),
+        lambda: None if csv is None else free_to_write("output", csv, overwrite=overwrite),
+        lambda: free_picture(plot, overwrite),
+    )
 
 
 def _real(path: Path) -> str:

@@ -59,6 +59,29 @@ def test_refused_before_anything_is_computed(flexcam, what):
     assert not [path for path in Path().rglob("*") if path.is_file()]
 
 
+TWO = {
+    "run": (("run", "none.toml", "-o", "x.h5", "--time-limit", "5"), ["case file", "folder", "--time-limit"]),
+    "trade": (("trade", INLINE, "--set", "run.speed=-1", "--repeats", "0", "--plot", "x.bmp"),
+              ["run.speed", "--repeats", "picture"]),
+    "orders": (("orders", "none.toml", "--orders", "0", "--csv", "a.svg", "--plot", "a.svg"),
+               ["case file", "--orders", "--plot"]),
+    "campbell": (("campbell", "none.toml", "--orders", "0", "--plot", "x.bmp"), ["case file", "--orders", "picture"]),
+    "modes": (("modes", "none.toml", "--count", "0", "-o", "x.h5"), ["case file", "--count", "folder"]),
+    "sweep": (("sweep", INLINE, "--set", "run.speed=1,x", "-o", "x.h5", "--workers", "-1"),
+              ["--set run.speed=1,x", "folder", "--workers"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("command", TWO)
+def test_faults_of_a_case_and_of_options_are_told_together(flexcam, command):
+    words, wheres = TWO[command]
+    done = flexcam(*words)
+    assert done.code == 2
+    lines = [line for line in done.err.splitlines() if not line.startswith("Note:")]
+    assert [line.partition(":")[0].partition(" (")[0] for line in lines] == wheres
+    assert not [path for path in Path().rglob("*") if path.is_file()]
+
+
 @pytest.fixture
 def result(flexcam):
     assert flexcam("run", INLINE, "--set", "run.steps_per_revolution=360").code == 0
