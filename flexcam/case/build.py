@@ -10,6 +10,7 @@ import numpy as np
 
 from flexcam import fem, train
 from flexcam.case.case import Case
+from flexcam.case.play import play_stiffness
 from flexcam.case.records import CaseRecord
 from flexcam.case.tables import cams, contacts, members, parts
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
@@ -230,7 +231,7 @@ def _contact(record: contacts.ContactRecord, case: CaseRecord, mesh: Mesh) -> tr
             resisting = record.stiffness, record.damping, record.restitution, record.damping_depth
             return train.Seat(record.at, along, *resisting)
         case contacts.LashRecord():
-            resisting = record.stiffness, record.damping
+            resisting = play_stiffness(record, case, mesh), record.damping
             return train.Lash(record.at, record.gap, *resisting, *_between(record), record.damping_depth)
         case contacts.AdjusterRecord():
             size = record.stiffness, record.leak, record.refill, record.plunger_force

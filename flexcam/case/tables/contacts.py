@@ -105,7 +105,9 @@ class LashRecord(_PlayRecord):
 
     model: Literal["lash"]
     gap: Annotated[float, q.Unit("length")] = Field(description="at the rocker's point")
-    stiffness: Annotated[float, q.Unit("stiffness", above=True)] = Field(description="of both sides when they touch")
+    stiffness: Annotated[float, q.Unit("stiffness", above=True)] | None = Field(
+        None, description="of both sides when they touch; ten times EA/L of the softest member that ends there"
+    )
     damping: q.DampingValue = 0.0
     damping_depth: _DampingDepth = DAMPING_DEPTH
 
