@@ -6,7 +6,7 @@ import math
 
 from rich.table import Table
 
-from flexcam.limits import Limits
+from flexcam.limits import LIMITS, Limits
 from flexcam.terminal import table
 from flexcam.units import shaft_name
 
@@ -24,13 +24,15 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
     Returns
     -------
     dict
-        A key ``NAME_rpm`` per limit, null where it was not met; ``tolerance_rpm`` is null where one was met already at
+        A key ``NAME_rpm`` per limit of any train, null where it was not met or the train has nothing that could meet it
+        (no seat, no coils that are counted); ``tolerance_rpm`` is null where one was met already at
         the lowest speed, so that it is not bracketed.
     """
     width = max(one.tolerance_rpm for one in found.limits.values())
-    rpm = {f"{name}_rpm": None if one.rpm is None else scale * one.rpm for name, one in found.limits.items()}
+    rpm = {name: one.rpm for name, one in found.limits.items()}
+    met = {f"{name}_rpm": None if (at := rpm.get(name)) is None else scale * at for name in LIMITS}
     return {
-        **rpm, "first": found.first, "shaft": shaft_name(scale),
+        **met, "first": found.first, "shaft": shaft_name(scale),
         "tolerance_rpm": None if math.isinf(width) else scale * width,
         "rigid_loss_of_contact_rpm": None if found.rigid_rpm is None else scale * found.rigid_rpm,
         "spring_margin": found.spring_margin, "buckling_margins": dict(found.buckling_margins),

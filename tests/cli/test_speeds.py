@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
@@ -19,6 +20,50 @@ def test_limits_as_json(flexcam):
     assert answer["shaft"] == "crank"
     assert answer["first"] == "loss_of_contact"
     assert answer["buckling_margins"]["pushrod"] > 1.0
+
+
+ONE_MASS = """
+format = 1
+[nodes]
+shaft = [0, 0, 0]
+mass = [0, 0, "-40 mm"]
+[supports]
+mass = ["ux", "uy"]
+[masses]
+mass = { at = "mass", mass = "0.1 kg" }
+[springs]
+held = { at = "mass", direction = "-uz", stiffness = "40 kN/m", installed_force = "300 N" }
+[cams.c]
+at = "shaft"
+axis = [-1, 0, 0]
+law = "cycloidal"
+lift = "6 mm"
+rise = "63 deg"
+return = "75 deg"
+phase = "34 deg"
+[contacts]
+k = { cam = "c", follower = "mass", model = "unilateral", stiffness = "500 MN/m" }
+[run]
+speed = "3500 rpm"
+steps_per_revolution = 720
+start = "equilibrium"
+damping = { beta = "1e-6 s" }
+"""
+
+
+def test_limits_name_every_limit_and_the_rigid_speed(flexcam, tmp_path):
+    """Without seat, coils and members nothing of these is met; a stiff train parts where inertia meets its spring."""
+    case = tmp_path / "one.toml"
+    case.write_text(ONE_MASS, encoding="utf-8")
+    answer = flexcam("limits", case, "--lowest", "3000rpm", "--highest", "5000rpm", "--json").json
+    assert [answer[f"{name}_rpm"] for name in ("bounce", "coil_clash", "buckling")] == [None] * 3
+    z = np.linspace(0.0, 1.0, 20001)
+    rise = np.radians(63.0)
+    lift, bend = 6e-3 * (z - np.sin(2 * np.pi * z) / (2 * np.pi)), 6e-3 / rise**2 * 2 * np.pi * np.sin(2 * np.pi * z)
+    falls = bend < 0.0
+    rigid = np.sqrt(((300.0 + 40e3 * lift[falls]) / (0.1 * -bend[falls])).min()) * 30.0 / np.pi
+    assert answer["rigid_loss_of_contact_rpm"] == pytest.approx(rigid, rel=1e-5)
+    assert answer["loss_of_contact_rpm"] == pytest.approx(rigid, rel=0.06)  # it swings a little on its contact
 
 
 def test_parting_draws_and_tells(flexcam, tmp_path):
