@@ -76,7 +76,7 @@ def _told(case: Case, path: tuple[str, ...], value: float, usual: Usual) -> str:
 def _soft_or_stiff(case: Case) -> Iterator[str]:
     """Yield the springs of hardly any stiffness, or too much; what is soft depends on whether they twist."""
     tables = filled(case.record)
-    twist = {name for name, one in case.record.springs.items() if str(one.direction).lstrip("+-").startswith("r")}
+    twist = {name for name, one in case.record.springs.items() if one.made().turns}
     for usual, turning in ((STRAIGHT, False), (TWISTED, True)):
         for path, value in _beyond(tables, usual):
             if (path[1] in twist) == turning:

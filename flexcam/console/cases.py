@@ -20,7 +20,7 @@ from flexcam.io import toml_text
 from flexcam.linalg import FloatArray
 from flexcam.runner import Prepared
 from flexcam.terminal import bare, facts, table
-from flexcam.train import Adjuster, Contact, Figure, Lash, ModelModes, Seat, build_structure, member_masses
+from flexcam.train import Adjuster, Contact, Figure, Lash, ModelModes, Seat, Spring, build_structure, member_masses
 from flexcam.train import left_out as words_of
 from flexcam.units import RPM, shaft_speed
 
@@ -102,7 +102,7 @@ def model_table(ready: Prepared, modes: ModelModes, takes: Budget | None = None)
         ("degrees of freedom", str(problem.system.size)),
         ("left out of the run", "; ".join(left_out(ready)) or "nothing"),
         ("masses", ", ".join(f"{name} {part.body.mass:g} kg" for name, part in model.masses.items()) or "none"),
-        ("springs", ", ".join(f"{name} {s.stiffness:g} N/m" for name, s in model.springs.items()) or "none"),
+        ("springs", ", ".join(f"{name} {_stiffness(s)}" for name, s in model.springs.items()) or "none"),
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
         *(
             (f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
@@ -118,6 +118,10 @@ def model_table(ready: Prepared, modes: ModelModes, takes: Budget | None = None)
         *([("a run takes", f"{size(takes.memory)} of memory, a result of {size(takes.file)}")] if takes else []),
     ]
     return facts(ready.case.title, rows)
+
+
+def _stiffness(spring: Spring) -> str:
+    return f"{spring.stiffness:g} {'N m/rad' if spring.turns else 'N/m'}"
 
 
 def left_out(ready: Prepared) -> list[str]:

@@ -38,9 +38,9 @@ def coils(structure: Structure) -> Coupling:
     Returns
     -------
     Coupling
-        A local force per spring with a clash travel. Channels, where they say something: ``force`` at the moving end,
-        ``surge`` (largest distance of a coil from where even stretching has it), ``stress`` of the wire, ``clearance``
-        (travel left until all coils touch, counted by the most compressed part) and ``clash``.
+        A local force per spring with a clash travel. Channels, where they say something: ``force`` of the part at the
+        moving end, ``surge`` (largest distance of a coil from where even stretching has it), ``stress`` of the wire,
+        ``clearance`` (travel left until all coils touch, counted by the most compressed part) and ``clash``.
     """
     forces: list[LocalForce] = []
     channels: list[Channel] = []
@@ -115,9 +115,9 @@ def _channels(where: str, spring: Spring, rows: FloatArray) -> list[Channel]:
     if not _told(spring):
         return []
     pushed = _pushed(spring, rows)
-    found = [Channel(f"{where}.force", "N", lambda seen: pushed(seen)[:, -1])]
+    found = [Channel(f"{where}.force", "N m" if spring.turns else "N", lambda seen: pushed(seen)[:, -1])]
     if spring.elements > 1:
-        found.append(Channel(f"{where}.surge", "m", _surge(rows)))
+        found.append(Channel(f"{where}.surge", "rad" if spring.turns else "m", _surge(rows)))
     if spring.wire is not None:
         found.append(Channel(f"{where}.stress", "Pa", _stress(pushed, spring.wire)))
     if spring.clash_travel is not None:

@@ -85,7 +85,7 @@ class Spring:
     to
         The other end; None for ground.
     installed_force
-        Force it is installed with, N: it pushes against `direction`; None where nothing is stated.
+        Force it is installed with, N, or N m about an axis: it pushes against `direction`; None where none is stated.
     mass
         kg, spread evenly over its length.
     elements
@@ -115,6 +115,11 @@ class Spring:
     wire: Wire | None = None
     pulsation: Pulsation | None = None
     link: bool = False
+
+    @property
+    def turns(self) -> bool:
+        """Whether it resists a rotation: its force is a moment then, its stretch an angle."""
+        return not self.direction[:3].any()
 
 
 @dataclass(frozen=True, eq=False)
