@@ -43,11 +43,8 @@ from flexcam.train.cam_plane import refuse_other_arm, sideways, to_right, turnin
 from flexcam.train.contacts import conservative
 from flexcam.train.coupling import Coupling
 from flexcam.train.model import Cam, CamContact
-from flexcam.train.penalty import Bilateral, HertzLine, HuntCrossley, Inclined
+from flexcam.train.penalty import STRAIGHT, Bilateral, HertzLine, HuntCrossley, Inclined
 from flexcam.train.structure import Structure, find_node
-
-_STRAIGHT = 1e-2
-"""Least relative curvature, 1/m: a flank with a radius above 100 m is as good as straight."""
 
 
 def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling:
@@ -193,9 +190,10 @@ def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -
     if (undercut(own, follower) | (curvature < 0.0)).any():
         given = "a profile that is undercut or hollow under its follower"
         raise refuse(where, given, "one that touches along a line", "see flexcam cam", "a larger base circle")
-    radius = tabled(1.0 / np.maximum(curvature, _STRAIGHT))
-    depth = roller if np.isfinite(roller) else cam.follower.base_radius
-    return HertzLine(cam.width, material.E, material.nu, radius, depth, contact.dissipation)
+    rolls = bool(np.isfinite(roller))
+    depth = 2.0 * (follower.base_radius + roller) if rolls else follower.base_radius  # the base circle for the cam
+    radius = tabled(1.0 / np.maximum(curvature, 1.0 / (STRAIGHT * depth)))
+    return HertzLine(cam.width, material.E, material.nu, radius, depth, contact.dissipation, rolls)
 
 
 def _profile_channels(structure: Structure, name: str, contact: CamContact, cam: Cam, law: LocalLaw) -> list[Channel]:

@@ -24,6 +24,9 @@ from flexcam.system import (
 )
 from flexcam.system.pointwise import dissipating, hunt_crossley, line_load, sliding, stop
 
+STRAIGHT = 10.0
+"""Largest relative radius by the depth of a line contact: where cam and roller nest, its logarithm says nothing."""
+
 _MOST_ITERATIONS, _SETTLED, _LEAST = 60, 1e-7, 1e-300  # as in `pointwise`
 _REVOLUTION = np.linspace(0.0, 2.0 * math.pi, 721)
 """Cam angles at which the sharpest curvature is sought: where it is missed, a slight part of an energy is."""
@@ -186,9 +189,10 @@ class HertzLine(Stateless):
 
     A cylinder of radius R pressed by p per length approaches its middle by ``(1 - nu^2) p/(pi E) (2 ln(4 R/a) - 1)``
     and sinks into a flat body of depth d by ``(1 - nu^2) p/(pi E) (2 ln(2 d/a) - nu/(1 - nu))``, with the half width
-    ``a^2 = 4 p R/(pi E*)``: K. L. Johnson, Contact Mechanics (1985), eqs. 4.43, 5.57 and 5.58. Two cylinders share the
-    first with the relative radius. In the sum the radius cancels: with ``q = (1 - nu^2) p/(pi E)`` the approach is
-    ``q (2 ln(d/q) - 1 - nu/(1 - nu))``, so that the cam's curvature tells in the pressure, not in the stiffness.
+    ``a^2 = 4 p R/(pi E*)`` of the relative radius: K. L. Johnson, Contact Mechanics (1985), eqs. 4.43, 5.57 and 5.58.
+    In the sum the radius cancels: with ``q = (1 - nu^2) p/(pi E)`` the approach is ``q (2 ln(d/q) - 1 - nu/(1 - nu))``,
+    and of two cylinders, each with the first, ``q (2 ln(2 (R1 + R2)/q) - 2)``: only the distance of their axes is left.
+    So the cam's curvature tells in the pressure, not in the stiffness.
 
     Parameters
     ----------
@@ -197,11 +201,13 @@ class HertzLine(Stateless):
     modulus, poisson
         E and nu of both bodies.
     radius
-        Relative radius of curvature over the cam angle, m, above zero.
+        Relative radius of curvature over the cam angle, m, above zero; `STRAIGHT` depths at most.
     depth
-        Depth of the flat body, or radius of the roller, m.
+        Depth of the flat body, or twice the distance of the axes of two cylinders, m.
     dissipation
         chi of Hunt and Crossley, s/m.
+    rolls
+        Whether both bodies are cylinders.
     """
 
     width: float
@@ -210,6 +216,7 @@ class HertzLine(Stateless):
     radius: AngleFunction
     depth: float
     dissipation: float = 0.0
+    rolls: bool = False
 
     @property
     def plane_strain(self) -> float:
@@ -304,7 +311,7 @@ class HertzLine(Stateless):
     @property
     def _rest(self) -> float:
         """What the logarithm is lessened by."""
-        return 1.0 + self.poisson / (1.0 - self.poisson)
+        return 2.0 if self.rolls else 1.0 + self.poisson / (1.0 - self.poisson)
 
     @overload
     def _most(self, radius: float) -> float: ...

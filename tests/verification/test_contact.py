@@ -167,6 +167,40 @@ def test_hertz_line_load_is_the_inverse_of_the_approach():
         assert slope == pytest.approx((around[1] - around[0]) / (2 * step), rel=1e-6)
 
 
+@pytest.mark.parametrize(("one", "other", "load"), [(0.016, 0.0085, 1.2e5), (0.2, 0.06, 2e6), (1e-3, 4e-4, 800.0)])
+def test_two_cylinders_come_nearer_by_what_each_yields(record, one, other, load):
+    """K. L. Johnson, Contact Mechanics (1985), eq. 5.57 for either cylinder, with the half width of both."""
+    compliance, relative = (1.0 - 0.3**2) / (math.pi * 207e9), one * other / (one + other)
+    a = math.sqrt(8.0 * load * relative * compliance)
+    approach = compliance * load * sum(2.0 * math.log(4.0 * R / a) - 1.0 for R in (one, other))
+    law = HertzLine(0.01, 207e9, 0.3, constant(relative), 2.0 * (one + other), rolls=True)
+    found = float(law.line_load(np.array([approach]), np.array([relative]))[0][0])
+    record(source=SOURCE, case=f"cylinders of {1e3 * one:g} and {1e3 * other:g} mm", quantity="load of a line contact",
+           unit="N/m", reference=load, computed=found, tolerance=1e-9, reason="Newton's iteration")  # fmt: skip
+
+
+def test_two_cylinders_after_young():
+    """W. C. Young, Roark's Formulas for Stress and Strain (1989), table 33, 2a: 2/3 where Johnson has 2 ln 2 - 1."""
+    one, other, load = 0.016, 0.0085, 1.2e5
+    compliance = (1.0 - 0.3**2) / (math.pi * 207e9)
+    wide = 2.0 * math.sqrt(8.0 * load * one * other / (one + other) * compliance)
+    approach = 2.0 * compliance * load * (2.0 / 3.0 + math.log(4.0 * one / wide) + math.log(4.0 * other / wide))
+    law = HertzLine(0.01, 207e9, 0.3, constant(0.006), 2.0 * (one + other), rolls=True)
+    assert law.line_load(np.array([approach]), np.array([0.006]))[0][0] == pytest.approx(load, rel=0.04)
+
+
+def test_a_roller_that_nests_in_its_cam_is_pressed_back():
+    """A flank hollow with nearly the roller's radius has a relative radius without end: the load still grows."""
+    from flexcam.train.penalty import STRAIGHT
+
+    for rolls, depth in ((True, 0.05), (False, 0.018)):
+        law = HertzLine(0.01, 207e9, 0.3, constant(STRAIGHT * depth), depth, rolls=rolls)
+        load, slope = law.line_load(np.geomspace(1e-8, 0.1 * depth, 50), np.full(50, STRAIGHT * depth))
+        assert (slope > 0.0).all()
+        assert (np.diff(load) > 0.0).all()
+        assert load[0] < 1e5
+
+
 SEATED = """
 format = 1
 nodes = { valve = [0.0, 0.0, 0.0] }
