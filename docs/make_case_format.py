@@ -29,8 +29,8 @@ Files that a case names lie in its folder, up to two folders above it, or below 
 and the way to allow others. A number that is possible but hardly meant, such as `E = 207` (207 Pa: did you mean 207 GPa?), is not
 refused: `check`, `run` and the report tell it, with what was likely meant, and the result keeps the sentence. So are components
 that two supports hold, springs on what a support holds, members that nothing touches, parts that nothing uses, loads on
-nothing, contacts that no spring closes before the cam turns, and lobes that cannot be made: undercut, or thinner than their
-shaft. A whole case without a mesh file:
+nothing, contacts that no spring closes before the cam turns, and lobes that cannot be made: undercut, thinner than their
+shaft, or lifting on two sides at once. A whole case without a mesh file:
 
 ```toml
 """

@@ -1,4 +1,4 @@
-"""Lobes that cannot be made as the case gives them: a profile that crosses itself, a shaft thicker than its cam."""
+"""Lobes that cannot be made as the case gives them: crossing themselves, thinner than their shaft, at two places."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ import numpy as np
 
 from flexcam.cam import Follower, profile_at, undercut
 from flexcam.checks import InputError
-from flexcam.train import Cam, Model
+from flexcam.train import Cam, CamContact, Model, PublishedLoad
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
 """Cam angles at which a profile is looked at."""
+
+_BESIDE = 1.0
+"""Angle between two lifts, deg, up to which one lobe may be meant for both."""
 
 _THICKER = 1.0 + 1e-9
 """Shaft by base circle from which the shaft is the thicker one; where both are equal the follower rests on either."""
@@ -37,7 +40,25 @@ def lobe_doubts(model: Model) -> list[str]:
     tells that the flat face would need a profile that crosses itself.
     """
     known = [(name, cam, cam.follower) for name, cam in model.cams.items() if cam.follower is not None]
-    return [one for name, cam, follower in known for one in _told(model, name, cam, follower)]
+    return [*(one for name, cam, follower in known for one in _told(model, name, cam, follower)), *_shared(model)]
+
+
+def _shared(model: Model) -> Iterator[str]:
+    """Yield the cams that lift followers on different sides of the shaft at the same cam angle."""
+    first: dict[str, PublishedLoad | CamContact] = {}
+    for one in model.driven.values():
+        other = first.setdefault(one.cam, one)
+        later = _turn(other, one)
+        if min(later, 360.0 - later) > _BESIDE:
+            why = f"it lifts {other.follower} and {one.follower} at one cam angle, and a lobe reaches the second"
+            remedy = f"give {one.follower} a cam of its own with a phase greater by that"
+            yield f"Warning: cams.{one.cam}: {why} {later:.4g} deg later; {remedy}"
+
+
+def _turn(one: PublishedLoad | CamContact, other: PublishedLoad | CamContact) -> float:
+    """Return the angle from one lift to another in the cam's sense of rotation, deg, from 0 to 360."""
+    a, b = one.direction[:3], other.direction[:3]
+    return math.degrees(math.atan2(float(np.cross(a, b) @ one.shaft_axis), float(a @ b))) % 360.0
 
 
 def _told(model: Model, name: str, cam: Cam, follower: Follower) -> Iterator[str]:

@@ -204,6 +204,39 @@ def test_a_lobe_that_cannot_be_made(override, said):
     assert said in told
 
 
+BOTH = """
+format = 1
+[nodes]
+shaft = [0, 0, 0]
+up = [0, "30 mm", 0]
+beside = [0, 0, {side}]
+[supports]
+up = ["ux", "uz"]
+beside = ["ux", "uy"]
+[masses]
+up = {{ at = "up", mass = "0.1 kg" }}
+beside = {{ at = "beside", mass = "0.1 kg" }}
+[springs]
+up = {{ at = "up", direction = "uy", stiffness = "40 kN/m" }}
+beside = {{ at = "beside", direction = [0, 0, {side}], stiffness = "40 kN/m" }}
+[cams]
+one = {{ at = "shaft", axis = [{axis}, 0, 0], law = "3-4-5", lift = "5 mm", rise = "60 deg", return = "60 deg" }}
+[contacts]
+up = {{ cam = "one", follower = "up", model = "bilateral", stiffness = "10 MN/m" }}
+beside = {{ cam = "one", follower = "beside", model = "bilateral", stiffness = "10 MN/m" }}
+[run]
+speed = "1000 rpm"
+"""
+
+
+@pytest.mark.parametrize(("side", "axis", "later"), [(0.03, 1, 90), (0.03, -1, 270), (-0.03, 1, 270), (-0.03, -1, 90)])
+def test_a_lobe_is_not_on_two_sides_at_once(tmp_path, side, axis, later):
+    """Turning about x it goes from y to z."""
+    (tmp_path / "both.toml").write_text(BOTH.format(side=side, axis=axis), encoding="utf-8")
+    (told,) = lobe_doubts(build_model(read_case(tmp_path / "both.toml")))
+    assert f"cams.one: it lifts up and beside at one cam angle, and a lobe reaches the second {later} deg later" in told
+
+
 def test_a_lobe_as_thick_as_its_shaft_is_no_fault():
     assert lobe_doubts(build_model(read_case(PUSHROD, ["sections.shaft.diameter=48mm"]))) == []
 
