@@ -15,7 +15,6 @@ from flexcam.case import Case, build_model
 from flexcam.checks import did_you_mean, refuse
 from flexcam.linalg import ComplexArray, FloatArray
 from flexcam.motion import Event
-from flexcam.runner import modes
 from flexcam.synthesis import (
     HarmonicFit,
     Polydyne,
@@ -25,7 +24,7 @@ from flexcam.synthesis import (
     off_design,
     polydyne,
 )
-from flexcam.train import Cam, Model, lift_transfer, valve_ratio
+from flexcam.train import Cam, Model, lift_transfer, modes_on_the_lift, valve_ratio
 from flexcam.units import RPM
 
 OFF_DESIGN = (0.25, 0.5, 0.75, 0.9, 1.0, 1.1)
@@ -43,7 +42,7 @@ class HarmonicCam:
     count
         Harmonics.
     frequency
-        First natural frequency of the train, rad/s.
+        First natural frequency of the train that its contact with the cam feels, rad/s.
     limit
         Harmonics below it at the case's speed.
     """
@@ -84,7 +83,10 @@ class PolydyneCam:
 def harmonic_cam(
     case: Case, cam: str | None, *, tolerance: float, count: int | None = None, bound: float | None = None
 ) -> HarmonicCam:
-    """Return a lift of harmonics below the first mode of a case's train.
+    """Return a lift of harmonics below the first mode of a case's train that its contact with the cam feels.
+
+    A contact that holds drives its train by a displacement: the modes are those of the train pressed to its cam, at
+    full lift (C. Li, 2014, eqs. 5-6). Under a published load the follower is free, a mass on its spring.
 
     Parameters
     ----------
@@ -110,16 +112,25 @@ def harmonic_cam(
         If no harmonic lies below the first mode, or they cannot hold the tolerance.
     """
     model = build_model(case)
-    found = modes(case)
-    frequency = float(found.modes.omegas[found.modes.rigid])
+    name = _which(model.cams, cam)
+    frequency = _first_felt(model, _contact(model, name), case.speed)
     limit = harmonics_below(frequency, case.speed)
     if count is None and limit < 1:
         given = f"{frequency / (2.0 * math.pi):.4g} Hz at {case.speed / RPM:.6g} rpm"
         why = "not one harmonic lies below the first mode"
         raise refuse("count", given, "a lower speed, a stiffer train, or a number of harmonics", why, "give --count")
     number = limit if count is None else count
-    fit = harmonic_fit(model.cams[_which(model.cams, cam)].event, number, tolerance=tolerance, bound=bound)
+    fit = harmonic_fit(model.cams[name].event, number, tolerance=tolerance, bound=bound)
     return HarmonicCam(fit, number, frequency, limit)
+
+
+def _first_felt(model: Model, contact: str, speed: float) -> float:
+    """Return the lowest natural frequency that a contact feels, rad/s."""
+    reached = modes_on_the_lift(model, contact, speed)
+    if not reached.felt:
+        why = "what is driven has no mode of its own"
+        raise refuse(f"contacts.{contact}", "no spring that it moves", "a train on a spring", why, "add a spring")
+    return float(reached.found.modes.omegas[reached.felt[0]])
 
 
 def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, count: int = 60) -> PolydyneCam:
@@ -190,9 +201,7 @@ def _designed(wanted: Event, answer: Transfer, speed: float, ratio: float, count
 
 def _train(model: Model, cam: str, speed: float) -> Transfer:
     """Return the motion of the valve over the one it would have if rigid."""
-    contact = next((n for n, c in model.driven.items() if c.cam == cam), None)
-    if contact is None:
-        raise refuse(f"cams.{cam}", "no contact", "a contact that drives a train", "", "add one under [contacts]")
+    contact = _contact(model, cam)
     start = model.driven[contact].follower
     finger = model.rocker_at(start)
     if finger is not None:
@@ -207,6 +216,14 @@ def _train(model: Model, cam: str, speed: float) -> Transfer:
         return answer(omega) / ratio
 
     return relative
+
+
+def _contact(model: Model, cam: str) -> str:
+    """Return the name of the contact that a cam drives a train through."""
+    contact = next((n for n, c in model.driven.items() if c.cam == cam), None)
+    if contact is None:
+        raise refuse(f"cams.{cam}", "no contact", "a contact that drives a train", "", "add one under [contacts]")
+    return contact
 
 
 def _which(cams: Mapping[str, Cam], cam: str | None) -> str:

@@ -21,9 +21,9 @@ from flexcam.integrate import solve
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.response import Advance, RunFailedError, Status, counted, heed
 from flexcam.runner import prepare
-from flexcam.stability.reached import ReachedModes, force_harmonics, reached_modes
+from flexcam.stability.reached import force_harmonics, reached_modes
 from flexcam.stability.resonance import Resonance, lift_harmonics
-from flexcam.train import build_structure
+from flexcam.train import ReachedModes, build_structure
 from flexcam.units import RPM
 
 _SPARE = 8

@@ -2,48 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from flexcam.integrate import Tangents
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.motion import Event
 from flexcam.orders import highest_order, latest_orders
 from flexcam.response import Response
 from flexcam.runner import Prepared
 from flexcam.stability.discrete import MOST
-from flexcam.train import ModelModes, Structure, model_modes
-
-_FELT = 1e-4
-"""Share of the contact's static yield from which on a mode is felt at the contact."""
-
-
-@dataclass(frozen=True, eq=False)
-class ReachedModes:
-    """Modes on the lift of a cam.
-
-    Parameters
-    ----------
-    found
-        The modes; contacts that are closed at full lift hold with their stiffness.
-    push
-        Size of the modal force by the contact's force, shape (k,), 1/sqrt(kg).
-    """
-
-    found: ModelModes
-    push: FloatArray
-
-    @property
-    def felt(self) -> list[int]:
-        """Positions of the modes that take part in what the contact yields under a constant force, no free motions.
-
-        Low modes count more by this than by the modal force, so that the surge of a spring is not missed beside the
-        stiff modes of the contact itself.
-        """
-        rigid, omegas = self.found.modes.rigid, self.found.modes.omegas
-        shares = (self.push[rigid:] / omegas[rigid:]) ** 2
-        return (np.flatnonzero(shares > _FELT * shares.sum()) + rigid).tolist()
+from flexcam.train import ReachedModes, Structure, contact_modes, holding
 
 
 def reached_modes(ready: Prepared, response: Response, contact: str, structure: Structure) -> ReachedModes:
@@ -70,11 +37,8 @@ def reached_modes(ready: Prepared, response: Response, contact: str, structure: 
     RunFailedError
         If the train has no modes there: a member or a lever gives way, which is named.
     """
-    part = ready.model.driven[contact]
-    cam = ready.model.cams[part.cam]
-    found = model_modes(structure, held=_held(ready, response, cam.event))
-    push = structure.row(part.follower, part.direction) - structure.row(cam.at, part.direction)
-    return ReachedModes(found, np.abs(push @ found.modes.shapes))
+    cam = ready.model.cams[ready.model.driven[contact].cam]
+    return contact_modes(structure, contact, _held(ready, response, cam.event))
 
 
 def _held(ready: Prepared, response: Response, event: Event) -> list[tuple[str, Triplets]]:
@@ -85,8 +49,7 @@ def _held(ready: Prepared, response: Response, event: Event) -> list[tuple[str, 
         return []
     at = np.flatnonzero(late)[[int(np.argmax(event(response.field_angle[late], 0)))]]
     motion = ready.problem.drive.at(response.field_time[at])
-    tangents = Tangents(system, motion, response.fields.displacement[at], response.fields.velocity[at])
-    return [(name, Triplets.from_dense(0.5 * (part + part.T))) for name, part in tangents.parts(0)]
+    return holding(system, motion, response.fields.displacement[at], response.fields.velocity[at])
 
 
 def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:

@@ -46,6 +46,7 @@ from flexcam.train.operation import (
     separation,
 )
 from flexcam.train.published import follower_train
+from flexcam.train.reached import ReachedModes, contact_modes, holding, modes_on_the_lift
 from flexcam.train.resolution import CoarseCam, coarse_cams
 from flexcam.train.rigid import ANY_SPEED, build_rigid
 from flexcam.train.rigid_standing import shared_forces, touching_coils
@@ -76,6 +77,7 @@ __all__ = [
     "ModelModes",
     "PublishedLoad",
     "Pulsation",
+    "ReachedModes",
     "Rocker",
     "Seat",
     "Seating",
@@ -91,17 +93,20 @@ __all__ = [
     "chain_of",
     "coarse_cams",
     "compressed",
+    "contact_modes",
     "element_loads",
     "follower_train",
     "free_running",
     "free_speed",
     "hertz_line",
+    "holding",
     "left_out",
     "lift_transfer",
     "main_lift",
     "member_masses",
     "modal_basis",
     "model_modes",
+    "modes_on_the_lift",
     "operation",
     "operation_names",
     "seating",

@@ -180,6 +180,21 @@ def test_harmonics_below_the_first_mode(told, tmp_path):
     assert run(train(tmp_path, "few.toml", 600)).status.ok
 
 
+def test_harmonics_below_the_first_mode_of_a_train_held_to_its_cam(told):
+    """Li's train of three masses on k1, which its cam moves: 316 Hz, as its equation (12) has it; at 25 Hz, twelve."""
+    found = facts(told, "synthesize", "harmonic", ROOT / "cases/li/valve-train.toml", "--tolerance", "60um")
+    k = np.diag([8e6, 8e6, 4e6 + 23e3]) - 4e6 * (np.eye(3, k=1) + np.eye(3, k=-1))
+    root = np.diag(np.array([0.25, 0.18, 0.21]) ** -0.5)
+    assert found["first_mode_hz"] == pytest.approx(np.sqrt(np.linalg.eigvalsh(root @ k @ root)[0]) / (2.0 * np.pi))
+    assert (found["harmonics"], found["deviation"] < 60e-6) == (12, True)
+
+
+def test_harmonics_under_a_hertz_contact_count_the_train_as_it_is_pressed(told):
+    """The spring of 60 g, on ground and on a valve that is held to its cam, surges near sqrt(k/m)/2 = 456 Hz."""
+    found = facts(told, "synthesize", "harmonic", ROOT / "cases/pushrod-engine/intake.toml", "--tolerance", "60um")
+    assert found["first_mode_hz"] == pytest.approx(0.5 * np.sqrt(50e3 / 0.06), rel=0.02)
+
+
 def test_too_few_harmonics_are_told_what_they_can_hold(told):
     said = told(*SHORT, "--count", "3", "--tolerance", "1 um")
     assert (said.code, said.out) == (2, "")
