@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,9 +19,10 @@ Answer = tuple[Told, Callable[[], "Figure"]]
 
 
 def write_answer(
-    answer: Answer, csv: Path | None, plot: Path | None, ended: Status, *, overwrite: bool, as_json: bool
+    answer: Answer, csv: Path | None, plot: Path | None, ended: Status, *, overwrite: bool, as_json: bool,
+    written: Sequence[Path] = (),
 ) -> None:  # fmt: skip
-    """Print what is told, and write its table and its picture, also of a study that was stopped."""
+    """Print what is told, and write its table and its picture, also of a study that was stopped; name every file."""
     told, draw = answer
     if csv is not None:
         write_text(csv, told.csv, overwrite=overwrite)
@@ -29,7 +30,7 @@ def write_answer(
         from flexcam.view import save_figure
 
         save_figure(draw(), plot, overwrite=overwrite)
-    files = [str(path) for path in (csv, plot) if path is not None]
+    files = [str(path) for path in (csv, plot, *written) if path is not None]
     if as_json:
         print_json({"status": "ok" if ended.ok else str(ended.cause), **told.json, "files": files})
         return

@@ -38,7 +38,7 @@ from flexcam.linalg import FloatArray
 from flexcam.response import Cause, RunFailedError, Status, heed
 from flexcam.study.differences import STEPS
 from flexcam.sweep import afford_case
-from flexcam.terminal import counting, out
+from flexcam.terminal import counting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -285,14 +285,15 @@ def optimize(
         design = study.Design(points, goals, bounds)
         found = search(design, evaluations=evaluations, seed=seed)
     best = found.best
+    written: list[Path] = []
     if target is not None and best is not None:
         _write_best(asked, points.overrides(found.points[best]), target, overwrite=overwrite)
+        written.append(target)
     one = len(goals) == 1
     told = told_optimum(design, found) if one else told_front(design, found)
     ended = _stopped(len(found.rows), evaluations) if found.stopped else Status()
-    write_answer((told, lambda: _drawn(design, found)), csv, plot, ended, overwrite=overwrite, as_json=as_json)
-    if target is not None and best is not None and not as_json:
-        out().print(str(target))
+    drawn = told, lambda: _drawn(design, found)
+    write_answer(drawn, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
     if not ended.ok:
         return ended
     return ended if best is not None else _NOTHING

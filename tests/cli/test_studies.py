@@ -172,6 +172,7 @@ def test_lightest_spring_for_a_frequency(flexcam, oscillator, tmp_path):
             "--subject", "frequency.1 >= 110 Hz", "--evaluations", "80")  # fmt: skip
     done = flexcam("optimize", oscillator, *told, "-o", best, "--csv", table, "--plot", tmp_path / "p.svg", "--json")
     assert done.code == 0
+    assert done.json["files"] == [str(one) for one in (table, tmp_path / "p.svg", best)]
     wanted = 0.1 * (2.0 * math.pi * 110.0) ** 2
     assert done.json["best"]["values"]["springs.one.stiffness"] == pytest.approx(wanted, rel=2e-4)
     assert done.json["best"]["bounds"][0]["active"]
