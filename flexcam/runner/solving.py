@@ -62,7 +62,9 @@ def run(
     case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = (), keep: Literal["all", "revolution"] = "all",
     allow_large: bool = False, resume: Earlier | None = None,
 ) -> Response:  # fmt: skip
-    """Solve a case in time.
+    """Solve a case in time, by the model that stands in it.
+
+    A model within ``fidelity.tolerance`` is sought by `flexcam.fidelity.chosen`, errors by `flexcam.fidelity.estimate`.
 
     Parameters
     ----------
