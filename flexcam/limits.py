@@ -20,7 +20,7 @@ from flexcam.motion import event_extremes
 from flexcam.response import Advance, Response, heed
 from flexcam.runner import Prepared, described, prepare, standing
 from flexcam.system import ConstantSpeed
-from flexcam.train import BOUNCE_HEIGHT, OPEN, CamContact, Model, Seat, main_lift, seating, separation
+from flexcam.train import BOUNCE_HEIGHT, OPEN, CamContact, Model, Seat, main_lift, seating, separation, valve_ratio
 from flexcam.units import RPM, shaft_speed
 
 _REVOLUTIONS = 3.0
@@ -44,7 +44,8 @@ class Search:
     tolerance
         Width of the bracket, rad/s.
     bounce_height
-        Height above the seat from which a valve that has closed counts as bouncing, m.
+        Height above the seat from which a valve that has closed counts as bouncing, m; None for 0.1 mm, or 2 % of the
+        lift where that is less.
     count
         Speeds looked at before a bracket is halved.
 
@@ -57,7 +58,7 @@ class Search:
     lowest: float
     highest: float
     tolerance: float = RPM
-    bounce_height: float = BOUNCE_HEIGHT
+    bounce_height: float | None = None
     count: int = 25
 
     def __post_init__(self) -> None:
@@ -126,7 +127,7 @@ Answers = dict[str, list[str]] | str
 
 
 def find_limits(
-    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float = BOUNCE_HEIGHT,
+    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float | None = None,
     count: int = 25, advance: Advance | None = None,
 ) -> Limits:  # fmt: skip
     """Find the speeds at which a train loses contact, its valve bounces, its coils clash and its pushrod buckles.
@@ -140,7 +141,8 @@ def find_limits(
     tolerance
         Width of the bracket, rad/s.
     bounce_height
-        Height above the seat from which a valve that has closed counts as bouncing, m.
+        Height above the seat from which a valve that has closed counts as bouncing, m; None for 0.1 mm, or 2 % of the
+        lift where that is less.
     count
         Speeds looked at before a bracket is halved.
     advance
@@ -333,9 +335,20 @@ def _bracketed(name: str, words: str, speeds: list[float], ask: Callable[[float]
     return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)})")
 
 
-def _questions(model: Model, bounce_height: float) -> dict[str, tuple[Question, str]]:
+def _bounce_height(model: Model) -> float:
+    """Return the height from which a valve bounces, m: a choice, less for small lifts."""
+    lifts = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
+    return min(BOUNCE_HEIGHT, _BOUNCE_PART * max(lifts, default=math.inf))
+
+
+_BOUNCE_PART = 0.02
+"""The same as a part of the lift, which is the smaller one up to 5 mm."""
+
+
+def _questions(model: Model, given: float | None) -> dict[str, tuple[Question, str]]:
     questions: dict[str, tuple[Question, str]] = {"loss_of_contact": (_lost, "the follower leaves its cam on the lift")}
     if any(isinstance(one, Seat) for one in model.contacts.values()):
+        bounce_height = _bounce_height(model) if given is None else given
         words = f"the valve leaves its seat again by more than {1e3 * bounce_height:g} mm"
         questions["bounce"] = (lambda response, ready: _bounces(response, ready, bounce_height), words)
     if any(spring.clash_travel is not None for spring in model.springs.values()):

@@ -46,7 +46,9 @@ def limits(
     lowest: Annotated[str | None, Parameter(help="Speed to look from; half the case's by default.")] = None,
     highest: Annotated[str | None, Parameter(help="Speed to look up to; twice the case's by default.")] = None,
     tolerance: Annotated[str, Parameter(help="Width of the bracket.")] = "10 rpm",
-    bounce_height: Annotated[str, Parameter(help="Height from which a closed valve counts as bouncing.")] = "0.1 mm",
+    bounce_height: Annotated[
+        str | None, Parameter(help="Height from which a closed valve counts as bouncing; 0.1 mm, 2 % of a small lift.")
+    ] = None,
     over: Annotated[str | None, Parameter("--over", help="Map over KEY=SPEC as of flexcam sweep; with --and.")] = None,
     beside: Annotated[str | None, Parameter("--and", help="The other number of the map: KEY=SPEC.")] = None,
     which: Annotated[
@@ -66,7 +68,9 @@ def limits(
     scale = read.turns
     low, high = speed_range(lowest, highest, 2, read.speed, scale, most=2.0)
     width = bracket("--tolerance", tolerance, scale)
-    height = positive("--bounce-height", quantity("--bounce-height", bounce_height, "length", "mm"), "m", zero=True)
+    height = None if bounce_height is None else quantity("--bounce-height", bounce_height, "length", "mm")
+    if height is not None:
+        positive("--bounce-height", height, "m", zero=True)
     if any(one is not None for one in (over, beside, which, workers, csv, plot)):
         from flexcam.commands.limit_map import map_limits
 

@@ -17,7 +17,10 @@ from flexcam.train.model import CamContact, Model, Seat
 Bools = NDArray[np.bool_]
 
 _TOUCH = 1e-6
-"""Height above the seat, m, from which a valve that has closed counts as open again."""
+"""Height above the seat, m, from which a valve that has closed counts as open again; less for small lifts."""
+
+_TOUCH_PART = 2e-4
+"""The same as a part of the lift, which is the smaller one up to 5 mm: a watch has no micrometres to spare."""
 
 _WHOLE = math.radians(355.0)
 """Cam angle of a record from which on its end meets its begin, rad: a swinging speed may leave a little out."""
@@ -82,7 +85,8 @@ def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating
         return None
     first, last = int(shut[0]), int(shut[-1])
     between = height[first : last + 1]
-    rising = np.diff(np.concatenate([[0], (between > _TOUCH).astype(int)])) > 0
+    touch = min(_TOUCH, _TOUCH_PART * float(gap[top]))
+    rising = np.diff(np.concatenate([[0], (between > touch).astype(int)])) > 0
     largest = max(float(between.max()), 0.0)
     return Seating(max(-float(speed[first - 1]), 0.0), int(rising.sum()), largest, float(at[first]))
 

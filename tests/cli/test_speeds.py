@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexcam import read_case
+from flexcam.limits import Search, bracketed_limits
+
 CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
 QUICK = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1")
 
@@ -64,6 +67,17 @@ def test_limits_name_every_limit_and_the_rigid_speed(flexcam, tmp_path):
     rigid = np.sqrt(((300.0 + 40e3 * lift[falls]) / (0.1 * -bend[falls])).min()) * 30.0 / np.pi
     assert answer["rigid_loss_of_contact_rpm"] == pytest.approx(rigid, rel=1e-5)
     assert answer["loss_of_contact_rpm"] == pytest.approx(rigid, rel=0.06)  # it swings a little on its contact
+
+
+@pytest.mark.parametrize(("lift", "told"), [("6 mm", "0.1 mm"), ("0.2 mm", "0.004 mm")])
+def test_a_small_valve_bounces_from_less(lift, told, tmp_path):
+    """From 0.1 mm, or from 2 % of a small lift."""
+    seat = 'seat = { at = "mass", direction = "-uz", model = "seat", stiffness = "50 MN/m" }\n[run]'
+    text = ONE_MASS.replace('lift = "6 mm"', f'lift = "{lift}"').replace("[run]", seat)
+    (tmp_path / "one.toml").write_text(text, encoding="utf-8")
+    search = Search(100.0, 101.0, tolerance=10.0, count=2)
+    found = bracketed_limits(read_case(tmp_path / "one.toml", QUICK[1:2]), search, among=("bounce",))
+    assert found["bounce"].words.startswith(f"the valve leaves its seat again by more than {told}")
 
 
 def test_parting_draws_and_tells(flexcam, tmp_path):

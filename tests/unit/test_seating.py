@@ -28,6 +28,14 @@ def test_a_cut_anywhere_changes_nothing(cut):
     assert (shifted.velocity, shifted.bounces, shifted.height) == (whole.velocity, whole.bounces, whole.height)
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-2, 1e-3, 1e2])
+def test_a_watch_bounces_as_an_engine_does(size):
+    gap, velocity = revolution()
+    told = seating(size * gap, size * velocity, ANGLE)
+    assert told is not None
+    assert (told.bounces, told.height / size) == (1, pytest.approx(2.02e-4, rel=1e-3))
+
+
 @pytest.mark.parametrize("last", [120, 200, 256])
 def test_a_short_record_that_ends_with_the_valve_open_tells_nothing(last):
     gap, velocity = revolution()
