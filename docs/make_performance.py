@@ -302,7 +302,7 @@ def _saving(tables: dict) -> list[str]:
         "|---|---|---|---|---|---|---|",
         *rows,
         "",
-        "What a file costs beyond its bytes is some thirty milliseconds, for a hundred datasets that are laid out, sealed and synced to the disk.",
+        "What a file costs beyond its bytes is some forty milliseconds, for a hundred datasets that are laid out, sealed and synced to the disk.",
         "",
     ]
 
