@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, cast, get_args
@@ -43,7 +44,10 @@ def faults(errors: Iterable[ErrorDetails], places: Places, root: type[BaseModel]
     """
     found: dict[tuple[str, str], Fault] = {}
     told = [(_path(error), error) for error in errors]
+    missing = Counter(path for path, error in told if error["type"] == "missing")
     for path, error in told:
+        if error["type"] == "missing" and path[-1].isdigit() and missing[path] == missing[_next(path)]:
+            continue  # of the elements that a row has too few, the last one tells how many there are
         inside = any(len(one) > len(path) and one[: len(path)] == path for one, _ in told)
         if inside and isinstance(error["input"], dict):
             continue  # a table where a number may stand too: its own faults are told
@@ -51,6 +55,11 @@ def faults(errors: Iterable[ErrorDetails], places: Places, root: type[BaseModel]
         key = fault.where, fault.given
         found[key] = _either(found[key], fault) if key in found else fault
     return list(found.values())
+
+
+def _next(path: Path) -> Path:
+    """Return the path of the element behind one."""
+    return (*path[:-1], str(int(path[-1]) + 1))
 
 
 def _either(first: Fault, second: Fault) -> Fault:
@@ -81,7 +90,7 @@ def _fault(error: ErrorDetails, path: Path, places: Places, root: type[BaseModel
             where, given = _inside(context, path, error["input"], places, root)
             return Fault(where, given, str(context["allowed"]), str(context["why"]), str(context["remedy"]))
         case "missing" if path[-1].isdigit():  # an element of a row
-            return Fault(places.place(path[:-1]), given, f"{int(path[-1]) + 1} values or more", "", "")
+            return Fault(places.place(path[:-1]), given, f"{int(path[-1]) + 1} values", "", "")
         case "too_long" | "too_short":
             return Fault(where, given, f"{context.get('max_length', context.get('min_length'))} values", "", "")
         case "model_type" | "model_attributes_type" | "dict_type":

@@ -78,3 +78,11 @@ def test_numbers_of_arrays():
     assert "given 0.5" in str(refuse("x", np.float64(0.5), "one"))
     with pytest.raises(InputError, match="given shape 2 x 3; allowed: shape any x 2"):
         finite_array("x", np.zeros((2, 3)), (None, 2))
+
+
+@pytest.mark.parametrize("given", ["[]", "[1]", "[1, 2]", "[1, 2, 3, 4]"])
+def test_rows_say_how_many_values_they_have(given):
+    """However many are missing, or one is too many: the same number, told once."""
+    with pytest.raises(InputError) as refusal:
+        read_case(INLINE, [f"run.gravity={given}"])
+    assert [fault.allowed for fault in refusal.value.faults] == ["3 values"]
