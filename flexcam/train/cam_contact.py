@@ -172,7 +172,7 @@ def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -
     Raises
     ------
     InputError
-        If follower or width are not given, or the profile is hollow under a flat face.
+        If follower or width are not given, or the profile is hollow under a flat face, or hollower than its roller.
     """
     where = f"contacts.{name}.stiffness"
     if cam.follower is None or cam.width is None:

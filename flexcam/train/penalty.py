@@ -192,7 +192,8 @@ class HertzLine(Stateless):
     ``a^2 = 4 p R/(pi E*)`` of the relative radius: K. L. Johnson, Contact Mechanics (1985), eqs. 4.43, 5.57 and 5.58.
     In the sum the radius cancels: with ``q = (1 - nu^2) p/(pi E)`` the approach is ``q (2 ln(d/q) - 1 - nu/(1 - nu))``,
     and of two cylinders, each with the first, ``q (2 ln(2 (R1 + R2)/q) - 2)``: only the distance of their axes is left.
-    So the cam's curvature tells in the pressure, not in the stiffness.
+    So the cam's curvature tells in the pressure, but in the stiffness by a logarithm at most, for which the base circle
+    stands.
 
     Parameters
     ----------
@@ -203,7 +204,7 @@ class HertzLine(Stateless):
     radius
         Relative radius of curvature over the cam angle, m, above zero; `STRAIGHT` depths at most.
     depth
-        Depth of the flat body, or twice the distance of the axes of two cylinders, m.
+        Depth of the flat body, or twice the distance of the axes of two cylinders on the base circle, m.
     dissipation
         chi of Hunt and Crossley, s/m.
     rolls
@@ -249,7 +250,7 @@ class HertzLine(Stateless):
         Returns
         -------
         tuple
-            Shape (m,) each, by Newton's iteration; straight on from where the contact is a quarter of the radius wide.
+            Shape (m,) each, by Newton's iteration; straight on from where the contact is half the radius wide.
         """
         most, rest = self._most(radius), self._rest
         largest = self._one * most

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
 from flexcam.motion import Event
 from flexcam.system import AngleFunction, CamMotion
@@ -16,6 +17,9 @@ from flexcam.train.model import CamContact
 from flexcam.train.structure import Structure
 
 History = Callable[[CamMotion], FloatArray]
+
+_ROUND = np.linspace(0.0, 2.0 * np.pi, 721)
+"""Angles at which a follower may jam."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +54,14 @@ class RigidFriction:
     def force(self, needed: History) -> History:
         """Return the contact force, N, from what the train needs along its lift."""
         return lambda motion: needed(motion) / (1.0 - self._per_lift(motion) * self._share(motion))
+
+    def jams(self) -> bool:
+        """Tell whether somewhere on the round friction bears all that the train needs, whatever the contact's force."""
+        a = sum(
+            (share * one(_ROUND, 0) for share, one in zip(self.shares, self.along, strict=True)), np.zeros(len(_ROUND))
+        )
+        path = a * self.event(_ROUND, 1) + self.slid(_ROUND, 1)
+        return bool((self.coefficient * a * np.sign(path) >= 1.0).any())
 
     def friction(self, needed: History) -> History:
         """Return friction over the contact force's reach, N: what the laws of contacts give."""
@@ -89,9 +101,14 @@ def rigid_friction(structure: Structure, name: str, contact: CamContact, moved: 
     Raises
     ------
     InputError
-        As for the flexible contact: the cam has no profile, or its follower a roller.
+        As for the flexible contact: the cam has no profile, or its follower a roller. If the follower jams.
     """
     cam = structure.model.cams[contact.cam]
     path = rubbed(structure, name, contact, cam)
     speed, slid = contact.friction_speed, travelled(cam)
-    return RigidFriction(cam.event, contact.friction, speed, path.vectors @ moved, path.functions, slid)
+    found = RigidFriction(cam.event, contact.friction, speed, path.vectors @ moved, path.functions, slid)
+    if found.jams():
+        allowed, why = "a friction at which the face slides", "friction alone would hold the rigid follower: it jams"
+        remedy = "lower it, or place the pivot nearer to the line of the face"
+        raise refuse(f"contacts.{name}.friction", contact.friction, allowed, why, remedy)
+    return found
