@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
+from flexcam.train.driven import moved_nodes
 from flexcam.train.following import completed, shifted, with_springs
 from flexcam.train.model import Adjuster, Lash, Lever, Rocker, Seat, path_name, tip_name
 from flexcam.train.paths import Coordinate, behind, in_proportion, turned
@@ -125,6 +127,11 @@ def divided(structure: Structure, motion: FloatArray) -> Divided:
     -------
     Divided
         Its first part is what goes with the follower.
+
+    Raises
+    ------
+    InputError
+        If a play opens as the cam lifts.
     """
     parts, bodies = [Part(motion)], [Body()]
     for joint in _outward([*_plays(structure, motion), *_rockers(structure, motion)]):
@@ -146,13 +153,26 @@ def divided(structure: Structure, motion: FloatArray) -> Divided:
 
 
 def _plays(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
-    """Yield the plays between nodes of a train."""
-    for play in structure.model.contacts.values():
+    """Yield the plays between nodes of a train; refuse those that its lift does not close."""
+    for name, play in structure.model.contacts.items():
         if isinstance(play, Lash | Adjuster) and play.ends is not None and play.direction is not None:
-            row = structure.row(play.ends[0], play.direction)
-            pushed = shifted(structure, structure.model.mesh.node(play.ends[1]), play.direction)
-            if float(row @ motion) and pushed.any():  # what stands on the ground drives nothing
+            row, far = (structure.row(end, play.direction) for end in play.ends)
+            pushing, pushed = (shifted(structure, end, play.direction) for end in play.ends)
+            if not (pushing.any() and pushed.any()):  # what stands on the ground drives nothing
+                continue
+            driven = float(row @ motion)
+            if driven < 0.0 or (driven == 0.0 and float(far @ motion) and not _reached(structure, play.ends[0])):
+                allowed, why = "a play that the lift of its cam closes", "a rigid train goes through it from the cam on"
+                remedy = "name as `from` the node on the side of the cam, with the direction in which it pushes"
+                raise refuse(f"contacts.{name}", f"from {play.ends[0]!r} to {play.ends[1]!r}", allowed, why, remedy)
+            if driven:
                 yield _Joint(row, completed(structure, pushed), play)
+
+
+def _reached(structure: Structure, node: str) -> bool:
+    """Tell whether some cam moves a node."""
+    model = structure.model
+    return any(model.mesh.node(node) in moved_nodes(model, one) for one in model.driven.values())
 
 
 def _rockers(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:

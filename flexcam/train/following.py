@@ -61,27 +61,30 @@ def with_springs(structure: Structure, motion: FloatArray) -> FloatArray:
     return moved
 
 
-def shifted(structure: Structure, node: int, direction: FloatArray) -> FloatArray:
-    """Return the unit motion of everything that members connect to a node.
+def shifted(structure: Structure, end: str, direction: FloatArray) -> FloatArray:
+    """Return the motion of everything that members connect to a node, by which this goes a unit along a direction.
+
+    What supports guide at an angle to the direction goes farther: the unit is its part along it.
 
     Parameters
     ----------
     structure
         The structure.
-    node
-        Its number.
+    end
+        Name of the node.
     direction
-        Shape (6,), global axes.
+        Shape (6,), global axes, of length one.
 
     Returns
     -------
     ndarray
-        Shape (n,).
+        Shape (n,); zeros where supports hold the node in that direction.
     """
     motion = np.zeros(structure.dofs.size)
-    numbers = structure.dofs.numbers[structure.model.mesh.connected(node)]
+    numbers = structure.dofs.numbers[structure.model.mesh.connected(structure.model.mesh.node(end))]
     motion[numbers[numbers >= 0]] = np.broadcast_to(direction, numbers.shape)[numbers >= 0]
-    return motion
+    along = float(structure.row(end, direction) @ motion)
+    return motion / along if along else motion
 
 
 def _pushed_on(structure: Structure, motion: FloatArray) -> FloatArray:
@@ -90,7 +93,7 @@ def _pushed_on(structure: Structure, motion: FloatArray) -> FloatArray:
     for play in structure.model.plays:
         driven, pushed = (float(structure.row(end, play.direction) @ moved) for end in play.ends)
         if driven != 0.0 and pushed == 0.0:
-            moved += driven * shifted(structure, structure.model.mesh.node(play.ends[1]), play.direction)
+            moved += driven * shifted(structure, play.ends[1], play.direction)
     return moved
 
 
@@ -103,7 +106,7 @@ def _linked(structure: Structure, motion: FloatArray) -> FloatArray:
             drawn = [float(structure.row(end, direction) @ moved) for end in ends]
             for still, (other, end) in enumerate(zip(reversed(drawn), ends, strict=True)):
                 if drawn[still] == 0.0 and other != 0.0 and structure.is_node(end):
-                    moved += other * shifted(structure, structure.model.mesh.node(end), direction)
+                    moved += other * shifted(structure, end, direction)
     return moved
 
 

@@ -103,6 +103,11 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     -------
     RigidTrain
         Motions and what belongs to them.
+
+    Raises
+    ------
+    InputError
+        If a play opens as the cam lifts.
     """
     train = follower_train(structure, contact, where)
     parted = divided(structure, train.motion)

@@ -13,7 +13,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam import build_model, prepare, read_case, run
+from flexcam import InputError, build_model, prepare, read_case, run
 from flexcam.integrate import Problem, equilibrium, solve
 from flexcam.system import ConstantSpeed
 
@@ -225,3 +225,24 @@ def test_two_rockers_on_one_rod(train):
     np.testing.assert_allclose(force, expected, atol=1e-3)  # inertia, as above
     flexible = stiff(case)[:, 0]
     np.testing.assert_allclose(force[[int(2 * one) for one in DEGREES]], flexible, atol=1.5)
+
+
+def test_a_play_askew_to_what_it_moves(train):
+    """Guides hold both sides upright: a play at an angle pushes them as far as an upright one, and nothing less."""
+    askew = NEAR.format(3e-4).replace('"uy"', "[0.6, 0.8, 0.0]")
+    force, _, _, _, valve = stiff(case := train("lever", askew, FAR.format(4e-4), SEAT, rod=5.0)).T
+    rigid = run(read_case(case.path, ["run.steps_per_revolution=360", "run.revolutions=1"]), rigid=True)
+    at = [int(one) for one in DEGREES]
+    # As above, of which the play gives 1/0.64 times as much.
+    np.testing.assert_allclose(rigid.channels["contacts.intake.force"][at], force, atol=2.0)
+    np.testing.assert_allclose(rigid["valve"].displacement[at], valve, atol=2e-5)
+
+
+@pytest.mark.parametrize(
+    "ends", [('"bottom", to = "top"', '"-uy"'), ('"top", to = "bottom"', '"-uy"')], ids=["swapped", "opening"]
+)
+def test_a_play_that_the_lift_does_not_close(train, ends):
+    """It was passed over in silence, or lifted the valve before it was taken up."""
+    wrong = NEAR.format(3e-4).replace('"top", to = "bottom"', ends[0]).replace('"uy"', ends[1])
+    with pytest.raises(InputError, match=r"contacts\.near.*side of the cam"):
+        run(train("lever", wrong, FAR.format(4e-4), SEAT, rod=5.0), rigid=True)
