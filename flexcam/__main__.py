@@ -4,13 +4,7 @@ import gc
 
 
 def start() -> None:
-    """Load the command line and run it.
-
-    Raises
-    ------
-    SystemExit
-        Always, with the exit code.
-    """
+    """Load the command line and run it."""
     gc.disable()  # what is loaded stays: looking through it for garbage, now or at the end, is a tenth of a short run
     try:
         from flexcam.cli import main

@@ -103,25 +103,7 @@ class CamFacts:
 
 
 def load_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamSet:
-    """Read the cams of a case, or of a file with cams alone.
-
-    Parameters
-    ----------
-    path
-        The TOML file.
-    overrides
-        Values laid over the file's.
-
-    Returns
-    -------
-    CamSet
-        The cams.
-
-    Raises
-    ------
-    InputError
-        With all faults of the file at once.
-    """
+    """Read the cams of a case, or of a file with cams alone."""
     path = Path(path)
     if holds_mechanism(path):
         case = read_case(path, overrides)
@@ -143,31 +125,7 @@ def cam_facts(
     cam: Cam, *, ratio: float = 1.0, count: int = 720, pressure_angle: float = PRESSURE_ANGLE,
     cutter: float | None = None,
 ) -> CamFacts:  # fmt: skip
-    """Return what a cam does.
-
-    Parameters
-    ----------
-    cam
-        The cam.
-    ratio
-        Valve lift per cam lift.
-    count
-        Points of the profile.
-    pressure_angle
-        Largest allowed, rad.
-    cutter
-        Radius of what cuts it, m.
-
-    Returns
-    -------
-    CamFacts
-        Everything about it.
-
-    Raises
-    ------
-    InputError
-        If the follower cannot stand on the cam.
-    """
+    """Return what a cam does."""
     event, profile = cam.event, None
     if cam.follower is not None:
         profile = cam_profile(event, cam.follower, count=count, turn=cam.turn)
@@ -203,18 +161,7 @@ def _least_base(cam: Cam, event: Event, pressure_angle: float) -> float | None:
 
 
 def overlaps(facts: Mapping[str, CamFacts]) -> list[tuple[str, str, str, float]]:
-    """Return how long the valves of every two cams are open together.
-
-    Parameters
-    ----------
-    facts
-        By cam.
-
-    Returns
-    -------
-    list
-        The two cams, what the lift is called, and the crank angle, rad.
-    """
+    """Return how long the valves of every two cams are open together."""
     names = list(facts)
     found: list[tuple[str, str, str, float]] = []
     for i, one in enumerate(names):
@@ -227,20 +174,7 @@ def overlaps(facts: Mapping[str, CamFacts]) -> list[tuple[str, str, str, float]]
 
 
 def profile_table(profile: CamProfile, cutter: float | None = None) -> ProfileTable:
-    """Return a profile as curves and columns, for files.
-
-    Parameters
-    ----------
-    profile
-        The profile.
-    cutter
-        Radius of what cuts it, m; adds its path.
-
-    Returns
-    -------
-    ProfileTable
-        For `flexcam.io.write_profile`.
-    """
+    """Return a profile as curves and columns, for files."""
     curves = {"profile": profile.points}
     if math.isfinite(profile.follower.roller_radius):
         curves["pitch curve"] = profile.pitch

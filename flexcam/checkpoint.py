@@ -60,25 +60,7 @@ class Earlier(Protocol):
 
 
 def flattened(name: str, value: object) -> dict[str, NDArray[Any]]:
-    """Return a value and all it is made of as arrays.
-
-    Parameters
-    ----------
-    name
-        Of the value.
-    value
-        A number, an array, None (which is left out) or a dataclass of such.
-
-    Returns
-    -------
-    dict
-        Arrays by dotted name.
-
-    Examples
-    --------
-    >>> flattened("load", np.zeros(2))
-    {'load': array([0., 0.])}
-    """
+    """Return a value and all it is made of as arrays."""
     if value is None:
         return {}
     if not is_dataclass(value):
@@ -88,23 +70,5 @@ def flattened(name: str, value: object) -> dict[str, NDArray[Any]]:
 
 
 def below(name: str, arrays: Arrays) -> dict[str, NDArray[Any]]:
-    """Return the arrays of one value, by their names within it.
-
-    Parameters
-    ----------
-    name
-        Of the value.
-    arrays
-        From `flattened`.
-
-    Returns
-    -------
-    dict
-        Empty where the value was None.
-
-    Examples
-    --------
-    >>> below("last", {"last.d": np.zeros(1), "load": np.ones(1)})
-    {'d': array([0.])}
-    """
+    """Return the arrays of one value, by their names within it."""
     return {key.removeprefix(f"{name}."): array for key, array in arrays.items() if key.startswith(f"{name}.")}

@@ -21,23 +21,7 @@ Read = TypeVar("Read")
 
 
 def printable(text: str) -> str:
-    r"""Return a text in which control characters are told, so that one from a file cannot command a terminal.
-
-    Parameters
-    ----------
-    text
-        Any; line ends and tabs stay.
-
-    Returns
-    -------
-    str
-        With ``\\x1b`` for an escape, and so on.
-
-    Examples
-    --------
-    >>> print(printable("a\x1b[31mb"))
-    a\x1b[31mb
-    """
+    r"""Return a text in which control characters are told, so that one from a file cannot command a terminal."""
     return _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
 
 
@@ -60,11 +44,6 @@ class Fault:
         The reason for the limit.
     remedy
         What to do about it.
-
-    Examples
-    --------
-    >>> print(Fault("run.speed", "-5 rpm", "a speed above zero", "the cam turns forward", "give the speed as positive"))
-    run.speed: given -5 rpm; allowed: a speed above zero; the cam turns forward; give the speed as positive
     """
 
     where: str
@@ -109,50 +88,13 @@ class InputError(FlexcamError, ValueError):
 
 
 def refuse(where: str, given: object, allowed: str, why: str = "", remedy: str = "") -> InputError:
-    """Return the refusal of a single value, to be raised by the caller.
-
-    Parameters
-    ----------
-    where, given, allowed, why, remedy
-        As in `Fault`; `given` is shown as `told` does, unless it is text.
-
-    Returns
-    -------
-    InputError
-        The error with one fault.
-
-    Examples
-    --------
-    >>> str(refuse("elements", 0, "a whole number from 1"))
-    'elements: given 0; allowed: a whole number from 1'
-    """
+    """Return the refusal of a single value, to be raised by the caller."""
     shown = given if isinstance(given, str) else told(given)
     return InputError([Fault(where, shown, allowed, why, remedy)])
 
 
 def gathered(read: Callable[[str], Read], given: Iterable[str]) -> tuple[list[Read], list[Fault]]:
-    """Return what is read of texts, and the faults of all those that cannot be read.
-
-    Parameters
-    ----------
-    read
-        Reads one; raises `InputError` for what it cannot.
-    given
-        The texts.
-
-    Returns
-    -------
-    tuple
-        What was read, in the order given, and the faults, which the caller raises together.
-
-    Examples
-    --------
-    >>> def read(text):
-    ...     return positive("length", float(text), "m")
-    >>> found, faults = gathered(read, ["1", "-2", "3"])
-    >>> found, [fault.given for fault in faults]
-    ([1.0, 3.0], ['-2 m'])
-    """
+    """Return what is read of texts, and the faults of all those that cannot be read."""
     found, faults = list[Read](), list[Fault]()
     for one in given:
         try:
@@ -163,33 +105,7 @@ def gathered(read: Callable[[str], Read], given: Iterable[str]) -> tuple[list[Re
 
 
 def together(first: Callable[[], Read], *others: Callable[[], object]) -> Read:
-    """Return what the first of several checks returns, once all of them have been made.
-
-    Parameters
-    ----------
-    first, others
-        Each raises `InputError` for what it refuses; none needs what another one returns.
-
-    Returns
-    -------
-    Read
-        Of the first.
-
-    Raises
-    ------
-    InputError
-        With the faults of all.
-
-    Examples
-    --------
-    >>> together(lambda: positive("length", 1.0, "m"), lambda: positive("width", 2.0, "m"))
-    1.0
-    >>> try:
-    ...     together(lambda: positive("length", -1.0, "m"), lambda: positive("width", -2.0, "m"))
-    ... except InputError as refusal:
-    ...     [fault.where for fault in refusal.faults]
-    ['length', 'width']
-    """
+    """Return what the first of several checks returns, once all of them have been made."""
     found, faults = list[Read](), list[Fault]()
     for i, check in enumerate((first, *others)):
         try:
@@ -204,25 +120,7 @@ def together(first: Callable[[], Read], *others: Callable[[], object]) -> Read:
 
 
 def told(value: object) -> str:
-    """Return a value as it would stand in a case file: nobody who writes one needs to read Python.
-
-    Parameters
-    ----------
-    value
-        What was given; arrays and their numbers as lists.
-
-    Returns
-    -------
-    str
-        A text in quotes, nothing for None.
-
-    Examples
-    --------
-    >>> told((0.5, True, None)), told({"id": "scca", "b": 1})
-    ('[0.5, true, nothing]', '{ id = "scca", b = 1 }')
-    >>> told("uy")
-    "'uy'"
-    """
+    """Return a value as it would stand in a case file: nobody who writes one needs to read Python."""
     if value is None or isinstance(value, bool):
         return "nothing" if value is None else str(value).lower()
     if isinstance(value, dict):
@@ -240,76 +138,17 @@ def _inner(value: object) -> str:
 
 
 def said(fault: Exception) -> str:
-    """Return why something went wrong, in the system's own words: without its number and the path, told elsewhere.
-
-    Parameters
-    ----------
-    fault
-        Such as an `OSError`.
-
-    Returns
-    -------
-    str
-        Its reason.
-
-    Examples
-    --------
-    >>> said(FileNotFoundError(2, "No such file or directory", "case.toml"))
-    'No such file or directory'
-    """
+    """Return why something went wrong, in the system's own words: without its number and the path, told elsewhere."""
     return (fault.strerror if isinstance(fault, OSError) else None) or str(fault)
 
 
 def in_words(shape: Iterable[int | None]) -> str:
-    """Return a shape; None stands for any length.
-
-    Parameters
-    ----------
-    shape
-        Of an array.
-
-    Returns
-    -------
-    str
-        Such as ``3 x any``.
-
-    Examples
-    --------
-    >>> in_words((3, None)), in_words(())
-    ('3 x any', 'of a single number')
-    """
+    """Return a shape; None stands for any length."""
     return " x ".join("any" if n is None else str(n) for n in shape) or "of a single number"
 
 
 def positive(where: str, value: float, unit: str, *, zero: bool = False) -> float:
-    """Return `value` if it is finite and above zero (or zero, where allowed).
-
-    Parameters
-    ----------
-    where
-        Name of the quantity.
-    value
-        The number, in SI.
-    unit
-        SI unit, for the message.
-    zero
-        Whether zero is allowed.
-
-    Returns
-    -------
-    float
-        The value itself.
-
-    Raises
-    ------
-    InputError
-        If the value is negative, not finite, or zero where zero is not allowed.
-
-    Examples
-    --------
-    >>> positive("length", 2.0, "m")
-    2.0
-    """
+    """Return `value` if it is finite and above zero (or zero, where allowed)."""
     number = float(value)
     if np.isfinite(number) and (number > 0.0 or (zero and number == 0.0)):
         return number
@@ -318,32 +157,7 @@ def positive(where: str, value: float, unit: str, *, zero: bool = False) -> floa
 
 
 def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
-    """Return a read-only copy of `values` as a float array of the given shape.
-
-    Parameters
-    ----------
-    where
-        Name of the quantity.
-    values
-        Numbers, any array-like.
-    shape
-        Expected shape; None stands for any length.
-
-    Returns
-    -------
-    ndarray
-        Read-only copy, float64.
-
-    Raises
-    ------
-    InputError
-        If the shape differs or a number is not finite.
-
-    Examples
-    --------
-    >>> finite_array("offset", [0, 0, 1], (3,)).flags.writeable
-    False
-    """
+    """Return a read-only copy of `values` as a float array of the given shape."""
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -359,25 +173,7 @@ def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return a hint at the nearest known name, or an empty text.
-
-    Parameters
-    ----------
-    name
-        What was written.
-    known
-        What exists.
-
-    Returns
-    -------
-    str
-        ``did you mean 'x'?`` or nothing.
-
-    Examples
-    --------
-    >>> did_you_mean("stifness", ["stiffness", "damping"])
-    "did you mean 'stiffness'?"
-    """
+    """Return a hint at the nearest known name, or an empty text."""
     names = [other for other in known if other != name]
     swapped = [other for other in names if sorted(other.lower()) == sorted(name.lower())]
     near = swapped or difflib.get_close_matches(name, names, n=1, cutoff=0.6)

@@ -87,29 +87,6 @@ def harmonic_cam(
 
     A contact that holds drives its train by a displacement: the modes are those of the train pressed to its cam, at
     full lift (C. Li, 2014, eqs. 5-6). Under a published load the follower is free, a mass on its spring.
-
-    Parameters
-    ----------
-    case
-        The case; its speed and its cam's lift are taken.
-    cam
-        Name of the cam; None for the only one.
-    tolerance
-        Largest distance in the dwells, m.
-    count
-        Harmonics; None for as many as lie below the first mode.
-    bound
-        Largest distance elsewhere, m; None for no bound.
-
-    Returns
-    -------
-    HarmonicCam
-        The lift.
-
-    Raises
-    ------
-    InputError
-        If no harmonic lies below the first mode, or they cannot hold the tolerance.
     """
     model = build_model(case)
     name = _which(model.cams, cam)
@@ -134,60 +111,14 @@ def _first_felt(model: Model, contact: str, speed: float) -> float:
 
 
 def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, count: int = 60) -> PolydyneCam:
-    """Return the cam that makes the valve of a case follow the lift which the case's cam would give it if rigid.
-
-    Parameters
-    ----------
-    case
-        The case.
-    cam
-        Name of the cam; None for the only one.
-    speed
-        Design speed of the camshaft, rad/s; None for the case's.
-    count
-        Harmonics.
-
-    Returns
-    -------
-    PolydyneCam
-        The cam, and what it does at other speeds.
-
-    Raises
-    ------
-    InputError
-        If no contact drives the train, or the train does not answer to a harmonic.
-    """
+    """Return the cam that makes the valve of a case follow the lift which the case's cam would give it if rigid."""
     model = build_model(case)
     name, at = _which(model.cams, cam), case.speed if speed is None else speed
     return _designed(model.cams[name].event, _train(model, name, at), at, valve_ratio(model, name), count)
 
 
 def polydyne_of(cams: Mapping[str, Cam], cam: str | None, transfer: Transfer, speed: float, count: int) -> PolydyneCam:
-    """Return the cam that makes a train follow the lift of a cam, from how the train answers; no case is needed.
-
-    Parameters
-    ----------
-    cams
-        By name.
-    cam
-        Name of the cam; None for the only one.
-    transfer
-        Of the train, such as `flexcam.synthesis.SingleMass`.
-    speed
-        Design speed of the camshaft, rad/s.
-    count
-        Harmonics.
-
-    Returns
-    -------
-    PolydyneCam
-        The cam, and what it does at other speeds.
-
-    Raises
-    ------
-    InputError
-        If there is no such cam, or the train does not answer to a harmonic.
-    """
+    """Return the cam that makes a train follow the lift of a cam, from how the train answers; no case is needed."""
     return _designed(cams[_which(cams, cam)].event, transfer, speed, 1.0, count)
 
 

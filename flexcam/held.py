@@ -20,22 +20,7 @@ _LARGEST = 3000
 
 
 def unheld(model: Model, problem: Problem, scheme: Method) -> list[str]:
-    """Return the contacts with a cam that are open on the base circle before it turns, in words.
-
-    Parameters
-    ----------
-    model
-        The model.
-    problem
-        With the start of its run.
-    scheme
-        Of the time integration.
-
-    Returns
-    -------
-    list
-        A sentence per contact.
-    """
+    """Return the contacts with a cam that are open on the base circle before it turns, in words."""
     contacts = {name: one for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral}
     if not contacts or not 0 < problem.system.size <= _LARGEST:
         return []
@@ -63,20 +48,7 @@ _LIFTED = 1e-9
 
 
 def struck(case: Case, model: Model, problem: Problem) -> list[str]:
-    """Return the cams that lift already when a run starts from rest, which strikes their trains, in words.
-
-    Parameters
-    ----------
-    case, model
-        A case and its model.
-    problem
-        Of its run; a rigid one moves as the cam has it from the first instant.
-
-    Returns
-    -------
-    list
-        A sentence per cam that drives something.
-    """
+    """Return the cams that lift already when a run starts from rest, which strikes their trains, in words."""
     if case.record.run.start != "rest" or not problem.system.size:
         return []
     begin = problem.drive.at(np.zeros(1))
@@ -98,20 +70,7 @@ _RAISED = 1e-3
 
 
 def idle_loads(model: Model, problem: Problem) -> list[str]:
-    """Return the loads that push nothing that can move, in words.
-
-    Parameters
-    ----------
-    model
-        The model.
-    problem
-        Of its run; a rigid one moves as the cam has it, whatever pushes.
-
-    Returns
-    -------
-    list
-        A sentence per load.
-    """
+    """Return the loads that push nothing that can move, in words."""
     vectors = {load.name: load.vector for load in problem.system.loads} if problem.system.size else {}
     return [
         f"Warning: loads.{name}: it pushes nothing: a support holds what it acts on, or no member and no mass is there"
@@ -121,18 +80,7 @@ def idle_loads(model: Model, problem: Problem) -> list[str]:
 
 
 def loose(model: Model) -> list[str]:
-    """Return the members that no support, spring, rocker, cam or contact touches, in words.
-
-    Parameters
-    ----------
-    model
-        The model.
-
-    Returns
-    -------
-    list
-        A sentence per connected part.
-    """
+    """Return the members that no support, spring, rocker, cam or contact touches, in words."""
     mesh = model.mesh
     touched = {int(node) for name in _touching(model) for node in mesh.points.get(name, ())}
     parts = [set(part.tolist()) for part in mesh.parts]

@@ -48,11 +48,6 @@ class Search:
         lift where that is less.
     count
         Speeds looked at before a bracket is halved.
-
-    Raises
-    ------
-    InputError
-        If the speeds are out of order.
     """
 
     lowest: float
@@ -130,34 +125,7 @@ def find_limits(
     case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float | None = None,
     count: int = 25, advance: Advance | None = None,
 ) -> Limits:  # fmt: skip
-    """Find the speeds at which a train loses contact, its valve bounces, its coils clash and its pushrod buckles.
-
-    Parameters
-    ----------
-    case
-        A case with a true (unilateral) contact.
-    lowest, highest
-        Camshaft speeds between which to look, rad/s.
-    tolerance
-        Width of the bracket, rad/s.
-    bounce_height
-        Height above the seat from which a valve that has closed counts as bouncing, m; None for 0.1 mm, or 2 % of the
-        lift where that is less.
-    count
-        Speeds looked at before a bracket is halved.
-    advance
-        Told after each run that one more is finished.
-
-    Returns
-    -------
-    Limits
-        What was found.
-
-    Raises
-    ------
-    InputError
-        If the case has no unilateral contact, or the speeds are out of order.
-    """
+    """Find the speeds at which a train loses contact, its valve bounces, its coils clash and its pushrod buckles."""
     search = Search(lowest, highest, tolerance, bounce_height, count)
     found = bracketed_limits(case, search, advance=advance)
     left = margins(case)
@@ -168,31 +136,7 @@ def bracketed_limits(
     case: Case, search: Search, among: Collection[str] | None = None,
     *, runs: int = 1, advance: Advance | None = None,
 ) -> dict[str, Limit]:  # fmt: skip
-    """Find the speeds at which something gives way, without what can be told of the case at rest.
-
-    Parameters
-    ----------
-    case
-        A case with a true (unilateral) contact.
-    search
-        Where to look, and how closely.
-    among
-        Which limits, of those of `LIMITS`; all that the case can meet by default.
-    runs
-        How many variants of the case are looked at like this.
-    advance
-        Told after each run that one more is finished.
-
-    Returns
-    -------
-    dict
-        By name; a limit that the case cannot meet, as it lacks the part, is left out.
-
-    Raises
-    ------
-    InputError
-        If the case has no unilateral contact, or the speeds are out of order.
-    """
+    """Find the speeds at which something gives way, without what can be told of the case at rest."""
     lowest, highest = search.lowest, search.highest
     model = _may_part(case)
     speeds = np.geomspace(lowest, highest, max(search.count, 2)).tolist()
@@ -218,27 +162,7 @@ def bracketed_limits(
 
 
 def limits_of(case: Case) -> tuple[str, ...]:
-    """Return the names of the limits that a case can meet.
-
-    Parameters
-    ----------
-    case
-        A case with a true (unilateral) contact.
-
-    Returns
-    -------
-    tuple
-        Of those of `LIMITS`; a limit whose part it lacks is left out.
-
-    Raises
-    ------
-    InputError
-        If the case has no unilateral contact.
-
-    Examples
-    --------
-    ``limits_of(case)`` lacks ``"bounce"`` where no valve has a seat.
-    """
+    """Return the names of the limits that a case can meet."""
     return tuple(_questions(_may_part(case), 0.0))
 
 
@@ -271,25 +195,7 @@ class Margins:
 
 
 def margins(case: Case) -> Margins:
-    """Return what the springs of a rigid train and its members have in hand.
-
-    Parameters
-    ----------
-    case
-        A case.
-
-    Returns
-    -------
-    Margins
-        At the speed of the case.
-
-    Raises
-    ------
-    InputError
-        If parts do not fit together.
-    RunFailedError
-        If the train has no balance at full lift.
-    """
+    """Return what the springs of a rigid train and its members have in hand."""
     rigid = _rigid(case)
     return Margins(rigid, None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0, _at_rest(case))
 

@@ -174,15 +174,6 @@ class Extremes:
         Instants seen.
     most_bent
         Displacement of all unknowns at the saved instant where its largest is largest, shape (n,).
-
-    Examples
-    --------
-    >>> seen = Extremes(Outline(("x",), (("valve", ("uy",)),), (("force", "N"),)))
-    >>> history, field = np.array([[1.0], [-2.0]]), np.array([[3.0]])
-    >>> moved, still = Series(history, history, history), Series(field, field, field)
-    >>> seen.write(Block(np.arange(2.0), np.arange(2.0), moved, 5.0 * history, np.zeros(1), np.zeros(1), still))
-    >>> seen.channel("force"), seen.most_bent.tolist()
-    ((-10.0, 5.0), [3.0])
     """
 
     def __init__(self, outline: Outline) -> None:
@@ -223,13 +214,7 @@ class Extremes:
         """Do nothing: the figures are asked for."""
 
     def probe(self, name: str) -> tuple[FloatArray, FloatArray]:
-        """Return least and largest displacement of a probe, or of one component of it, shape (components,).
-
-        Raises
-        ------
-        InputError
-            If nothing of that name was saved.
-        """
+        """Return least and largest displacement of a probe, or of one component of it, shape (components,)."""
         columns = self.outline.columns(name)
         return self._probes.least[columns], self._probes.largest[columns]
 

@@ -42,13 +42,7 @@ class Signal:
     probe: bool = False
 
     def of(self, response: Response) -> FloatArray:
-        """Return the history, SI, shape (steps + 1,).
-
-        Raises
-        ------
-        InputError
-            If the run has no such channel or probe, or the probe has several components.
-        """
+        """Return the history, SI, shape (steps + 1,)."""
         if not self.probe:
             known = response.channels
             if self.name not in known:
@@ -97,31 +91,7 @@ class Waterfall:
 
 
 def latest_orders(response: Response, values: FloatArray, count: int) -> OrderSpectrum:
-    """Return the orders of a history in the last revolution of a run.
-
-    Parameters
-    ----------
-    response
-        The run.
-    values
-        A history of it, shape (steps + 1,).
-    count
-        Highest order.
-
-    Returns
-    -------
-    OrderSpectrum
-        Both ends of the revolution are counted in, each by half.
-
-    Raises
-    ------
-    InputError
-        If the run is shorter than a revolution, or has too few steps for the orders.
-
-    Examples
-    --------
-    ``latest_orders(response, response.channels["contacts.intake.force"], 12).amplitudes``
-    """
+    """Return the orders of a history in the last revolution of a run."""
     begin = _beginning(response)
     steps, highest = len(response.angle) - begin - 1, highest_order(response)
     if count > highest:
@@ -139,35 +109,13 @@ def _wanted(count: int) -> int:
 
 
 def has_revolution(response: Response) -> bool:
-    """Tell whether a run is as long as a revolution of the camshaft.
-
-    Parameters
-    ----------
-    response
-        The run.
-
-    Returns
-    -------
-    bool
-        Whether `latest_orders` has something to look at.
-    """
+    """Tell whether a run is as long as a revolution of the camshaft."""
     angle = response.angle
     return len(angle) > 1 and float(angle[-1] - angle[0]) >= _REVOLUTION * (1.0 - _SAME_ANGLE)
 
 
 def highest_order(response: Response) -> int:
-    """Return the highest order that the last revolution of a run has steps for.
-
-    Parameters
-    ----------
-    response
-        The run.
-
-    Returns
-    -------
-    int
-        Zero for a run shorter than a revolution.
-    """
+    """Return the highest order that the last revolution of a run has steps for."""
     return max((len(response.angle) - _beginning(response)) // 2 - 1, 0) if has_revolution(response) else 0
 
 
@@ -182,31 +130,7 @@ def _beginning(response: Response) -> int:
 def waterfall(
     case: Case, speeds: Sequence[float], signals: Sequence[Signal], count: int, *, advance: Advance | None = None
 ) -> list[Waterfall]:
-    """Return the orders of histories over speed.
-
-    Parameters
-    ----------
-    case
-        The case; its own speed does not count.
-    speeds
-        Of the camshaft, rad/s.
-    signals
-        The histories.
-    count
-        Highest order.
-    advance
-        Told after each speed that one more is finished.
-
-    Returns
-    -------
-    list
-        One per signal.
-
-    Raises
-    ------
-    InputError
-        If a run has no such history, is shorter than a revolution, or has too few steps for the orders.
-    """
+    """Return the orders of histories over speed."""
     _refuse_few_steps(case, max(speeds), count)
     rpm = np.array(speeds) / RPM
     found: dict[Signal, list[OrderSpectrum | None]] = {one: [] for one in signals}
@@ -263,20 +187,7 @@ def _joined(
 
 
 def ridges(found: Waterfall, count: int = 3) -> Mapping[int, tuple[float, float]]:
-    """Return the orders that grow largest over the speeds, the mean left out.
-
-    Parameters
-    ----------
-    found
-        Orders over speed.
-    count
-        How many.
-
-    Returns
-    -------
-    dict
-        Order to the camshaft speed, rpm, at which it is largest, and its amplitude there; the largest first.
-    """
+    """Return the orders that grow largest over the speeds, the mean left out."""
     if np.isnan(found.amplitudes).all():
         return {}
     peaks = np.nanmax(found.amplitudes[:, 1:], axis=0)

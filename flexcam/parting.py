@@ -64,30 +64,7 @@ class Speed:
 def parting(
     case: Case, speeds: Sequence[float], *, contact: str | None = None, advance: Advance | None = None
 ) -> list[Speed]:
-    """Run a case over speeds with a rigid train, with a contact that cannot part, and with one that can.
-
-    Parameters
-    ----------
-    case
-        A case with a unilateral contact.
-    speeds
-        Camshaft speeds, rad/s.
-    contact
-        Name of the contact; the first unilateral one by default.
-    advance
-        Told after each speed that one more is finished.
-
-    Returns
-    -------
-    list
-        The models at every speed. The stiffness of the bilateral contact is that of the unilateral one; of a Hertz
-        contact the secant at the rigid train's largest force.
-
-    Raises
-    ------
-    InputError
-        If the case has no such contact.
-    """
+    """Run a case over speeds with a rigid train, with a contact that cannot part, and with one that can."""
     model = prepare(case).model
     known = [name for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral]
     if not known or (contact is not None and contact not in known):
@@ -97,22 +74,7 @@ def parting(
 
 
 def parts_at(found: Sequence[Speed], first: str, second: str, tolerance: float = 0.05) -> float | None:
-    """Return the lowest speed, rpm, from which two models differ by more than a part of the force; None if never.
-
-    Parameters
-    ----------
-    found
-        From `parting`, speeds ascending.
-    first, second
-        Of `MODELS`.
-    tolerance
-        The part.
-
-    Returns
-    -------
-    float
-        rpm of the camshaft.
-    """
+    """Return the lowest speed, rpm, from which two models differ by more than a part of the force; None if never."""
     return next((one.rpm for one in found if one.differs(first, second, tolerance)), None)
 
 

@@ -21,28 +21,7 @@ from flexcam.train import MemberStrength, StrengthSink, build_structure
 
 
 def reopened(case: Case, result: Result) -> tuple[Prepared, Response]:
-    """Return a case made ready and its response as the run gave it.
-
-    Parameters
-    ----------
-    case
-        From `flexcam.case.recalled_case`.
-    result
-        The result.
-
-    Returns
-    -------
-    tuple
-        What the run needed, but for a start that takes runs or results of its own, which is replaced by the balance at
-        rest; and the response, whose fields hold the unknowns of the equations.
-
-    Raises
-    ------
-    InputError
-        If the result is not of this case.
-    RunFailedError
-        If the start has no balance.
-    """
+    """Return a case made ready and its response as the run gave it."""
     start = case.record.run.start
     standing = (
         case.with_run({"start": "equilibrium"}) if start == "periodic" or isinstance(start, ResultStartRecord) else case
@@ -74,18 +53,7 @@ def _beside(response: Response, names: tuple[str, ...], kind: str, at: IntArray)
 
 
 def strength_of(ready: Prepared, response: Response) -> dict[str, MemberStrength]:
-    """Return the stresses of the members over a run, from its saved fields.
-
-    Parameters
-    ----------
-    ready, response
-        From `reopened`.
-
-    Returns
-    -------
-    dict
-        By member; empty where no field was saved, and for models that know nothing of stresses.
-    """
+    """Return the stresses of the members over a run, from its saved fields."""
     if ready.case.record.fidelity.model != "beams":
         return {}
     sink = StrengthSink(build_structure(ready.model))

@@ -27,20 +27,7 @@ _SAME_ANGLE = 1e-9
 
 
 def drive_of(case: Case, model: Model, start: float = 0.0) -> Drive:
-    """Return how the camshaft turns.
-
-    Parameters
-    ----------
-    case, model
-        A case and its model.
-    start
-        Cam angle at time zero, rad.
-
-    Returns
-    -------
-    Drive
-        At constant or at a changing speed.
-    """
+    """Return how the camshaft turns."""
     run = case.record.run
     if run.fluctuation is not None:
         return FluctuatingSpeed(case.speed, *run.fluctuation.made(), start)
@@ -61,47 +48,12 @@ def _from_angle(case: Case, model: Model, drive: Drive, angle: float, time: floa
 
 
 def revolution_of(case: Case, drive: Drive) -> float:
-    """Return the time of a camshaft revolution, s.
-
-    Parameters
-    ----------
-    case
-        A case.
-    drive
-        How its camshaft turns.
-
-    Returns
-    -------
-    float
-        Of the first revolution, where they differ.
-    """
+    """Return the time of a camshaft revolution, s."""
     return drive.period if isinstance(drive, SpeedByAngle) else _REVOLUTION / case.speed
 
 
 def started(case: Case, model: Model, problem: Problem, *, until: float | None = None) -> Problem:
-    """Return a problem from the start its case asks for.
-
-    Parameters
-    ----------
-    case, model
-        A case and its model.
-    problem
-        System, drive and steps; a restart goes on at the result's cam angle, also at another speed.
-    until
-        When the search for a periodic start ends at the latest, s of `time.monotonic`; None for no limit.
-
-    Returns
-    -------
-    Problem
-        With a start.
-
-    Raises
-    ------
-    InputError
-        If the start does not fit the model.
-    RunFailedError
-        If there is no equilibrium to start from, or the time is over before a periodic start is found.
-    """
+    """Return a problem from the start its case asks for."""
     system = problem.system
     match case.record.run.start:
         case "rest":
@@ -128,25 +80,7 @@ def _carried(problem: Problem) -> State:
 
 
 def steps_per_revolution(case: Case, problem: Problem) -> int:
-    """Return the steps of a revolution, after which a periodic state is there again.
-
-    Parameters
-    ----------
-    case
-        The case.
-    problem
-        With its step.
-
-    Returns
-    -------
-    int
-        Steps.
-
-    Raises
-    ------
-    InputError
-        If they are no whole number, or what swings with the camshaft does not return after its revolution.
-    """
+    """Return the steps of a revolution, after which a periodic state is there again."""
     for key, order in broken_orders(case).items():
         raise refuse(key, f"{order:g}", "a whole order with start = periodic", "the state repeats with the camshaft")
     revolution = revolution_of(case, problem.drive)
@@ -158,18 +92,7 @@ def steps_per_revolution(case: Case, problem: Problem) -> int:
 
 
 def broken_orders(case: Case) -> dict[str, float]:
-    """Return the orders of the camshaft that are no whole numbers: what swings by them does not return with it.
-
-    Parameters
-    ----------
-    case
-        The case.
-
-    Returns
-    -------
-    dict
-        Key of the case to order.
-    """
+    """Return the orders of the camshaft that are no whole numbers: what swings by them does not return with it."""
     speed = case.record.run.fluctuation
     broken = [order for order in speed.orders if order % 1.0] if speed else []
     found = {"run.fluctuation.orders": broken[0]} if broken else {}

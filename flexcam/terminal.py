@@ -20,13 +20,7 @@ from flexcam.response import Block, Sink, Stats, Status
 
 
 def out() -> Console:
-    """Return the console of results; tables keep one width where nobody reads along, and brackets are brackets.
-
-    Returns
-    -------
-    Console
-        On standard output.
-    """
+    """Return the console of results; tables keep one width where nobody reads along, and brackets are brackets."""
     width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
     return _Out(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False, soft_wrap=False)
 
@@ -63,25 +57,13 @@ class _Out(Console):
 
 
 def note(sentence: str) -> None:
-    """Tell something beside the answer, on standard error; where nobody can be told, the exit code still says it.
-
-    Parameters
-    ----------
-    sentence
-        What to tell.
-    """
+    """Tell something beside the answer, on standard error; where nobody can be told, the exit code still says it."""
     with suppress(OSError):  # full, or without a reader
         sys.stderr.write(printable(f"{sentence}\n"))
 
 
 def print_json(content: object) -> None:
-    """Print one JSON object to standard output; numbers that are not finite are a fault of flexcam.
-
-    Parameters
-    ----------
-    content
-        What `json` can write.
-    """
+    """Print one JSON object to standard output; numbers that are not finite are a fault of flexcam."""
     sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
@@ -100,18 +82,7 @@ class _Bar:
 
 @contextmanager
 def progress(steps: int) -> Generator[list[Sink]]:
-    """Show a progress bar on standard error while a run goes on, if somebody sees it.
-
-    Parameters
-    ----------
-    steps
-        Of the whole run.
-
-    Yields
-    ------
-    list
-        The bar as a sink; empty where standard error is no terminal.
-    """
+    """Show a progress bar on standard error while a run goes on, if somebody sees it."""
     if not sys.stderr.isatty():
         yield []
         return
@@ -124,20 +95,7 @@ def progress(steps: int) -> Generator[list[Sink]]:
 
 @contextmanager
 def counting(total: int | None, what: str) -> Generator[Callable[[int], None]]:
-    """Show how many of many things are finished, their rate and the time left, if somebody sees it.
-
-    Parameters
-    ----------
-    total
-        How many there are; None where only the end will tell.
-    what
-        They are.
-
-    Yields
-    ------
-    callable
-        To be told how many more are finished; the first call says how many were before.
-    """
+    """Show how many of many things are finished, their rate and the time left, if somebody sees it."""
     if total == 0 or not sys.stderr.isatty():
         yield lambda _: None
         return
@@ -162,18 +120,7 @@ def _rate(speed: float | None) -> str:
 
 
 def bare(title: str) -> Table:
-    """Return a table without lines, as wide as its title at least.
-
-    Parameters
-    ----------
-    title
-        Above it.
-
-    Returns
-    -------
-    Table
-        Without columns.
-    """
+    """Return a table without lines, as wide as its title at least."""
     gap = (0, _GAP, 0, 0)
     made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=gap)
     made.min_width = len(printable(title))
@@ -181,22 +128,7 @@ def bare(title: str) -> Table:
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
-    """Return a plain table, first column to the left, numbers to the right.
-
-    Parameters
-    ----------
-    title
-        Above it.
-    columns
-        Heads.
-    rows
-        Cells.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return a plain table, first column to the left, numbers to the right."""
     made, cells = bare(title), [list(row) for row in rows]
     longest = [max((len(row[i]) for row in cells), default=0) for i in range(len(columns))]
     heads, most = list(columns), out().width
@@ -233,20 +165,7 @@ def _width(heads: Sequence[str], longest: Sequence[int]) -> int:
 
 
 def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
-    """Return a table of names and what is to be said of them.
-
-    Parameters
-    ----------
-    title
-        Above it.
-    rows
-        Name and text.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return a table of names and what is to be said of them."""
     made = bare(title)
     made.show_header = False
     made.add_column()

@@ -84,11 +84,6 @@ class Dimension:
     least, most
         Size in SI outside which a number is no such quantity of a mechanism; zero is always inside. They also keep the
         arithmetic away from the ends of floating point.
-
-    Examples
-    --------
-    >>> DIMENSIONS["stiffness"].si
-    'N/m'
     """
 
     name: str
@@ -171,37 +166,7 @@ def _same_kind(found: Exponents, wanted: Exponents) -> bool:
 
 
 def parse(value: float | str, dimension: str, where: str = "value", *, noise: bool = False) -> float:
-    """Return a quantity in SI.
-
-    Parameters
-    ----------
-    value
-        A number, taken as SI, or a text with a unit: ``"40 kN/m"``, ``"4000rpm"``, ``"1e-4 kg m^2"``.
-    dimension
-        A key of `DIMENSIONS`.
-    where
-        The place, for the message.
-    noise
-        Whether a number too small for its kind is the rounding of a zero (a coordinate) and not a mistake.
-
-    Returns
-    -------
-    float
-        The number in the SI unit of the dimension (angles in rad, speeds in rad/s).
-
-    Raises
-    ------
-    InputError
-        If the text is no number with a unit, the unit is unknown or of another kind, or the number is not finite or
-        beyond any size such a quantity has.
-
-    Examples
-    --------
-    >>> parse("25 mm", "length"), parse("0.62 g/cm^3", "density")
-    (0.025, 620.0)
-    >>> round(parse("3000rpm", "speed"), 6)
-    314.159265
-    """
+    """Return a quantity in SI."""
     kind = DIMENSIONS[dimension]
     article = "an" if kind.name[0] in "aeiou" else "a"
     allowed = f"{article} {kind.name} such as {kind.example!r}" + (f", or a number in {kind.si}" if kind.si else "")
@@ -234,41 +199,12 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
 
 
 def shaft_name(turns: float) -> str:
-    """Return whose speed is counted, as it stands before ``rpm``.
-
-    Parameters
-    ----------
-    turns
-        Of the shaft that is counted, per turn of the camshaft: 2 for the crankshaft.
-
-    Returns
-    -------
-    str
-        ``crank`` or ``camshaft``.
-    """
+    """Return whose speed is counted, as it stands before ``rpm``."""
     return "crank" if turns == 2.0 else "camshaft"
 
 
 def shaft_speed(speed: float, turns: float) -> str:
-    """Return a speed in words: that of the shaft that is counted, and of the crankshaft's that of the camshaft too.
-
-    Parameters
-    ----------
-    speed
-        Of the camshaft, rad/s.
-    turns
-        Of the shaft that is counted, per turn of the camshaft: 2 for the crankshaft.
-
-    Returns
-    -------
-    str
-        In rpm.
-
-    Examples
-    --------
-    >>> shaft_speed(3000.0 * RPM, 1.0), shaft_speed(3000.0 * RPM, 2.0)
-    ('camshaft 3000 rpm', 'crankshaft 6000 rpm (camshaft 3000 rpm)')
-    """
+    """Return a speed in words: that of the shaft that is counted, and of the crankshaft's that of the camshaft too."""
     own = f"camshaft {round(speed / RPM, 9):g} rpm"
     return own if turns == 1.0 else f"crankshaft {round(turns * speed / RPM, 9):g} rpm ({own})"
 
@@ -280,21 +216,5 @@ _SHOWN = {
 
 
 def shown(unit: str) -> tuple[float, str]:
-    """Return in what an engineer reads a quantity.
-
-    Parameters
-    ----------
-    unit
-        SI unit.
-
-    Returns
-    -------
-    tuple
-        Factor from SI, and the unit's symbol; itself where there is nothing more common.
-
-    Examples
-    --------
-    >>> shown("m"), shown("N")
-    ((1000.0, 'mm'), (1.0, 'N'))
-    """
+    """Return in what an engineer reads a quantity."""
     return _SHOWN.get(unit, (1.0, unit))

@@ -22,20 +22,7 @@ _LIFTED = 1e-9
 
 
 def shared(model: Model, speed: float) -> list[str]:
-    """Return the cams that share a closed valve's springs with its seat, in words: rigid members cannot tell how.
-
-    Parameters
-    ----------
-    model
-        The model.
-    speed
-        Camshaft speed, rad/s.
-
-    Returns
-    -------
-    list
-        A sentence per contact, with the share that members, cam and seat have by their stiffness.
-    """
+    """Return the cams that share a closed valve's springs with its seat, in words: rigid members cannot tell how."""
     return [
         f"Warning: contacts.{name}: no play parts the cam from a closed seat, and both share the {force:.4g} N of the "
         "springs by their stiffness: on the base circle the rigid train leaves all to the seat"
@@ -45,20 +32,7 @@ def shared(model: Model, speed: float) -> list[str]:
 
 
 def pressed_shut(model: Model, speed: float) -> list[str]:
-    """Return the springs that a rigid train presses until their coils touch, in words as of a flexible one.
-
-    Parameters
-    ----------
-    model
-        The model.
-    speed
-        Camshaft speed, rad/s.
-
-    Returns
-    -------
-    list
-        A sentence per spring.
-    """
+    """Return the springs that a rigid train presses until their coils touch, in words as of a flexible one."""
     touching = touching_coils(model, speed).items()
     return [f"Warning: coils of {name!r} touch: {1e3 * beyond:.3g} mm beyond closed" for name, beyond in touching]
 

@@ -76,28 +76,7 @@ class Budget:
 
 
 def budget(problem: Problem, mesh: Mesh, save: SaveAt, *, kept: int | None = None) -> Budget:
-    """Return what a run takes.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-    mesh
-        Of its model.
-    save
-        What is kept.
-    kept
-        Steps whose histories stay in memory, with the last field; None for all of them and every field.
-
-    Returns
-    -------
-    Budget
-        In bytes; within a factor of two of what is measured.
-
-    Examples
-    --------
-    ``budget(ready.problem, ready.model.mesh, ready.save).file`` is the size of the result file.
-    """
+    """Return what a run takes."""
     names = outline(problem.system, channels=save.channels)
     row = 2 + 3 * sum(len(components) for _, components in names.probes) + len(names.channels)
     unknowns, rows, fields = len(names.unknowns), problem.steps + 1, problem.steps // save.field_every + 2

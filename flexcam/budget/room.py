@@ -16,33 +16,12 @@ def free_memory() -> int | None:
 
     The least of what the machine has to give (``MemAvailable`` of Linux, all of it elsewhere) and what the limits of
     control groups leave, as those of containers and batch systems.
-
-    Returns
-    -------
-    int or None
-        Bytes.
-
-    Examples
-    --------
-    >>> free_memory() != 0
-    True
     """
     return min([*_of_machine(), *of_groups(Path("/sys/fs/cgroup"), Path("/proc/self/cgroup"))], default=None)
 
 
 def free_disk(folder: Path) -> int | None:
-    """Return what is free where a folder is or will be made, bytes; None where the system does not tell.
-
-    Parameters
-    ----------
-    folder
-        The folder.
-
-    Returns
-    -------
-    int or None
-        Bytes.
-    """
+    """Return what is free where a folder is or will be made, bytes; None where the system does not tell."""
     there = next((one for one in (folder, *folder.absolute().parents) if one.is_dir()), None)
     try:
         return None if there is None else shutil.disk_usage(there).free
@@ -62,20 +41,7 @@ def _of_machine() -> Iterator[int]:
 
 
 def of_groups(root: Path, own: Path) -> Iterator[int]:
-    """Yield what the limits of this process's control groups leave, of either version.
-
-    Parameters
-    ----------
-    root
-        Where the groups are mounted.
-    own
-        The file that tells which are this process's.
-
-    Yields
-    ------
-    int
-        Bytes.
-    """
+    """Yield what the limits of this process's control groups leave, of either version."""
     for line in _lines(own):
         _, kinds, path = line.split(":", 2)
         version = ("", "memory.max", "memory.current")

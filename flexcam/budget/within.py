@@ -24,44 +24,14 @@ _LARGE = "or --allow-large to try it all the same"
 
 
 def affordable(needs: Budget, folder: Path | None = None, *, together: int = 1) -> None:
-    """Refuse a run for which there is no room.
-
-    Parameters
-    ----------
-    needs
-        What it takes.
-    folder
-        Where its result file goes; None for none.
-    together
-        How many run side by side.
-
-    Raises
-    ------
-    InputError
-        With what is needed and what is there, of memory and disk.
-
-    Examples
-    --------
-    >>> affordable(Budget(0, 0, 1000, 0, 0))
-    """
+    """Refuse a run for which there is no room."""
     faults = [_memory(needs, together), None if folder is None else _disk(needs, folder)]
     if found := [fault for fault in faults if fault]:
         raise InputError(found)
 
 
 def affordable_mesh(mesh: Mesh) -> None:
-    """Refuse a mesh for whose matrices there is no memory, before they are made.
-
-    Parameters
-    ----------
-    mesh
-        The mesh.
-
-    Raises
-    ------
-    InputError
-        With what is needed and what is there.
-    """
+    """Refuse a mesh for whose matrices there is no memory, before they are made."""
     count = sum(len(line) - 1 for line in mesh.lines.values())
     free = free_memory() if _ELEMENT * count > _SMALL else None
     if free is None or _ELEMENT * count <= _SPARED * free:
@@ -97,23 +67,7 @@ def _disk(needs: Budget, folder: Path) -> Fault | None:
 
 
 def size(count: float) -> str:
-    """Return bytes in words.
-
-    Parameters
-    ----------
-    count
-        Bytes.
-
-    Returns
-    -------
-    str
-        With its unit.
-
-    Examples
-    --------
-    >>> size(1234), size(5.6e9)
-    ('1.2 kB', '5.6 GB')
-    """
+    """Return bytes in words."""
     power = 0
     while count >= 1000.0 and power < len(_UNITS) - 1:
         count, power = count / 1000.0, power + 1

@@ -114,12 +114,6 @@ class FlatFollower:
     ----------
     base_radius
         m.
-
-    Examples
-    --------
-    >>> touch = FlatFollower(0.018).touch(np.zeros(1), np.zeros(1), np.zeros(1), 1)
-    >>> complex(touch.point[0]), float(touch.radius[0])
-    (0.018j, 0.018)
     """
 
     base_radius: float
@@ -198,12 +192,6 @@ class RollerFollower:
         m.
     offset
         Distance of the follower's axis from the cam's, m; positive to the right of the upward motion.
-
-    Examples
-    --------
-    >>> touch = RollerFollower(0.02, 0.01).touch(np.zeros(1), np.zeros(1), np.zeros(1), 1)
-    >>> touch.trace.imag.round(9), touch.radius.round(9)
-    (array([0.03]), array([0.02]))
     """
 
     base_radius: float
@@ -263,17 +251,6 @@ class SwingRollerFollower:
     side
         1 where the arm turns clockwise on the rise (the roller lies above the line of centres), -1 where
         counterclockwise (below).
-
-    Raises
-    ------
-    InputError
-        If roller, arm and distance do not close a triangle on the base circle.
-
-    Examples
-    --------
-    >>> follower = SwingRollerFollower.from_angle(0.016, 0.145, 0.140, math.radians(30.0))
-    >>> round(follower.base_radius, 6)
-    0.057921
     """
 
     base_radius: float
@@ -353,18 +330,6 @@ class SwingFlatFollower:
         Distance of the face from the pivot, m; positive where the pivot lies on the cam's side of it.
     side
         1 where it turns clockwise on the rise, -1 where counterclockwise.
-
-    Raises
-    ------
-    InputError
-        If the face cannot touch the base circle.
-
-    Examples
-    --------
-    >>> follower = SwingFlatFollower(0.018, 0.04, 0.045)
-    >>> touch = follower.touch(np.zeros(1), np.zeros(1), np.zeros(1), 1)
-    >>> abs(touch.point).round(9), touch.radius.round(9)
-    (array([0.018]), array([0.018]))
     """
 
     base_radius: float

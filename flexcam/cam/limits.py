@@ -52,33 +52,7 @@ class Finding:
 def findings(
     profile: CamProfile, *, pressure_angle: float = PRESSURE_ANGLE, cutter: float | None = None, base_helps: bool = True
 ) -> list[Finding]:
-    """Return what is wrong with a profile, each with the angle where it is worst, between its points too.
-
-    Parameters
-    ----------
-    profile
-        The profile.
-    pressure_angle
-        Largest allowed, rad.
-    cutter
-        Radius of the cutter or grinding wheel, m; None for no check of it.
-    base_helps
-        Whether a larger base circle is to be named as a remedy.
-
-    Returns
-    -------
-    list
-        Empty if nothing is.
-
-    Examples
-    --------
-    >>> from flexcam.cam import FlatFollower
-    >>> from flexcam.cam import cam_profile
-    >>> from flexcam.motion import LAWS, LiftEvent
-    >>> steep = cam_profile(LiftEvent(LAWS["cycloidal"], 0.008, 0.8, 0.8), FlatFollower(0.012))
-    >>> findings(steep)[0].what, findings(steep)[0].remedy
-    ('undercut: the profile would cross itself', 'take a larger base circle or a longer event')
-    """
+    """Return what is wrong with a profile, each with the angle where it is worst, between its points too."""
     found: list[Finding] = []
     if cutter is not None:
         positive("cutter", cutter, "m")
@@ -107,20 +81,7 @@ def _remedy(others: list[str], *, base_helps: bool) -> str:
 
 
 def undercut(radius: FloatArray, follower: Follower) -> NDArray[np.bool_]:
-    """Tell where a profile is undercut: its pitch curve bends more than the roller, or a flat face meets a hollow.
-
-    Parameters
-    ----------
-    radius
-        Radius of curvature of the profile, m.
-    follower
-        Its follower.
-
-    Returns
-    -------
-    ndarray
-        Shape as `radius`.
-    """
+    """Tell where a profile is undercut: its pitch curve bends more than the roller, or a flat face meets a hollow."""
     return (radius <= 0.0) & (radius >= -follower.roller_radius)
 
 
@@ -128,41 +89,7 @@ def minimum_base_radius(
     event: Event, follower: Follower, *, pressure_angle: float = PRESSURE_ANGLE, radius: float = 0.0,
     turn: Turn = 1, count: int = 1440,
 ) -> float:  # fmt: skip
-    """Return the smallest base circle without undercut, within a pressure angle and with convex parts round enough.
-
-    Parameters
-    ----------
-    event
-        Lift of the follower.
-    follower
-        Its base circle is varied, all else kept.
-    pressure_angle
-        Largest allowed, rad.
-    radius
-        Smallest radius of curvature allowed on convex parts, m.
-    turn
-        Sense of rotation.
-    count
-        Cam angles looked at.
-
-    Returns
-    -------
-    float
-        m.
-
-    Raises
-    ------
-    InputError
-        If no base circle up to a hundred lifts will do.
-
-    Examples
-    --------
-    >>> from flexcam.cam import FlatFollower
-    >>> from flexcam.motion import HarmonicLift
-    >>> event = HarmonicLift(0.003, (-0.002,), (0.0,))
-    >>> round(minimum_base_radius(event, FlatFollower(0.018), radius=0.002), 9)  # radius = base + 3 mm everywhere
-    0.0
-    """
+    """Return the smallest base circle without undercut, within a pressure angle and with convex parts round enough."""
     high = 100.0 * positive("lift", event.height, "m")
     angles = np.union1d(np.linspace(0.0, 2.0 * math.pi, count, endpoint=False), _beside(event.joints))
     motion = event(angles), event(angles, 1), event(angles, 2)

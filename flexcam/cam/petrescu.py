@@ -10,22 +10,7 @@ from flexcam.motion import Event
 
 
 def relaxed_arm(event: Event, base_radius: float, angle: FloatArray) -> FloatArray:
-    """Return r_a = sqrt(2 r_0 s + s^2), which takes the place of s' in the relaxed profile, m.
-
-    Parameters
-    ----------
-    event
-        Lift of the follower.
-    base_radius
-        r_0, m.
-    angle
-        Cam angles, rad, shape (n,).
-
-    Returns
-    -------
-    ndarray
-        Shape (n,).
-    """
+    """Return r_a = sqrt(2 r_0 s + s^2), which takes the place of s' in the relaxed profile, m."""
     lift = np.maximum(event(angle), 0.0)
     return np.sqrt(lift * (2.0 * positive("base_radius", base_radius, "m") + lift))
 
@@ -35,24 +20,6 @@ def petrescu_profile(event: Event, base_radius: float, angle: FloatArray, *, rel
 
     x = r_a cos phi + (r_0 + s) sin phi, y = (r_0 + s) cos phi - r_a sin phi. Only the classical one lifts the follower
     by s; it is the profile of `flexcam.cam.cam_profile` for a cam that turns counterclockwise.
-
-    Parameters
-    ----------
-    event, base_radius, angle
-        As for `relaxed_arm`.
-    relaxed
-        Which of the two.
-
-    Returns
-    -------
-    ndarray
-        m, shape (n, 2).
-
-    Examples
-    --------
-    >>> from flexcam.motion import HarmonicLift
-    >>> petrescu_profile(HarmonicLift(0.003, (-0.003,), (0.0,)), 0.013, np.zeros(1))
-    array([[0.   , 0.013]])
     """
     arm = _arm(event, base_radius, angle, relaxed=relaxed)
     height = base_radius + event(angle)
@@ -62,24 +29,7 @@ def petrescu_profile(event: Event, base_radius: float, angle: FloatArray, *, rel
 
 
 def petrescu_efficiency(event: Event, base_radius: float, angle: FloatArray, *, relaxed: bool = True) -> FloatArray:
-    """Return sin^2(tau) = r_a^2/((r_0 + s)^2 + r_a^2), with s' in place of r_a for the classical profile.
-
-    Parameters
-    ----------
-    event, base_radius, angle, relaxed
-        As for `petrescu_profile`.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,), 0 to 1.
-
-    Examples
-    --------
-    >>> from flexcam.motion import HarmonicLift
-    >>> petrescu_efficiency(HarmonicLift(0.003, (-0.003,), (0.0,)), 0.013, np.zeros(1))
-    array([0.])
-    """
+    """Return sin^2(tau) = r_a^2/((r_0 + s)^2 + r_a^2), with s' in place of r_a for the classical profile."""
     arm = _arm(event, base_radius, angle, relaxed=relaxed)
     return arm**2 / ((base_radius + event(angle)) ** 2 + arm**2)
 

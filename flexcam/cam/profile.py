@@ -104,53 +104,12 @@ class CamProfile:
         return np.column_stack([own.real, own.imag])
 
     def cutter_path(self, radius: float) -> FloatArray:
-        """Return the path of a cutter's or grinding wheel's centre, m, shape (n, 2), frame of the cam.
-
-        Parameters
-        ----------
-        radius
-            Of the cutter, m.
-
-        Returns
-        -------
-        ndarray
-            Shape (n, 2).
-        """
+        """Return the path of a cutter's or grinding wheel's centre, m, shape (n, 2), frame of the cam."""
         return self.points + positive("cutter", radius, "m") * self.normals
 
 
 def cam_profile(event: Event, follower: Follower, *, count: int = 720, turn: Turn = 1) -> CamProfile:
-    """Return the profile of a cam at even cam angles.
-
-    Parameters
-    ----------
-    event
-        Lift of the follower.
-    follower
-        With the base circle.
-    count
-        Points per revolution, 12 or more.
-    turn
-        Sense of rotation: 1 counterclockwise, -1 clockwise.
-
-    Returns
-    -------
-    CamProfile
-        The profile.
-
-    Raises
-    ------
-    InputError
-        If the count is too small or too large.
-
-    Examples
-    --------
-    >>> from flexcam.cam import FlatFollower
-    >>> from flexcam.motion import HarmonicLift
-    >>> eccentric = cam_profile(HarmonicLift(0.003, (-0.003,), (0.0,)), FlatFollower(0.018))
-    >>> float(np.ptp(eccentric.radius).round(12))
-    0.0
-    """
+    """Return the profile of a cam at even cam angles."""
     if not 12 <= count <= _MOST_POINTS:
         raise refuse("count", count, f"a whole number from 12 to {_MOST_POINTS}")
     return profile_at(event, follower, np.linspace(0.0, _REVOLUTION, count, endpoint=False), turn)
@@ -163,24 +122,7 @@ Motion = tuple[FloatArray, FloatArray, FloatArray]
 def profile_at(
     event: Event, follower: Follower, angle: FloatArray, turn: Turn = 1, motion: Motion | None = None
 ) -> CamProfile:
-    """Return the profile of a cam at given cam angles.
-
-    Parameters
-    ----------
-    event, follower
-        As for `cam_profile`.
-    angle
-        rad, shape (n,).
-    turn
-        As for `cam_profile`.
-    motion
-        That of the event at these angles, where it is known already, shape (n,) each.
-
-    Returns
-    -------
-    CamProfile
-        The profile.
-    """
+    """Return the profile of a cam at given cam angles."""
     lift, velocity, acceleration = motion or (event(angle), event(angle, 1), event(angle, 2))
     # A radius is infinite at a point of inflection, and where the pitch curve stands still.
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -218,24 +160,6 @@ def profile_extremes(event: Event, follower: Follower, turn: Turn = 1) -> Profil
 
     Under a roller the curvature of its centre's path is what is looked at: it passes smoothly through the points of
     inflection and through undercut, where the radius of the profile leaps.
-
-    Parameters
-    ----------
-    event, follower, turn
-        As for `cam_profile`.
-
-    Returns
-    -------
-    ProfileExtremes
-        To 1e-10 of each.
-
-    Examples
-    --------
-    >>> from flexcam.cam import FlatFollower
-    >>> from flexcam.motion import HarmonicLift
-    >>> found = profile_extremes(HarmonicLift(0.003, (0.0, -0.003), (0.0, 0.0)), FlatFollower(0.018))
-    >>> round(found.convex.value, 9), found.hollow is None  # 18 + 3 + 9 cos 2 theta mm
-    (0.012, True)
     """
 
     def seen(measure: Callable[[CamProfile], FloatArray], sign: float = 1.0) -> Extreme:

@@ -24,35 +24,6 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
 
     The follower rests on the point that lifts it most. Between the points the profile is a periodic spline of degree 5
     over the chord length, so that a roller too large for a hollow bridges it, as it would.
-
-    Parameters
-    ----------
-    points
-        Profile in the frame of the cam, m, shape (n, 2), in order, 12 or more, not closed by a repeated point.
-    follower
-        With the base circle the lift counts from.
-    angle
-        Cam angles, rad, any shape.
-    turn
-        Sense of rotation: 1 counterclockwise, -1 clockwise.
-
-    Returns
-    -------
-    ndarray
-        Lift, m, shape as `angle`.
-
-    Raises
-    ------
-    InputError
-        If points are too few or not finite, or the follower does not reach the profile.
-
-    Examples
-    --------
-    >>> from flexcam.cam import FlatFollower
-    >>> around = np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
-    >>> circle = 0.02 * np.column_stack([np.cos(around), np.sin(around)])
-    >>> lift_from_profile(circle, FlatFollower(0.018), [0.0, 1.0]).round(9)
-    array([0.002, 0.002])
     """
     from scipy.interpolate import make_interp_spline
 
@@ -104,32 +75,7 @@ class Bridge:
 
 
 def bridged(points: ArrayLike, follower: Follower, *, turn: Turn = 1) -> Bridge | None:
-    """Return what a follower bridges of a profile given by points, because it is too large or flat for a hollow.
-
-    Parameters
-    ----------
-    points, follower, turn
-        As for `lift_from_profile`.
-
-    Returns
-    -------
-    Bridge
-        The deepest; None where the follower touches every point, to a micrometre.
-
-    Raises
-    ------
-    InputError
-        As `lift_from_profile` does.
-
-    Examples
-    --------
-    >>> from flexcam.cam import FlatFollower
-    >>> around = np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
-    >>> oval = (0.02 + 0.006 * np.cos(2.0 * around)) * np.exp(1j * around)
-    >>> found = bridged(np.column_stack([oval.real, oval.imag]), FlatFollower(0.014))
-    >>> round(found.depth, 4), round(abs(found.point[1]), 4)
-    (0.0007, 0.014)
-    """
+    """Return what a follower bridges of a profile given by points, because it is too large or flat for a hollow."""
     angle = np.linspace(0.0, 2.0 * math.pi, _TRIED, endpoint=False)
     lift = lift_from_profile(points, follower, angle, turn=turn)
     xy = finite_array("points", points, (None, 2))

@@ -13,27 +13,7 @@ Table = Mapping[str, Any]
 
 
 def coinciding(raw: Table, places: Places) -> list[Fault]:
-    """Return the nodes that lie where another one does, and the members that meet a node twice.
-
-    Parameters
-    ----------
-    raw
-        The parsed TOML, not yet validated: whatever is of the wrong type is passed over here.
-    places
-        Where the keys were given.
-
-    Returns
-    -------
-    list
-        A fault per node, and one per node of a member.
-
-    Examples
-    --------
-    >>> nodes = {"a": [0, 0, 0.1], "b": ["0 mm", 0, "100 mm"]}
-    >>> print(coinciding({"nodes": nodes}, Places({}))[0])
-    nodes.b: given the place of 'a'; allowed: a place of its own; members meet only at a shared node; name 'a' \
-wherever 'b' is meant
-    """
+    """Return the nodes that lie where another one does, and the members that meet a node twice."""
     return [*_at_one_place(raw, places), *_met_twice(raw, places)]
 
 

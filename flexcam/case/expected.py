@@ -13,16 +13,5 @@ _KINDS = {
 
 
 def expected(error: ErrorDetails) -> str:
-    """Return what may stand in the place of a value.
-
-    Parameters
-    ----------
-    error
-        From ``ValidationError.errors()``.
-
-    Returns
-    -------
-    str
-        In a few words.
-    """
+    """Return what may stand in the place of a value."""
     return _KINDS.get(error["type"]) or error["msg"].replace("Input should be ", "")

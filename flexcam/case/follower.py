@@ -13,33 +13,7 @@ from flexcam.checks import InputError, refuse
 
 
 def given_follower(follower: str, base_radius: str | None = None, *, clockwise: bool = False) -> tuple[Follower, Turn]:
-    """Return the follower that a TOML table describes, and the sense of rotation of its cam.
-
-    Parameters
-    ----------
-    follower
-        Such as ``{ type = "roller", radius = "9 mm" }``.
-    base_radius
-        With its unit; None where the follower's own angle says where the base circle is.
-    clockwise
-        Whether the cam turns so.
-
-    Returns
-    -------
-    Follower, int
-        With its base circle; 1 counterclockwise, -1 clockwise.
-
-    Raises
-    ------
-    InputError
-        If it is no such table, or the base circle is not said.
-
-    Examples
-    --------
-    >>> from flexcam.case import given_follower
-    >>> given_follower('{ type = "flat" }', "0.5 m")
-    (FlatFollower(base_radius=0.5), 1)
-    """
+    """Return the follower that a TOML table describes, and the sense of rotation of its cam."""
     try:
         table = toml(f"follower = {follower}")["follower"]
     except ValueError as fault:

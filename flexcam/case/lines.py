@@ -24,11 +24,6 @@ class Places:
     ----------
     notes
         Key path to what is said of it, such as ``line 12`` or ``--set run.speed=4000rpm``.
-
-    Examples
-    --------
-    >>> Places.of_text("[run]\nspeed = 3").place(("run", "speed", "x"))
-    'run.speed.x (line 2)'
     """
 
     notes: Mapping[Path, str]
@@ -62,24 +57,7 @@ _LINE = re.compile(r" \(line (\d+)\)")
 
 
 def in_order(faults: Iterable[Fault]) -> list[Fault]:
-    """Return faults by the lines they are on; those of one line stand together, those of no line come last.
-
-    Parameters
-    ----------
-    faults
-        In any order.
-
-    Returns
-    -------
-    list
-        The same.
-
-    Examples
-    --------
-    >>> late, early = (Fault(f"run.speed (line {n})", "", "", "", "") for n in (12, 3))
-    >>> in_order([late, early]) == [early, late]
-    True
-    """
+    """Return faults by the lines they are on; those of one line stand together, those of no line come last."""
 
     def line(fault: Fault) -> float:
         told = _LINE.search(fault.where)

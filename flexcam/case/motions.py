@@ -124,28 +124,7 @@ def _given_law(value: object, case: Path) -> GivenLaw:
 
 
 def given_law(value: str | Table) -> GivenLaw:
-    """Return the law of a name or of a table with its parameters.
-
-    Parameters
-    ----------
-    value
-        Such as ``"4-5-6-7"`` or ``{"id": "scca", "b": 0.25, "c": 0.5, "d": 0.25}``.
-
-    Returns
-    -------
-    GivenLaw
-        The law.
-
-    Raises
-    ------
-    InputError
-        If there is no such law, or a parameter is missing or not possible.
-
-    Examples
-    --------
-    >>> given_law({"id": "polynomial", "exponents": [3, 4, 5]}).law.coefficients
-    (10.0, -15.0, 6.0)
-    """
+    """Return the law of a name or of a table with its parameters."""
     if isinstance(value, str):
         if value in LAWS:
             return GivenLaw(value, LAWS[value])
@@ -223,23 +202,7 @@ def _record(kind: LawKind) -> type[BaseModel]:
 
 
 def law_file(path: Path) -> GivenLaw:
-    """Read a law file: TOML with a table ``[law]``.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Returns
-    -------
-    GivenLaw
-        The law; its `given` is the table, not the file's name.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read or holds no law.
-    """
+    """Read a law file: TOML with a table ``[law]``."""
     table = toml_table(path, "law")
     try:
         return given_law(table)
@@ -248,25 +211,7 @@ def law_file(path: Path) -> GivenLaw:
 
 
 def toml_table(path: Path, name: str) -> dict[str, Any]:
-    """Return one table of a TOML file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    name
-        Of the table.
-
-    Returns
-    -------
-    dict
-        Its keys.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or has no such table.
-    """
+    """Return one table of a TOML file."""
     try:
         content = toml(text_of(path))
     except FileNotFoundError:
@@ -308,23 +253,7 @@ def _by_line(where: str, lines: Sequence[int]) -> str:
 
 
 def harmonic_file(path: Path) -> HarmonicLift:
-    """Read a lift given by its harmonics: TOML with a table ``[lift]`` of ``mean``, ``cosine`` and ``sine``.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Returns
-    -------
-    HarmonicLift
-        The lift.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read or holds no such lift.
-    """
+    """Read a lift given by its harmonics: TOML with a table ``[lift]`` of ``mean``, ``cosine`` and ``sine``."""
     table = toml_table(path, "lift")
     try:
         lift = HarmonicLift(**_checked(_record(HarmonicLift), table, "a number or list in m", "lift"))

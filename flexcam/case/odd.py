@@ -15,18 +15,7 @@ _ROUND = 300.0
 
 
 def odd(case: Case) -> Iterator[str]:
-    """Yield which keys of a case contradict each other, lack their unit or have no part in it, in words.
-
-    Parameters
-    ----------
-    case
-        A checked case.
-
-    Yields
-    ------
-    str
-        A sentence each.
-    """
+    """Yield which keys of a case contradict each other, lack their unit or have no part in it, in words."""
     yield from _bare_speeds(case)
     yield from _materials(case)
     yield from _sections(case)

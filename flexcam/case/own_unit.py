@@ -18,24 +18,7 @@ from flexcam.units import DIMENSIONS
 
 
 def own_unit(record: CaseRecord, path: Sequence[str]) -> str | None:
-    """Return the SI unit of a number of a case.
-
-    Parameters
-    ----------
-    record
-        The case's record.
-    path
-        Of the number's key; of a number in a list, with its position.
-
-    Returns
-    -------
-    str
-        Empty for a plain number; None where there is none that fits.
-
-    Examples
-    --------
-    ``own_unit(case.record, ("springs", "valve", "stiffness"))`` is ``'N/m'``, or ``'N m/rad'`` of a coil that turns.
-    """
+    """Return the SI unit of a number of a case."""
     known = si_unit(tuple(path))
     if known is not None:
         return known

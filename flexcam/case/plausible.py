@@ -23,22 +23,7 @@ _STOUT = 0.2
 
 
 def unusual(case: Case) -> list[str]:
-    """Return which numbers of a case are hardly meant, in words.
-
-    Parameters
-    ----------
-    case
-        A checked case.
-
-    Returns
-    -------
-    list
-        A sentence per key, with what was likely meant; none where everything is usual.
-
-    Examples
-    --------
-    ``unusual(read_case("cases/tayeb/model-3-shm.toml", ["materials.steel.E=207"]))`` asks for 207 GPa.
-    """
+    """Return which numbers of a case are hardly meant, in words."""
     tables = filled(case.record)
     found = [_told(case, path, value, one) for one in USUAL for path, value in _beyond(tables, one)]
     others = (odd, _soft_or_stiff, _held_twice, _on_held, _ill_proportioned)

@@ -14,28 +14,7 @@ STIFFER = 10.0
 
 
 def play_stiffness(play: LashRecord, case: CaseRecord, mesh: Mesh) -> float:
-    """Return the stiffness of both sides of a play when they touch.
-
-    Parameters
-    ----------
-    play
-        The play.
-    case
-        Its case.
-    mesh
-        Nodes of the case.
-
-    Returns
-    -------
-    float
-        As given, or ten times the axial stiffness EA/L of the softest member that ends at a side of it, N/m; of a
-        rocker as its point feels the member at its driven node.
-
-    Raises
-    ------
-    InputError
-        If none is given and no member ends there.
-    """
+    """Return the stiffness of both sides of a play when they touch."""
     if play.stiffness is not None:
         return play.stiffness
     ends, ratio = _sides(play, case)

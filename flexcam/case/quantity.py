@@ -14,39 +14,13 @@ from flexcam.units import DIMENSIONS, parse
 
 
 def refused(allowed: str, why: str = "", remedy: str = "", *, inside: str = "", given: str = "") -> PydanticCustomError:
-    """Return a refusal in the form that pydantic collects.
-
-    Parameters
-    ----------
-    allowed, why, remedy
-        As in `flexcam.checks.Fault`; pydantic knows the place and the value.
-    inside, given
-        A place inside pydantic's and the value there, where it is not the value pydantic looks at.
-
-    Returns
-    -------
-    PydanticCustomError
-        Carries the facts in its context.
-    """
+    """Return a refusal in the form that pydantic collects."""
     facts = {"allowed": allowed, "why": why, "remedy": remedy, "inside": inside, "given": given}
     return PydanticCustomError("flexcam", "{allowed}", facts)
 
 
 def passed_on(refusal: InputError, *, inside: bool = False) -> PydanticCustomError:
-    """Return a refusal of a part of flexcam in the form that pydantic collects.
-
-    Parameters
-    ----------
-    refusal
-        With one fault.
-    inside
-        Whether its place and value are kept, because pydantic looks at the table around them.
-
-    Returns
-    -------
-    PydanticCustomError
-        Carries the facts in its context.
-    """
+    """Return a refusal of a part of flexcam in the form that pydantic collects."""
     fault = refusal.faults[0]
     if inside:
         return refused(fault.allowed, fault.why, fault.remedy, inside=fault.where, given=fault.given)
@@ -69,12 +43,6 @@ class Unit:
         Largest value, SI; None without.
     noise
         A number too small for its kind is zero, as it always is where negative values are allowed.
-
-    Examples
-    --------
-    >>> from pydantic import TypeAdapter
-    >>> TypeAdapter(Annotated[float, Unit("length")]).validate_python("6 mm")
-    0.006
     """
 
     dimension: str
@@ -84,13 +52,7 @@ class Unit:
     noise: bool = False
 
     def validate(self, value: Any) -> float:  # noqa: ANN401 - whatever stands in the file
-        """Return the SI number.
-
-        Raises
-        ------
-        PydanticCustomError
-            If it is no such quantity.
-        """
+        """Return the SI number."""
         try:
             number = parse(value, self.dimension, noise=self.signed or self.noise)
         except InputError as refusal:

@@ -15,47 +15,13 @@ from flexcam.io import text_of
 
 
 def parsed(source: Path) -> tuple[str, dict[str, Any]]:
-    """Return the text of a file and its tables.
-
-    Parameters
-    ----------
-    source
-        The file.
-
-    Returns
-    -------
-    tuple
-        Text, and tables as they stand there.
-
-    Raises
-    ------
-    InputError
-        If it is no readable TOML document.
-    """
+    """Return the text of a file and its tables."""
     text = _text(source)
     return text, tables_of(source, text)
 
 
 def tables_of(source: Path, text: str) -> dict[str, Any]:
-    """Return the tables of a text.
-
-    Parameters
-    ----------
-    source
-        The file it stands for, for the message.
-    text
-        TOML.
-
-    Returns
-    -------
-    dict
-        As they stand there.
-
-    Raises
-    ------
-    InputError
-        If it is no TOML document.
-    """
+    """Return the tables of a text."""
     try:
         return toml(text)
     except ValueError as fault:
@@ -64,22 +30,7 @@ def tables_of(source: Path, text: str) -> dict[str, Any]:
 
 
 def overridden(raw: dict[str, Any], text: str, overrides: Sequence[str]) -> tuple[Places, list[Fault]]:
-    """Lay overrides over tables.
-
-    Parameters
-    ----------
-    raw
-        The tables, which are changed.
-    text
-        Of their file.
-    overrides
-        Such as ``"run.speed=4000rpm"``.
-
-    Returns
-    -------
-    tuple
-        Where every key was given, and what is wrong with the overrides.
-    """
+    """Lay overrides over tables."""
     places, found = Places.of_text(text), list[Fault]()
     for override in overrides:
         found += _lay_over(raw, override)

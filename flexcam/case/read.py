@@ -57,27 +57,7 @@ _KEPT = ("case", "case_file", "overrides")
 
 
 def recalled_case(result: Result) -> Case:
-    """Return the case that a result was computed from, out of the result itself, on the result's mesh.
-
-    Parameters
-    ----------
-    result
-        From `flexcam.read_result`.
-
-    Returns
-    -------
-    Case
-        As it was run. Neither its file nor that of its mesh is read; files of laws and lifts that it names are.
-
-    Raises
-    ------
-    InputError
-        If the result keeps no case, such a file is gone, or the case is none that this version reads.
-
-    Examples
-    --------
-    ``recalled_case(read_result("results/intake.vtkhdf")).record.title``
-    """
+    """Return the case that a result was computed from, out of the result itself, on the result's mesh."""
     about = result.about
     if missing := [name for name in _KEPT if name not in about]:
         raise refuse("result", f"nothing about {missing[0]!r}", "a result that keeps its case", "flexcam run keeps it")
@@ -101,10 +81,6 @@ class CaseFile:
         Its tables, not yet checked.
     meshes
         Those read so far, by the name the case gives them.
-
-    Examples
-    --------
-    ``[file.read([f"run.speed={n}rpm"]) for n in (1000, 2000)]``
     """
 
     path: Path
@@ -114,36 +90,12 @@ class CaseFile:
 
     @classmethod
     def opened(cls, path: str | Path) -> CaseFile:
-        """Return the file of a path.
-
-        Raises
-        ------
-        InputError
-            If it is no readable TOML document.
-        """
+        """Return the file of a path."""
         source = Path(path)
         return cls(source, *parsed(source))
 
     def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
-        """Return the checked case with values laid over the file's.
-
-        Parameters
-        ----------
-        overrides
-            Values laid over the file's.
-        mesh
-            Stands for that of the file it names.
-
-        Returns
-        -------
-        Case
-            With every default filled in, in SI.
-
-        Raises
-        ------
-        InputError
-            As `read_case`.
-        """
+        """Return the checked case with values laid over the file's."""
         raw = deepcopy(dict(self.raw))
         places, found = overridden(raw, self.text, overrides)
         own, mesh_faults = self._mesh(raw, places) if mesh is None or "mesh" not in raw else (mesh, [])
@@ -156,13 +108,7 @@ class CaseFile:
 
     @property
     def sweep(self) -> SweepRecord | None:
-        """The checked table ``[sweep]``; None where there is none.
-
-        Raises
-        ------
-        InputError
-            With all faults of the table.
-        """
+        """The checked table ``[sweep]``; None where there is none."""
         if "sweep" not in self.raw:
             return None
         places = Places.of_text(self.text)
@@ -197,46 +143,12 @@ def _record(
 
 
 def holds_mechanism(path: Path) -> bool:
-    """Tell whether a file describes a whole mechanism, or cams alone.
-
-    Parameters
-    ----------
-    path
-        The TOML file.
-
-    Returns
-    -------
-    bool
-        Whether it has members, masses or a run.
-
-    Raises
-    ------
-    InputError
-        If it is no readable TOML document.
-    """
+    """Tell whether a file describes a whole mechanism, or cams alone."""
     return not {"members", "masses", "run"}.isdisjoint(parsed(path)[1])
 
 
 def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
-    """Read and check a file with cams alone.
-
-    Parameters
-    ----------
-    path
-        The TOML file.
-    overrides
-        Values laid over the file's, such as ``"cams.intake.lift=7 mm"``.
-
-    Returns
-    -------
-    CamsRecord
-        With every default filled in, in SI.
-
-    Raises
-    ------
-    InputError
-        With all faults of the file at once.
-    """
+    """Read and check a file with cams alone."""
     source = Path(path)
     text, raw = parsed(source)
     places, found = overridden(raw, text, overrides)

@@ -26,22 +26,7 @@ _TAGGED = (
 
 
 def faults(errors: Iterable[ErrorDetails], places: Places, root: type[BaseModel] = CaseRecord) -> list[Fault]:
-    """Return pydantic's errors as faults, one per place.
-
-    Parameters
-    ----------
-    errors
-        From ``ValidationError.errors()``.
-    places
-        Where the keys were given.
-    root
-        The record of the whole file.
-
-    Returns
-    -------
-    list
-        In the order of the file.
-    """
+    """Return pydantic's errors as faults, one per place."""
     found: dict[tuple[str, str], Fault] = {}
     told = [(_path(error), error) for error in errors]
     missing = Counter(path for path, error in told if error["type"] == "missing")
@@ -198,25 +183,7 @@ def _about(path: Path, root: type[BaseModel]) -> str:
 
 
 def si_unit(path: Path, root: type[BaseModel] = CaseRecord) -> str | None:
-    """Return the SI unit of a key.
-
-    Parameters
-    ----------
-    path
-        Of the key; of a number in a list, with its position.
-    root
-        The record of the whole file.
-
-    Returns
-    -------
-    str
-        Empty for a plain number; None where the key's unit is not known from its place alone.
-
-    Examples
-    --------
-    >>> si_unit(("springs", "valve", "installed_force")), si_unit(("rockers", "rocker", "arms", "1"))
-    ('N', 'm')
-    """
+    """Return the SI unit of a key."""
     while path and path[-1].isdigit():
         path = path[:-1]
     for record in _records(path[:-1], root):
@@ -243,18 +210,7 @@ def _units_in(annotation: object) -> list[Unit]:
 
 
 def filled(record: CaseRecord) -> dict[str, Any]:
-    """Return a case with every value filled in, as tables that are read again.
-
-    Parameters
-    ----------
-    record
-        Of the case.
-
-    Returns
-    -------
-    dict
-        Texts, numbers in SI, lists and tables; without nodes where a mesh gives them.
-    """
+    """Return a case with every value filled in, as tables that are read again."""
     tables = record.model_dump(mode="json", by_alias=True, exclude_none=True)
     if record.mesh is not None:
         del tables["nodes"]

@@ -14,44 +14,13 @@ _FOLDER = files("flexcam") / "templates"
 
 
 def templates() -> dict[str, str]:
-    """Return the starter cases.
-
-    Returns
-    -------
-    dict
-        Name to the first line of the file, which says what it is.
-
-    Examples
-    --------
-    >>> templates()["pushrod-engine"]
-    'Pushrod engine: cam, flat tappet, tube pushrod, rocker, valve on its seat, spring that surges, lash.'
-    """
+    """Return the starter cases."""
     names = sorted(item.name for item in _FOLDER.iterdir() if item.name.endswith(".toml"))
     return {name.removesuffix(".toml"): _text(name).partition("\n")[0].lstrip("# ") for name in names}
 
 
 def new_case(template: str, path: Path | None = None, *, overwrite: bool = False) -> list[Path]:
-    """Write a starter case, with the files it names beside it.
-
-    Parameters
-    ----------
-    template
-        Name of the template.
-    path
-        The case file; by default the template's name in the current folder.
-    overwrite
-        Whether existing files may be replaced.
-
-    Returns
-    -------
-    list
-        The files written, the case first.
-
-    Raises
-    ------
-    InputError
-        If there is no such template, or a file exists and may not be replaced.
-    """
+    """Write a starter case, with the files it names beside it."""
     known = templates()
     if template not in known:
         raise refuse("template", repr(template), ", ".join(known), remedy=did_you_mean(template, known))

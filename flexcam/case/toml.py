@@ -14,28 +14,7 @@ _LONGEST = 1 << 26
 
 
 def toml(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text.
-
-    Parameters
-    ----------
-    text
-        The text.
-
-    Returns
-    -------
-    dict
-        As `tomllib.loads`.
-
-    Raises
-    ------
-    ValueError
-        If it is no TOML, or longer or deeper than any file of flexcam; `tomllib.TOMLDecodeError` is one.
-
-    Examples
-    --------
-    >>> toml("a.b = 1")
-    {'a': {'b': 1}}
-    """
+    """Return the tables of a TOML text."""
     if len(text) > _LONGEST:
         raise ValueError(f"{len(text)} characters, more than {_LONGEST}")
     if any(map(_far_too_dotted, text.split("\n"))):

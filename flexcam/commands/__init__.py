@@ -36,13 +36,7 @@ FILES = {
 
 
 def load(words: Sequence[str]) -> None:
-    """Load the file of the command that is called, or all of them where none is known by that name, as for help.
-
-    Parameters
-    ----------
-    words
-        Of the command line.
-    """
+    """Load the file of the command that is called, or all of them where none is known by that name, as for help."""
     running.command = words[0] if words else ""
     called = [file for file, commands in FILES.items() if words and words[0] in commands]
     for file in called or FILES:

@@ -14,30 +14,7 @@ _ALLOWED = "a time above zero with its unit, such as 90s, 5min30s or 2h"
 
 
 def duration(where: str, text: str) -> float:
-    """Return a duration.
-
-    Parameters
-    ----------
-    where
-        The option.
-    text
-        Numbers with ``h``, ``min``, ``s`` or ``ms``, of which several are added.
-
-    Returns
-    -------
-    float
-        In s.
-
-    Raises
-    ------
-    InputError
-        If it is no duration above zero.
-
-    Examples
-    --------
-    >>> duration("--time-limit", "5min30s"), duration("--time-limit", "1.5 h")
-    (330.0, 5400.0)
-    """
+    """Return a duration."""
     whole = 0.0
     position = 0
     while found := _PART.match(text, position):

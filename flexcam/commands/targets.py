@@ -12,24 +12,7 @@ from flexcam.io import free_to_write
 
 
 def apart(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None:
-    """Refuse files that stand in each other's place, or in that of what the command reads, also to be overwritten.
-
-    Parameters
-    ----------
-    written
-        Option to the file that it names; None where it was not given.
-    read
-        Files that are read.
-
-    Raises
-    ------
-    InputError
-        With a fault per file that is in the place of one before it.
-
-    Examples
-    --------
-    >>> apart({"--csv": Path("table.csv"), "--plot": Path("table.svg")}, [Path("case.toml")])
-    """
+    """Refuse files that stand in each other's place, or in that of what the command reads, also to be overwritten."""
     taken = {_real(path): "what is read" for path in read}
     faults: list[Fault] = []
     for option, path in written.items():
@@ -43,22 +26,7 @@ def apart(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None
 
 
 def free_targets(csv: Path | None, plot: Path | None, read: Path, *, overwrite: bool) -> None:
-    """Refuse a table and a picture that could not be written, before anything is computed.
-
-    Parameters
-    ----------
-    csv, plot
-        The files; None for none.
-    read
-        The case.
-    overwrite
-        Whether they may be replaced.
-
-    Raises
-    ------
-    InputError
-        With the faults of both.
-    """
+    """Refuse a table and a picture that could not be written, before anything is computed."""
     together(
         lambda: apart({"--csv": csv, "--plot": plot}, [read]),
         lambda: None if csv is None else free_to_write("output", csv, overwrite=overwrite),

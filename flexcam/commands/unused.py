@@ -91,27 +91,7 @@ _OWN = {"paper": "compare", "settings": "settings", "sweep": "sweep"}
 
 
 def unused(command: str, overrides: Sequence[str], case: Case | None = None) -> list[str]:
-    """Return what a command does not act on of what a user gave, in words.
-
-    Parameters
-    ----------
-    command
-        Its name.
-    overrides
-        What is laid over the case by ``--set``.
-    case
-        The case; None where only cams were read.
-
-    Returns
-    -------
-    list
-        A sentence per reason, with the keys and where they were given, and what to do.
-
-    Examples
-    --------
-    >>> unused("limits", ["run.revolutions=9"])
-    ['Note: run.revolutions (--set) has no part in limits: it runs a few revolutions at each speed; leave it out']
-    """
+    """Return what a command does not act on of what a user gave, in words."""
     laid = [one.partition("=")[0].strip() for one in overrides]
     twice = [
         f"Note: --set {one} has no part: --set {overrides[last]} is laid over it; leave one out"

@@ -17,20 +17,7 @@ from flexcam.units import shaft_name
 
 
 def campbell_table(found: Campbell, scale: float) -> Table:
-    """Return the modes over speed, a row each.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.stability.campbell`.
-    scale
-        Turns of the shaft that is counted per turn of the camshaft: 2 for the crankshaft.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return the modes over speed, a row each."""
     low, high = (f"Hz at {scale * found.rpm[i]:.6g}" for i in (0, -1))
     rows = [
         (str(i + 1), _hz(column[0]), _hz(column[-1]), "yes" if reached else "no", words)
@@ -45,18 +32,7 @@ def _hz(value: float) -> str:
 
 
 def crossing_table(found: Campbell, scale: float) -> Table:
-    """Return where orders meet modes, the lowest speed first.
-
-    Parameters
-    ----------
-    found, scale
-        As for `campbell_table`.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return where orders meet modes, the lowest speed first."""
     rows = [
         (f"{scale * one.rpm:.6g}", str(one.harmonic), str(one.mode + 1), f"{one.frequency:.5g}", mm(one.amplitude, 3),
          _force(one.load), one.words)
@@ -72,18 +48,7 @@ def _force(value: float) -> str:
 
 
 def campbell_json(found: Campbell, scale: float) -> dict[str, object]:
-    """Return the same as ``--json`` prints it.
-
-    Parameters
-    ----------
-    found, scale
-        As for `campbell_table`.
-
-    Returns
-    -------
-    dict
-        Modes and crossings, counted from 1; null where there is no number.
-    """
+    """Return the same as ``--json`` prints it."""
     modes = [
         {"frequencies_hz": [_or_none(x) for x in column.tolist()], "reached": reached, "moves": words}
         for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)
@@ -107,18 +72,7 @@ def _or_none(value: float) -> float | None:
 
 
 def nothing_known(statuses: Sequence[Status]) -> Status | None:
-    """Return how a command over speeds ends of which none was computed.
-
-    Parameters
-    ----------
-    statuses
-        How every speed ended.
-
-    Returns
-    -------
-    Status or None
-        The first speed's cause where all failed.
-    """
+    """Return how a command over speeds ends of which none was computed."""
     if any(one.ok for one in statuses):
         return None
     first = statuses[0]
@@ -126,22 +80,7 @@ def nothing_known(statuses: Sequence[Status]) -> Status | None:
 
 
 def ended_early(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> list[str]:
-    """Return what must be said of runs that did not reach their end.
-
-    Parameters
-    ----------
-    statuses
-        How every run ended.
-    rpm
-        Camshaft speeds, shape (m,).
-    scale
-        As for `campbell_table`.
-
-    Returns
-    -------
-    list
-        A sentence for each.
-    """
+    """Return what must be said of runs that did not reach their end."""
     return [
         f"Warning: nothing is known at {scale * speed:.6g} {shaft_name(scale)} rpm: {status}"
         for status, speed in zip(statuses, rpm.tolist(), strict=True)

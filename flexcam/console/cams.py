@@ -24,20 +24,7 @@ _STEPS = (("lift", "mm"), ("velocity", "mm/rad"), ("acceleration", "mm/rad^2"), 
 
 
 def cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
-    """Return what a cam does as ``--json`` prints it.
-
-    Parameters
-    ----------
-    found
-        The facts.
-    report
-        What smoothing changed; None without a lift table.
-
-    Returns
-    -------
-    dict
-        SI, angles in rad.
-    """
+    """Return what a cam does as ``--json`` prints it."""
     return {
         "lift": found.lift[1].value, "least_lift": found.lift[0].value, "velocity": found.velocity,
         "acceleration": found.acceleration, "jerk": found.jerk, "harmonics": list(found.harmonics),
@@ -73,24 +60,7 @@ def _profile_json(found: CamFacts) -> dict[str, object] | None:
 
 
 def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float) -> Table:
-    """Return what a cam does.
-
-    Parameters
-    ----------
-    name
-        Of the cam.
-    found
-        The facts.
-    speed
-        Camshaft speed, rad/s; None where it is not said.
-    ratio
-        Valve lift per cam lift.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return what a cam does."""
     rows = [
         ("lift", _lift(found, ratio)),
         ("largest velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
@@ -180,37 +150,13 @@ def _finding(one: Finding) -> str:
 
 
 def overlap_table(overlaps: Sequence[tuple[str, str, str, float]]) -> Table:
-    """Return how long the valves of two cams are open together.
-
-    Parameters
-    ----------
-    overlaps
-        The two cams, the lift, and the crank angle, rad.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return how long the valves of two cams are open together."""
     rows = [(f"{one} and {other}", lift, f"{math.degrees(angle):.2f}") for one, other, lift, angle in overlaps]
     return table("Overlap", ("cams", "at a lift of", "crank deg"), rows)
 
 
 def smoothing_table(name: str, report: LiftReport) -> Table:
-    """Return what smoothing changed in a lift table.
-
-    Parameters
-    ----------
-    name
-        Of the cam.
-    report
-        The report.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return what smoothing changed in a lift table."""
     before, after = (
         f"{1e3 * low:.4g} to {1e3 * high:.4g} mm/rad^2"
         for low, high in (report.acceleration_before, report.acceleration_after)
@@ -227,26 +173,7 @@ def smoothing_table(name: str, report: LiftReport) -> Table:
 
 
 def read_table(name: str, points: int, angle: FloatArray, lift: FloatArray, hollow: Bridge | None) -> Table:
-    """Return a lift that was read from a profile.
-
-    Parameters
-    ----------
-    name
-        Of the file.
-    points
-        How many the profile has.
-    angle
-        Cam angles, rad, shape (n,).
-    lift
-        m, shape (n,).
-    hollow
-        What the follower bridges.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return a lift that was read from a profile."""
     low, high = (Extreme(float(lift[i]), float(angle[i])) for i in (int(np.argmin(lift)), int(np.argmax(lift))))
     rows = [
         ("points", str(points)),

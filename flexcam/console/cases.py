@@ -39,36 +39,12 @@ COUPLINGS = {
 
 
 def resolved(case: Case) -> str:
-    """Return the case with every default filled in, as TOML, SI.
-
-    Parameters
-    ----------
-    case
-        The case.
-
-    Returns
-    -------
-    str
-        TOML text.
-    """
+    """Return the case with every default filled in, as TOML, SI."""
     return toml_text(filled(case.record))
 
 
 def couplings(case: Case, figures: Sequence[Figure] = ()) -> list[str]:
-    """Return which formulation of the contact a result comes from, in words.
-
-    Parameters
-    ----------
-    case
-        The case.
-    figures
-        What its train did in a run, where there was one.
-
-    Returns
-    -------
-    list
-        A sentence per kind of contact.
-    """
+    """Return which formulation of the contact a result comes from, in words."""
     models = dict.fromkeys(contact.model for contact in case.record.contacts.values())
     said = {model: COUPLINGS[model] for model in models if model in COUPLINGS}
     if left := left_words(figures):  # only followers in true contact have such a figure
@@ -77,22 +53,7 @@ def couplings(case: Case, figures: Sequence[Figure] = ()) -> list[str]:
 
 
 def model_table(ready: Prepared, modes: ModelModes, takes: Budget | None = None) -> Table:
-    """Return what a model contains.
-
-    Parameters
-    ----------
-    ready
-        A prepared case.
-    modes
-        Its lowest modes.
-    takes
-        What its run will take, where it is still to come.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return what a model contains."""
     model, problem = ready.model, ready.problem
     lowest = [f"{f:.4g}" for f in modes.modes.frequencies[modes.modes.rigid :][:5]]
     per_revolution = 2.0 * math.pi / (ready.case.speed * problem.step)
@@ -125,18 +86,7 @@ def _stiffness(spring: Spring) -> str:
 
 
 def left_out(ready: Prepared) -> list[str]:
-    """Return what of a case is left out of its run, because nothing can move it, in words.
-
-    Parameters
-    ----------
-    ready
-        A prepared case.
-
-    Returns
-    -------
-    list
-        A sentence per group of coupled unknowns; none where everything is integrated.
-    """
+    """Return what of a case is left out of its run, because nothing can move it, in words."""
     problem = ready.problem
     if not problem.prune or not problem.system.size:
         return []
@@ -178,57 +128,20 @@ def _free_motions(modes: ModelModes) -> str:
 
 
 def mac_table(likeness: FloatArray) -> Table:
-    """Return a table of the modal assurance criterion.
-
-    Parameters
-    ----------
-    likeness
-        Shape (modes here, modes there).
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return a table of the modal assurance criterion."""
     rows = [(str(i + 1), *(f"{value:.2f}" for value in row)) for i, row in enumerate(likeness)]
     return table("Modal assurance criterion", ("here / there", *map(str, range(1, likeness.shape[1] + 1))), rows)
 
 
 def mac_words(likeness: FloatArray, nodes: int) -> str:
-    """Return at how many nodes shapes were compared, in words.
-
-    Parameters
-    ----------
-    likeness
-        Shape (modes here, modes there).
-    nodes
-        How many nodes that move are at the same places in both.
-
-    Returns
-    -------
-    str
-        A sentence.
-    """
+    """Return at how many nodes shapes were compared, in words."""
     few = nodes < max(likeness.shape)
     doubt = "; fewer than modes: different shapes may look alike, refine both in the same places" if few else ""
     return f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}."
 
 
 def mode_table(modes: ModelModes, of: str = "") -> Table:
-    """Return frequencies, effective masses and what moves.
-
-    Parameters
-    ----------
-    modes
-        The modes.
-    of
-        What the case is called, where nothing above the table says so.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return frequencies, effective masses and what moves."""
     places = decimals(float(np.abs(modes.effective[:, :3]).max(initial=0.0)), 4)
     made = table(f"{of}: modes" if of else "Modes", ("no.", "Hz", "camshaft rpm", "ux kg", "uy kg", "uz kg"), ())
     made.add_column("what moves (share of the kinetic energy)", justify="left")
@@ -239,20 +152,7 @@ def mode_table(modes: ModelModes, of: str = "") -> Table:
 
 
 def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
-    """Return flexible against rigid.
-
-    Parameters
-    ----------
-    comparison
-        The comparison.
-    turns
-        Of the shaft whose speed is counted, per turn of the camshaft: 2 for the crankshaft.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return flexible against rigid."""
     units = {"displacement": ("mm", 1e3), "velocity": ("m/s", 1.0), "acceleration": ("m/s^2", 1.0)}
     rows: list[tuple[str, ...]] = []
     for one in comparison.deviations:
@@ -266,18 +166,7 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
 
 
 def comparison_json(comparison: Comparison) -> dict[str, object]:
-    """Return a comparison as ``--json`` prints it.
-
-    Parameters
-    ----------
-    comparison
-        The comparison.
-
-    Returns
-    -------
-    dict
-        With the status of the run and every deviation.
-    """
+    """Return a comparison as ``--json`` prints it."""
     return {
         "status": str(comparison.status.cause), "probe": comparison.probe, "speed_rpm": comparison.speed_rpm,
         "peak_deviation": comparison.peak_deviation, "rms_deviation": comparison.rms_deviation,
@@ -296,20 +185,7 @@ _LITTLE = 5e-4
 
 
 def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]:
-    """Return the comparison in words.
-
-    Parameters
-    ----------
-    comparison
-        The comparison.
-    mode_hz
-        The loaded mode nearest the cam speed, Hz; None where nothing is loaded.
-
-    Returns
-    -------
-    list
-        Sentences.
-    """
+    """Return the comparison in words."""
     deviation = (
         f"The {comparison.probe} deviates by up to {_part(comparison.peak_deviation)} of its lift "
         f"(rms {_part(comparison.rms_deviation)}); its peak acceleration is "
@@ -327,18 +203,7 @@ def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]
 
 
 def claim_table(claims: Iterable[Claim]) -> Table:
-    """Return the paper's claims and what was computed.
-
-    Parameters
-    ----------
-    claims
-        The claims.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return the paper's claims and what was computed."""
     made = bare("What the paper says, and this computation")
     for head in ("the paper", "reproduced", "computed"):
         made.add_column(head, justify="left")

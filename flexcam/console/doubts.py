@@ -36,34 +36,12 @@ _UNACCOUNTED = 0.01
 
 
 def doubts(modes: ModelModes) -> list[str]:
-    """Return what is doubtful about modes, in words.
-
-    Parameters
-    ----------
-    modes
-        The modes.
-
-    Returns
-    -------
-    list
-        Sentences; none where nothing is doubtful.
-    """
+    """Return what is doubtful about modes, in words."""
     return [sentence for sentence in (modes.modes.doubt(),) if sentence]
 
 
 def coarse_steps(ready: Prepared) -> list[str]:
-    """Return which cams the steps of a run do not see, in words.
-
-    Parameters
-    ----------
-    ready
-        A prepared case.
-
-    Returns
-    -------
-    list
-        A sentence per cam; none where the steps are short enough.
-    """
+    """Return which cams the steps of a run do not see, in words."""
     turn = ready.case.speed * ready.problem.step
     return [
         f"Warning: too few steps per revolution, {2.0 * math.pi / turn:.4g}: between two of them the lift of cam "
@@ -73,18 +51,7 @@ def coarse_steps(ready: Prepared) -> list[str]:
 
 
 def input_doubts(ready: Prepared) -> list[str]:
-    """Return what is hardly meant in a case, in words: numbers, lobes, what acts on nothing, what stands open.
-
-    Parameters
-    ----------
-    ready
-        A prepared case.
-
-    Returns
-    -------
-    list
-        Sentences; none where everything is usual.
-    """
+    """Return what is hardly meant in a case, in words: numbers, lobes, what acts on nothing, what stands open."""
     standing = [*unheld(ready.model, ready.problem, ready.scheme), *struck(ready.case, ready.model, ready.problem)]
     idle = [*loose(ready.model), *idle_loads(ready.model, ready.problem)]
     rigid = [] if ready.problem.system.size else [one(ready.model, ready.case.speed) for one in (shared, pressed_shut)]
@@ -109,42 +76,14 @@ def _borne(excess: float) -> str:
 
 
 def run_doubts(ready: Prepared, watched: Watched, figures: list[Figure], stats: Stats) -> list[str]:
-    """Return what is doubtful about a run, in words.
-
-    Parameters
-    ----------
-    ready
-        A prepared case.
-    watched
-        What was watched in its run.
-    figures
-        What the train did in it.
-    stats
-        Of the run.
-
-    Returns
-    -------
-    list
-        Sentences; none where nothing is doubtful.
-    """
+    """Return what is doubtful about a run, in words."""
     found = [*input_doubts(ready), *unseen(ready), *mishaps(figures), *_unaccounted(watched.extremes)]
     found += [*_unbalanced(stats), *_rounded(ready, watched.extremes)]
     return found + _coarse(watched.fineness.found()) if _bodies(ready) else found
 
 
 def unseen(ready: Prepared) -> list[str]:
-    """Return what a rigid model or one of few masses does not know, in words.
-
-    Parameters
-    ----------
-    ready
-        A prepared case.
-
-    Returns
-    -------
-    list
-        Sentences; none of a model of beams.
-    """
+    """Return what a rigid model or one of few masses does not know, in words."""
     if ready.case.record.fidelity.model == "rigid":
         return ["Warning: rigid members know nothing of what they bear: do not read stresses and section forces off"]
     if ready.case.record.fidelity.model == "beams":
@@ -177,36 +116,14 @@ def _rounded(ready: Prepared, extremes: Extremes) -> list[str]:
 
 
 def lost_energy(extremes: Extremes) -> float:
-    """Return how much of the energy does not add up.
-
-    Parameters
-    ----------
-    extremes
-        Of a run.
-
-    Returns
-    -------
-    float
-        As a part of the work, or of the energy that comes and goes; zero where there is none.
-    """
+    """Return how much of the energy does not add up."""
     bounds = {name: extremes.channel(f"energy.{name}") for name in ("work", "kinetic", "strain", "residual")}
     turned_over = max(bounds[name][1] - bounds[name][0] for name in ("work", "kinetic", "strain"))
     return max(map(abs, bounds["residual"])) / turned_over if turned_over > 0.0 else 0.0
 
 
 def balances(extremes: Extremes, stats: Stats) -> str:
-    """Return how well energy and forces of a run add up, in words.
-
-    Parameters
-    ----------
-    extremes, stats
-        Of the run.
-
-    Returns
-    -------
-    str
-        Empty where channels were not computed, and of a rigid model, which has no energies.
-    """
+    """Return how well energy and forces of a run add up, in words."""
     if not extremes.energies:
         return ""
     forces = f"forces within {stats.imbalance:.1e} of the largest" if stats.imbalance >= 0.0 else "forces not looked at"

@@ -6,21 +6,5 @@ from collections.abc import Sequence
 
 
 def drawing_words(notes: Sequence[str]) -> list[str]:
-    """Return what is said of the sizes that a picture has and its case does not give.
-
-    Parameters
-    ----------
-    notes
-        A sentence each.
-
-    Returns
-    -------
-    list
-        Lines; none where every size is the case's.
-
-    Examples
-    --------
-    >>> drawing_words(["valve head at valve: 38.4 mm, four lifts across"])
-    ['Drawn with sizes that the case does not give:', '  valve head at valve: 38.4 mm, four lifts across']
-    """
+    """Return what is said of the sizes that a picture has and its case does not give."""
     return ["Drawn with sizes that the case does not give:", *(f"  {note}" for note in notes)] if notes else []

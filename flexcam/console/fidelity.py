@@ -28,21 +28,7 @@ TRADE_LEGEND = "* no other model beats it in both work and error; work is unknow
 
 
 def trade_table(against: Reference, found: Sequence[Traded]) -> Table:
-    """Return the ladder of a case.
-
-    Parameters
-    ----------
-    against
-        The reference.
-    found
-        The rungs, from `flexcam.fidelity.trade`.
-
-    Returns
-    -------
-    Table
-        A row per rung, those marked with ``*`` that no other beats in both work and error; last the reference's own
-        error.
-    """
+    """Return the ladder of a case."""
     kinds = _quantities(against)
     rows = [
         ("*" if one.best else "", one.rung, str(one.steps), str(one.unknowns), f"{one.work:.3g}", f"{one.seconds:.3g}",
@@ -64,19 +50,7 @@ def _percent(share: float | None) -> str:
 
 
 def trade_words(against: Reference, found: Sequence[Traded]) -> list[str]:
-    """Return what is doubtful about a ladder, in words.
-
-    Parameters
-    ----------
-    against, found
-        As for `trade_table`.
-
-    Returns
-    -------
-    list
-        A sentence where the reference itself errs by more than a few percent, and one where the method of the case
-        refuses steps of some models; none where all is well.
-    """
+    """Return what is doubtful about a ladder, in words."""
     return [*_rough(against), *_refused(found)]
 
 
@@ -104,18 +78,7 @@ _ROUGH = 0.05
 
 
 def trade_json(against: Reference, found: Sequence[Traded]) -> dict[str, object]:
-    """Return the same as ``--json`` prints it.
-
-    Parameters
-    ----------
-    against, found
-        As for `trade_table`.
-
-    Returns
-    -------
-    dict
-        Errors as parts of the largest value.
-    """
+    """Return the same as ``--json`` prints it."""
     own = {name: error / against.size[name] if against.size[name] else 0.0 for name, error in against.errors.items()}
     return {
         "reference": {"steps_per_revolution": against.steps, "errors": own, "sizes": against.size},
@@ -125,18 +88,7 @@ def trade_json(against: Reference, found: Sequence[Traded]) -> dict[str, object]
 
 
 def traded_json(one: Traded) -> dict[str, object]:
-    """Return a rung as ``--json`` prints it.
-
-    Parameters
-    ----------
-    one
-        The rung.
-
-    Returns
-    -------
-    dict
-        Its errors as parts of the largest value.
-    """
+    """Return a rung as ``--json`` prints it."""
     return {
         "model": one.rung, "words": one.words, "steps_per_revolution": one.steps, "unknowns": one.unknowns,
         "work": one.work, "cpu_seconds": one.seconds, "errors": one.errors, "best": one.best,
@@ -145,18 +97,7 @@ def traded_json(one: Traded) -> dict[str, object]:
 
 
 def trade_csv(against: Reference, found: Sequence[Traded]) -> str:
-    """Return the ladder as comma-separated values.
-
-    Parameters
-    ----------
-    against, found
-        As for `trade_table`.
-
-    Returns
-    -------
-    str
-        With a head; errors as parts of the largest value.
-    """
+    """Return the ladder as comma-separated values."""
     kinds = _quantities(against)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -168,18 +109,7 @@ def trade_csv(against: Reference, found: Sequence[Traded]) -> str:
 
 
 def error_table(errors: Sequence[Error]) -> Table:
-    """Return the numbers of a run with how far they may be off.
-
-    Parameters
-    ----------
-    errors
-        From `flexcam.fidelity.estimate`.
-
-    Returns
-    -------
-    Table
-        Value and error with as many digits as the error allows.
-    """
+    """Return the numbers of a run with how far they may be off."""
     rows = [
         (one.quantity, plus_minus(one), *(_share(one, part) for part in (one.time, one.space, one.model)), _held(one))
         for one in errors
@@ -189,18 +119,7 @@ def error_table(errors: Sequence[Error]) -> Table:
 
 
 def plus_minus(one: Error) -> str:
-    """Return a number with its error, such as ``10.43 ± 0.02 mm``.
-
-    Parameters
-    ----------
-    one
-        The number.
-
-    Returns
-    -------
-    str
-        Two digits of the error; none where it is rounding.
-    """
+    """Return a number with its error, such as ``10.43 ± 0.02 mm``."""
     factor, unit = _SHOWN[one.unit]
     value, error = factor * one.size, factor * one.total
     if not error > _ROUNDING * value:
@@ -220,18 +139,7 @@ def _held(one: Error) -> str:
 
 
 def choice_words(choice: Choice) -> list[str]:
-    """Return which model was chosen, why, and what the next cheaper would have cost.
-
-    Parameters
-    ----------
-    choice
-        From `flexcam.fidelity.choose`.
-
-    Returns
-    -------
-    list
-        Sentences.
-    """
+    """Return which model was chosen, why, and what the next cheaper would have cost."""
     one = choice.found
     named = f"{one.rung} ({one.words}), {one.steps} steps per revolution, {one.unknowns} unknowns"
     errors = ", ".join(f"{kind} {_percent(error)} %" for kind, error in one.errors.items())
@@ -247,18 +155,7 @@ def choice_words(choice: Choice) -> list[str]:
 
 
 def choice_json(choice: Choice) -> dict[str, object]:
-    """Return a choice as ``--json`` prints it.
-
-    Parameters
-    ----------
-    choice
-        From `flexcam.fidelity.choose`.
-
-    Returns
-    -------
-    dict
-        The model, whether it meets the tolerance, and the next cheaper one.
-    """
+    """Return a choice as ``--json`` prints it."""
     cheaper = None if choice.cheaper is None else traded_json(choice.cheaper)
     return {
         "met": choice.met, "tried": choice.tried, "why": choice.why, "model": traded_json(choice.found),

@@ -15,18 +15,7 @@ _CURVES = (("velocity", "s'"), ("acceleration", "s''"), ("jerk", "s'''"), ("mome
 
 
 def law_json(found: Criteria) -> dict[str, object]:
-    """Return the criteria of a law as ``--json`` prints them.
-
-    Parameters
-    ----------
-    found
-        The criteria.
-
-    Returns
-    -------
-    dict
-        Keys ``Cv Ca Cj Cm extremes end_conditions symmetric``; an infinite jerk is null.
-    """
+    """Return the criteria of a law as ``--json`` prints them."""
     ends = {f"z={z}": dict(zip(("s", "s'", "s''", "s'''"), end, strict=True)) for z, end in enumerate(found.ends)}
     return {
         "Cv": found.Cv, "Ca": found.Ca, "Cj": found.Cj, "Cm": found.Cm,
@@ -38,20 +27,7 @@ def law_json(found: Criteria) -> dict[str, object]:
 
 
 def law_facts(name: str, found: Criteria) -> Table:
-    """Return the facts of one law.
-
-    Parameters
-    ----------
-    name
-        Of the law.
-    found
-        Its criteria.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return the facts of one law."""
     criteria = (("C_v", found.Cv), ("C_a", found.Ca), ("C_j", found.Cj), ("C_m", found.Cm))
     rows = [("criteria", ", ".join(f"{n} {'infinite' if x is None else f'{x:.6g}'}" for n, x in criteria))]
     rows += [
@@ -80,18 +56,7 @@ def _place(extreme: Extreme) -> str:
 
 
 def laws_table(found: Mapping[str, Criteria]) -> Table:
-    """Return all laws side by side.
-
-    Parameters
-    ----------
-    found
-        Criteria by law.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return all laws side by side."""
     rest = ("none", "s'", "s' s''", "s' s'' s'''")
     rows = [
         (name, *(f"{x:.4f}" for x in (c.Cv, c.Ca)), "infinite" if c.Cj is None else f"{c.Cj:.3f}", f"{c.Cm:.4f}",
@@ -102,19 +67,6 @@ def laws_table(found: Mapping[str, Criteria]) -> Table:
 
 
 def spectrum_table(spectra: Mapping[str, Sequence[float]], ratios: Sequence[float]) -> Table:
-    """Return residual vibrations side by side.
-
-    Parameters
-    ----------
-    spectra
-        Amplitudes over lift by law.
-    ratios
-        Rise times over the period.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return residual vibrations side by side."""
     rows = [(name, *(f"{value:.6f}" for value in values)) for name, values in spectra.items()]
     return table("Residual vibration over lift, by rise time over period", ("law", *(f"{r:g}" for r in ratios)), rows)

@@ -11,20 +11,7 @@ from flexcam.terminal import table
 
 
 def told_limit_map(found: LimitMap, shaft: str) -> Told:
-    """Return a map of limits as tables.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.study.limit_map`.
-    shaft
-        Whose speed is told.
-
-    Returns
-    -------
-    Told
-        A table per limit: the first number downwards, the second along.
-    """
+    """Return a map of limits as tables."""
     first, second = found.axes
     tables = [
         table(
@@ -62,18 +49,7 @@ def told_limit_map(found: LimitMap, shaft: str) -> Told:
 
 
 def axis_words(axis: Axis) -> str:
-    """Return what stands along an axis.
-
-    Parameters
-    ----------
-    axis
-        With its unit.
-
-    Returns
-    -------
-    str
-        Key and unit, the key alone of a plain number.
-    """
+    """Return what stands along an axis."""
     return f"{axis.key}, {axis.unit}" if axis.unit else axis.key
 
 

@@ -12,22 +12,7 @@ from flexcam.units import shaft_name
 
 
 def limits_json(found: Limits, scale: float) -> dict[str, object]:
-    """Return the limits of a train as ``--json`` prints them.
-
-    Parameters
-    ----------
-    found
-        The limits.
-    scale
-        Turns of the shaft that is counted per turn of the camshaft: 2 for the crankshaft.
-
-    Returns
-    -------
-    dict
-        A key ``NAME_rpm`` per limit of any train, null where it was not met or the train has nothing that could meet it
-        (no seat, no coils that are counted); ``tolerance_rpm`` is null where one was met already at
-        the lowest speed, so that it is not bracketed.
-    """
+    """Return the limits of a train as ``--json`` prints them."""
     width = max(one.tolerance_rpm for one in found.limits.values())
     rpm = {name: one.rpm for name, one in found.limits.items()}
     met = {f"{name}_rpm": None if (at := rpm.get(name)) is None else scale * at for name in LIMITS}
@@ -41,20 +26,7 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
 
 
 def limits_table(found: Limits, scale: float) -> Table:
-    """Return the limits of a train.
-
-    Parameters
-    ----------
-    found
-        The limits.
-    scale
-        As for `limits_json`.
-
-    Returns
-    -------
-    Table
-        For rich, the first limit first.
-    """
+    """Return the limits of a train."""
     high = scale * found.highest_rpm
     ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
     rows = [

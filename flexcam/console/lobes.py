@@ -22,23 +22,7 @@ _THICKER = 1.0 + 1e-9
 
 
 def lobe_doubts(model: Model) -> list[str]:
-    """Return which lobes cannot be made, in words.
-
-    Parameters
-    ----------
-    model
-        The model.
-
-    Returns
-    -------
-    list
-        Sentences; none where every profile can be made, or no follower says what the profile is.
-
-    Examples
-    --------
-    ``lobe_doubts(build_model(read_case("cases/pushrod-engine/intake.toml", ["cams.intake.base_radius=18mm"])))``
-    tells that the flat face would need a profile that crosses itself.
-    """
+    """Return which lobes cannot be made, in words."""
     known = [(name, cam, cam.follower) for name, cam in model.cams.items() if cam.follower is not None]
     return [*(one for name, cam, follower in known for one in _told(model, name, cam, follower)), *_shared(model)]
 

@@ -9,41 +9,13 @@ from flexcam.train import BOUNCE_HEIGHT, OPEN, Figure
 
 
 def mishaps(figures: Iterable[Figure]) -> list[str]:
-    """Return what a train did in the last revolution of a run that none may do, in words.
-
-    Parameters
-    ----------
-    figures
-        What the train did, from `flexcam.train.operation`.
-
-    Returns
-    -------
-    list
-        A sentence each, with number and place; none where all went well. What counts is what counts for
-        `flexcam.limits`.
-
-    Examples
-    --------
-    >>> mishaps([Figure("springs.valve.clearance.least", -2e-4, "m")])
-    ["Warning: coils of 'valve' touch: 0.2 mm beyond closed"]
-    """
+    """Return what a train did in the last revolution of a run that none may do, in words."""
     known = list(figures)
     return [*_left(known), *_bounced(known), *_clashed(known), *_buckled(known)]
 
 
 def left_words(figures: Iterable[Figure]) -> str:
-    """Return which followers left their cams, and for how long, in words.
-
-    Parameters
-    ----------
-    figures
-        As for `mishaps`.
-
-    Returns
-    -------
-    str
-        Such as ``'intake' left it for 82 deg``; empty where none did.
-    """
+    """Return which followers left their cams, and for how long, in words."""
     told = _found(figures, ".open_on_the_lift")
     return ", ".join(f"{name!r} left it for {math.degrees(open_):.2g} deg" for name, open_ in told if open_ > OPEN)
 

@@ -20,20 +20,7 @@ _NEAR = 0.01
 
 
 def told_optimum(design: Design, found: Evaluations) -> Told:
-    """Return the best variant as tables.
-
-    Parameters
-    ----------
-    design
-        The question.
-    found
-        From `flexcam.study.optimize`.
-
-    Returns
-    -------
-    Told
-        The numbers of the best variant, or of the one that passes the bounds least, and how close to every bound it is.
-    """
+    """Return the best variant as tables."""
     best = found.best
     at = found.nearest if best is None else best
     goal, row = design.goals[0], found.rows[at]
@@ -53,20 +40,7 @@ def told_optimum(design: Design, found: Evaluations) -> Told:
 
 
 def told_front(design: Design, found: Evaluations) -> Told:
-    """Return a front as a table.
-
-    Parameters
-    ----------
-    design
-        The question.
-    found
-        From `flexcam.study.pareto`.
-
-    Returns
-    -------
-    Told
-        The variants of which no other is better in both goals.
-    """
+    """Return a front as a table."""
     best = front(found)
     names = [goal.name for goal in design.goals]
     head = (*(f"{goal.words}, {design.unit(goal.name, found.rows)}".rstrip(", ") for goal in design.goals),
@@ -164,18 +138,7 @@ def _csv(design: Design, found: Evaluations) -> str:
 
 
 def goal_history(found: Evaluations) -> list[float]:
-    """Return the best goal so far after every evaluation, for a picture.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.study.optimize`.
-
-    Returns
-    -------
-    list
-        As it was to be small; NaN until a variant is within all bounds.
-    """
+    """Return the best goal so far after every evaluation, for a picture."""
     best, told = math.inf, list[float]()
     for cost, good in zip(found.costs[:, 0].tolist(), feasible(found.violations).tolist(), strict=True):
         best = min(best, cost) if good else best

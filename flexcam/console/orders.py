@@ -19,20 +19,7 @@ _SHOWN = 8
 
 
 def orders_table(found: Waterfall, scale: float) -> Table:
-    """Return the largest orders of a history over speed.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.orders.waterfall`.
-    scale
-        Turns of the shaft that is counted per turn of the camshaft: 2 for the crankshaft.
-
-    Returns
-    -------
-    Table
-        For rich; the last column is by how much the revolution misses closing, as a part of the largest order.
-    """
+    """Return the largest orders of a history over speed."""
     shown = sorted(ridges(found, _SHOWN))
     rounding = NOISE * float(np.nanmax(found.amplitudes)) if shown else 0.0
     rows = [
@@ -56,18 +43,7 @@ def _part(found: Waterfall, i: int) -> str:
 
 
 def orders_csv(found: Sequence[Waterfall], scale: float) -> str:
-    """Return amplitudes as CSV text, a row per history, speed and order; runs that broke off are left out.
-
-    Parameters
-    ----------
-    found, scale
-        As for `orders_table`; several histories.
-
-    Returns
-    -------
-    str
-        With a head: history, unit, speed, order, amplitude, and by how much the revolution misses closing.
-    """
+    """Return amplitudes as CSV text, a row per history, speed and order; runs that broke off are left out."""
     lines = [f"history,unit,{shaft_name(scale)} speed [rpm],order,amplitude,not periodic by"]
     for one in found:
         for i, rpm in enumerate((scale * one.rpm).tolist()):
@@ -78,18 +54,7 @@ def orders_csv(found: Sequence[Waterfall], scale: float) -> str:
 
 
 def orders_json(found: Sequence[Waterfall], scale: float) -> dict[str, object]:
-    """Return the same as ``--json`` prints it.
-
-    Parameters
-    ----------
-    found, scale
-        As for `orders_csv`.
-
-    Returns
-    -------
-    dict
-        Per history its amplitudes by speed, from order 0; null where a run broke off.
-    """
+    """Return the same as ``--json`` prints it."""
     histories = {
         one.signal.name: {
             "unit": one.unit, "amplitudes": [_or_null(row) for row in one.amplitudes], "open_by": _or_null(one.gaps),

@@ -17,22 +17,7 @@ _PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
 
 
 def parting_table(found: Sequence[Speed], scale: float, tolerance: float) -> Table:
-    """Return least and largest contact force on the main lift by model.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.parting.parting`.
-    scale
-        Turns of the shaft that is counted per turn of the camshaft: 2 for the crankshaft.
-    tolerance
-        Part of the force from which on models differ.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return least and largest contact force on the main lift by model."""
     rows = [(f"{scale * one.rpm:.6g}", *(_told(one.forces[name]) for name in MODELS)) for one in found]
     head = (f"{shaft_name(scale)} rpm", *(f"{name}, N" for name in MODELS))
     return table(f"Contact force on the main lift; {_where(found, scale, tolerance)}", head, rows)
@@ -52,18 +37,7 @@ def _where(found: Sequence[Speed], scale: float, tolerance: float) -> str:
 
 
 def parting_json(found: Sequence[Speed], scale: float, tolerance: float) -> dict[str, object]:
-    """Return the same as ``--json`` prints it.
-
-    Parameters
-    ----------
-    found, scale, tolerance
-        As for `parting_table`.
-
-    Returns
-    -------
-    dict
-        Lists by model, and where they part.
-    """
+    """Return the same as ``--json`` prints it."""
     part: dict[str, object] = {}
     for first, second in _PAIRS:
         rpm = parts_at(found, first, second, tolerance)
@@ -82,18 +56,7 @@ def parting_json(found: Sequence[Speed], scale: float, tolerance: float) -> dict
 
 
 def force_bands(found: Sequence[Speed]) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return least and largest forces by model for a picture.
-
-    Parameters
-    ----------
-    found
-        As for `parting_table`.
-
-    Returns
-    -------
-    dict
-        Two arrays of shape (speeds,) by model, N; NaN where a run did not finish.
-    """
+    """Return least and largest forces by model for a picture."""
     nothing = Forces(float("nan"), float("nan"))
     each = {name: [speed.forces[name] or nothing for speed in found] for name in MODELS}
     return {

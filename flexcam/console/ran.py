@@ -55,18 +55,7 @@ class Ran:
 
 
 def ran_json(ran: Ran) -> dict[str, object]:
-    """Return a run as JSON takes it.
-
-    Parameters
-    ----------
-    ran
-        The run.
-
-    Returns
-    -------
-    dict
-        SI.
-    """
+    """Return a run as JSON takes it."""
     response, status = ran.response, ran.response.status
     return {
         "status": str(status.cause), "message": status.text, "remedy": status.remedy,
@@ -83,18 +72,7 @@ def ran_json(ran: Ran) -> dict[str, object]:
 
 
 def ran_parts(ran: Ran) -> Iterator[Table | str]:
-    """Yield what is printed of a run, part by part.
-
-    Parameters
-    ----------
-    ran
-        The run.
-
-    Yields
-    ------
-    Table or str
-        Sentences begin with an empty line.
-    """
+    """Yield what is printed of a run, part by part."""
     yield run_table(ran.ready.case, ran.watched.extremes)
     for table in _tables(ran):
         yield ""

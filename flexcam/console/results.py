@@ -24,20 +24,7 @@ from flexcam.units import shown
 
 
 def run_table(case: Case, extremes: Extremes) -> Table:
-    """Return the extremes of every probe.
-
-    Parameters
-    ----------
-    case
-        The case.
-    extremes
-        Of its run.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return the extremes of every probe."""
     moved = [
         (name if len(components) == 1 else f"{name}.{component}", component in ROTATIONS, 1e3 * np.array(bounds))
         for name, components in extremes.outline.probes
@@ -52,18 +39,7 @@ def run_table(case: Case, extremes: Extremes) -> Table:
 
 
 def operation_table(figures: Sequence[Figure]) -> Table:
-    """Return what the train did in the last revolution.
-
-    Parameters
-    ----------
-    figures
-        From `flexcam.train.operation`.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return what the train did in the last revolution."""
     rows: list[tuple[str, str]] = []
     for figure in figures:
         factor, unit = shown(figure.unit)
@@ -73,50 +49,17 @@ def operation_table(figures: Sequence[Figure]) -> Table:
 
 
 def periodicity(response: Response) -> float | None:
-    """Return by how much the start of a run misses returning, as a part of the motion; None where it was not asked.
-
-    Parameters
-    ----------
-    response
-        Of the run.
-
-    Returns
-    -------
-    float
-        1.
-    """
+    """Return by how much the start of a run misses returning, as a part of the motion; None where it was not asked."""
     return response.stats.periodicity if response.stats.periodicity >= 0.0 else None
 
 
 def imbalance(response: Response) -> float | None:
-    """Return the largest force out of balance, as a part of the largest force; None where it was not looked at.
-
-    Parameters
-    ----------
-    response
-        Of the run.
-
-    Returns
-    -------
-    float
-        1.
-    """
+    """Return the largest force out of balance, as a part of the largest force; None where it was not looked at."""
     return response.stats.imbalance if response.stats.imbalance >= 0.0 else None
 
 
 def strength_table(members: Mapping[str, MemberStrength]) -> Table:
-    """Return the most stressed place of every member.
-
-    Parameters
-    ----------
-    members
-        From a `StrengthSink`.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return the most stressed place of every member."""
     rows = [
         (name, f"{one.von_mises / 1e6:.4g}", f"{one.mean / 1e6:.4g}", f"{one.alternating / 1e6:.4g}",
          f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "not stated", one.place)
@@ -127,18 +70,7 @@ def strength_table(members: Mapping[str, MemberStrength]) -> Table:
 
 
 def unknowns(response: Response) -> str:
-    """Return of how many unknowns a result is, and how many of them were integrated, as far as that is known.
-
-    Parameters
-    ----------
-    response
-        The result.
-
-    Returns
-    -------
-    str
-        Such as ``47 unknowns, 24 integrated, in their natural motions``.
-    """
+    """Return of how many unknowns a result is, and how many of them were integrated, as far as that is known."""
     every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
     if not response.stats.told:
         return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
@@ -151,37 +83,13 @@ _PATHS = {"modal": ", in their natural motions", "compiled": ", in machine code"
 
 
 def verified_words(path: Path, found: Verified) -> str:
-    """Return that a file is sound, and by what that is known.
-
-    Parameters
-    ----------
-    path
-        The file.
-    found
-        What was read of it.
-
-    Returns
-    -------
-    str
-        A sentence or two.
-    """
+    """Return that a file is sound, and by what that is known."""
     partial = "" if found.complete else ". The run that wrote it did not come to its end; what it holds is whole"
     return f"{path} is sound: {found.datasets} datasets, {found.bytes} bytes, as they were written{partial}"
 
 
 def stats_json(stats: Stats) -> dict[str, object]:
-    """Return the figures of a run for JSON, as far as they are known.
-
-    Parameters
-    ----------
-    stats
-        Of the run.
-
-    Returns
-    -------
-    dict
-        Of a run that was killed, its steps and its unknowns alone.
-    """
+    """Return the figures of a run for JSON, as far as they are known."""
     return asdict(stats) if stats.told else {"steps": stats.steps, **({"size": stats.size} if stats.size else {})}
 
 
@@ -212,18 +120,7 @@ _ELSEWHERE = ("case", "resolved", "overrides", "warnings")
 
 
 def info_table(result: Result) -> Table:
-    """Return what a result file holds.
-
-    Parameters
-    ----------
-    result
-        The result.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return what a result file holds."""
     response = result.response
     about = [(name, text) for name, text in result.about.items() if name not in _ELSEWHERE]
     rows = [

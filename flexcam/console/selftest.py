@@ -15,18 +15,7 @@ from flexcam.terminal import bare, facts
 
 
 def check_table(found: Sequence[Check]) -> Table:
-    """Return the checks.
-
-    Parameters
-    ----------
-    found
-        In order.
-
-    Returns
-    -------
-    Table
-        A row each.
-    """
+    """Return the checks."""
     made = bare("What is computed, and what it must be")
     for head, side in _HEADS:
         made.add_column(head, justify=side)
@@ -43,38 +32,12 @@ _HEADS: tuple[tuple[str, JustifyMethod], ...] = (
 
 
 def installed_table(parts: Mapping[str, str]) -> Table:
-    """Return what is installed.
-
-    Parameters
-    ----------
-    parts
-        From `flexcam.selftest.installed`.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return what is installed."""
     return facts("What is installed", parts.items())
 
 
 def selftest_json(found: Sequence[Check], parts: Mapping[str, str], status: Status) -> dict[str, object]:
-    """Return checks and installation as one object.
-
-    Parameters
-    ----------
-    found
-        In order.
-    parts
-        From `flexcam.selftest.installed`.
-    status
-        Of all.
-
-    Returns
-    -------
-    dict
-        For `flexcam.terminal.print_json`; null where no number came out.
-    """
+    """Return checks and installation as one object."""
     rows = [
         {**asdict(one), "computed": or_none(one.computed), "error": or_none(one.error), "passed": one.passed}
         for one in found

@@ -15,18 +15,7 @@ from flexcam.terminal import table
 
 
 def told_derivatives(found: Sequence[Sensitivity]) -> Told:
-    """Return derivatives as tables.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.study.sensitivities`.
-
-    Returns
-    -------
-    Told
-        A table per scalar, the largest logarithmic sensitivity first.
-    """
+    """Return derivatives as tables."""
     names = list(dict.fromkeys(one.scalar for one in found))
     tables = [_derivatives(name, [one for one in found if one.scalar == name]) for name in names]
     words = [f"{one.scalar} by {one.by.key}: {one.note}" for one in found if one.note]
@@ -85,22 +74,7 @@ def _json(one: Sensitivity) -> dict[str, object]:
 
 
 def told_shares(names: Sequence[str], variables: Sequence[Variable], found: Sequence[SobolIndices]) -> Told:
-    """Return Sobol indices as tables.
-
-    Parameters
-    ----------
-    names
-        Of the scalars.
-    variables
-        What was varied.
-    found
-        One per scalar.
-
-    Returns
-    -------
-    Told
-        A table per scalar; intervals are those of 95 %.
-    """
+    """Return Sobol indices as tables."""
     keys = [one.key for one in variables]
     tables = [
         table(
@@ -151,26 +125,7 @@ def told_scatter(
     rows: Sequence[Row],
     middle: Mapping[str, Quantity],
 ) -> Told:
-    """Return the scatter of scalars as a table.
-
-    Parameters
-    ----------
-    names
-        Of the scalars.
-    scatters
-        How the parts scatter.
-    parts
-        Their numbers, SI, shape (m, k).
-    rows
-        One per set of parts.
-    middle
-        Of the case as it stands.
-
-    Returns
-    -------
-    Told
-        With the rank correlation of every scalar with every part; the CSV has a row per set.
-    """
+    """Return the scatter of scalars as a table."""
     values = np.column_stack([column(rows, name) for name in names])
     units = {name: one.unit for name, one in middle.items()}
     units |= {

@@ -16,20 +16,7 @@ _HEAD = ("k, kN/m", "x0, mm", "spp max", "spp min", "xpp max", "xpp min", "opens
 
 
 def settings_table(found: Sequence[Setting], scale: float) -> Table:
-    """Return what the closed form says of settings, a row each.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.fidelity.settings_of`.
-    scale
-        Turns of the shaft that is counted per turn of the camshaft: 2 for the crankshaft.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return what the closed form says of settings, a row each."""
     rows = [
         (
             one.name, f"{scale * one.speed / RPM:.6g}", f"{one.stiffness / 1e3:.4g}", mm(one.compression, 4),
@@ -42,18 +29,7 @@ def settings_table(found: Sequence[Setting], scale: float) -> Table:
 
 
 def settings_words(found: Sequence[Setting]) -> list[str]:
-    """Return what must be said beside the accelerations: what they are bought with.
-
-    Parameters
-    ----------
-    found
-        As for `settings_table`.
-
-    Returns
-    -------
-    list
-        Sentences.
-    """
+    """Return what must be said beside the accelerations: what they are bought with."""
     worst = max(found, key=lambda one: one.lost)
     limited = worst.dynamic[0] / worst.kinematic[0]
     bought = (
@@ -75,18 +51,7 @@ def settings_words(found: Sequence[Setting]) -> list[str]:
 
 
 def settings_json(found: Sequence[Setting], scale: float) -> dict[str, object]:
-    """Return the same as ``--json`` prints it, SI.
-
-    Parameters
-    ----------
-    found, scale
-        As for `settings_table`.
-
-    Returns
-    -------
-    dict
-        A list of settings, and the words.
-    """
+    """Return the same as ``--json`` prints it, SI."""
     rows = [{**asdict(one), "rpm": scale * one.speed / RPM, "lost": one.lost} for one in found]
     shaft = shaft_name(scale)
     return {"shaft": shaft, "settings": rows, "words": settings_words(found)}

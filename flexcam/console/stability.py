@@ -26,20 +26,7 @@ _WORDS = {
 
 
 def stability_table(found: Stability, scale: float) -> Table:
-    """Return what endangers a speed.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.stability.stability`.
-    scale
-        Turns of the shaft that is counted per turn of the camshaft: 2 for the crankshaft.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return what endangers a speed."""
     rows = [
         ("integrator", _integrated(found.discrete)),
         ("periodic motion", _grows(found)),
@@ -98,18 +85,7 @@ def _grows(found: Stability) -> str:
 
 
 def stability_json(found: Stability, scale: float) -> dict[str, object]:
-    """Return the same as ``--json`` prints it.
-
-    Parameters
-    ----------
-    found, scale
-        As for `stability_table`.
-
-    Returns
-    -------
-    dict
-        With the verdict as a list; of resonances at most twenty, up to twice the speed.
-    """
+    """Return the same as ``--json`` prints it."""
     multipliers = [] if found.floquet is None else [[one.real, one.imag] for one in found.floquet.multipliers.tolist()]
     return {
         "shaft": shaft_name(scale), "rpm": scale * found.rpm,
@@ -131,20 +107,7 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
 
 
 def growth_table(found: Sequence[Stability], scale: float) -> Table:
-    """Return what endangers each of several speeds.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.stability.over_speeds`.
-    scale
-        As for `stability_table`.
-
-    Returns
-    -------
-    Table
-        A row per speed.
-    """
+    """Return what endangers each of several speeds."""
     heads = (f"{shaft_name(scale)} rpm", "spectral radius", "multiplier", "growth, 1/s", "off the cam, deg", "verdict")
     return table("Stability over speed", heads, (_row(one, scale) for one in found))
 
@@ -158,33 +121,11 @@ def _row(one: Stability, scale: float) -> list[str]:
 
 
 def growths(found: Sequence[Stability]) -> FloatArray:
-    """Return the growth rates of several speeds.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.stability.over_speeds`.
-
-    Returns
-    -------
-    ndarray
-        1/s, shape (m,); NaN where no periodic motion was found.
-    """
+    """Return the growth rates of several speeds."""
     return np.array([math.nan if one.floquet is None else one.floquet.growth for one in found])
 
 
 def dangers(found: Sequence[Stability]) -> dict[str, NDArray[np.bool_]]:
-    """Return which of several speeds each cause endangers.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.stability.over_speeds`.
-
-    Returns
-    -------
-    dict
-        Cause to an array of truth values, shape (m,).
-    """
+    """Return which of several speeds each cause endangers."""
     named = {cause: np.array([cause in one.verdict for one in found]) for cause in _WORDS}
     return {**named, "chatter": np.array([one.chatters for one in found])}

@@ -18,18 +18,7 @@ _NAMED = 3
 
 
 def sweep_table(found: Table) -> RichTable:
-    """Return the range of every scalar; one that is the same in all variants is left out.
-
-    Parameters
-    ----------
-    found
-        The table of a sweep.
-
-    Returns
-    -------
-    Table
-        Least and largest value and the inputs they belong to.
-    """
+    """Return the range of every scalar; one that is the same in all variants is left out."""
     rows: list[tuple[str, ...]] = []
     for name, values in found.scalars.items():
         if _differs(values):
@@ -54,18 +43,7 @@ def _at(found: Table, i: int) -> str:
 
 
 def sweep_words(found: Table) -> list[str]:
-    """Return sentences of what went wrong, and of a table without rows.
-
-    Parameters
-    ----------
-    found
-        The table of a sweep.
-
-    Returns
-    -------
-    list
-        One per cause.
-    """
+    """Return sentences of what went wrong, and of a table without rows."""
     alike = found.scalars and not any(_differs(values) for values in found.scalars.values())
     words = ["every scalar is the same in all variants; the files have them"] if alike else list[str]()
     for cause, rows in _failures(found).items():
@@ -84,18 +62,7 @@ def _failures(found: Table) -> dict[str, list[int]]:
 
 
 def sweep_status(found: Table) -> Status | None:
-    """Return how the command ends: a sweep fails when every variant does.
-
-    Parameters
-    ----------
-    found
-        The table of a sweep.
-
-    Returns
-    -------
-    Status or None
-        The first variant's cause where all failed.
-    """
+    """Return how the command ends: a sweep fails when every variant does."""
     if len(found.failed) < len(found):
         return None
     first = found.statuses[0]
@@ -103,22 +70,7 @@ def sweep_status(found: Table) -> Status | None:
 
 
 def sweep_json(found: Table, ended: Status | None, files: Sequence[Path]) -> dict[str, object]:
-    """Return the same as ``--json`` prints it.
-
-    Parameters
-    ----------
-    found
-        The table of a sweep.
-    ended
-        From `sweep_status`.
-    files
-        What was written.
-
-    Returns
-    -------
-    dict
-        Ranges and failures; the rows stand in the files.
-    """
+    """Return the same as ``--json`` prints it."""
     status = ended or Status(Cause.DONE, "the sweep is complete")
     return {
         "status": "ok" if ended is None else str(status.cause),

@@ -17,18 +17,7 @@ from flexcam.units import RPM
 
 
 def synthesis_json(found: Synthesized) -> dict[str, object]:
-    """Return a law found as ``--json`` prints it.
-
-    Parameters
-    ----------
-    found
-        The law and its bounds.
-
-    Returns
-    -------
-    dict
-        Numbers of the normalized law.
-    """
+    """Return a law found as ``--json`` prints it."""
     c = found.criteria
     return {
         "family": found.family, "objective": found.objective, "family_bound": found.bound, "gap": found.gap,
@@ -45,18 +34,7 @@ LEGEND = (
 
 
 def synthesis_table(found: Synthesized) -> Table:
-    """Return a law found, and how good it is.
-
-    Parameters
-    ----------
-    found
-        The law and its bounds.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return a law found, and how good it is."""
     c = found.criteria
     bound = "none: this objective is not convex, the law is the best nearby"
     if found.bound is not None and found.gap is not None:
@@ -77,18 +55,7 @@ def synthesis_table(found: Synthesized) -> Table:
 
 
 def pareto_table(front: Sequence[Synthesized]) -> Table:
-    """Return a front of laws.
-
-    Parameters
-    ----------
-    front
-        The laws.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return a front of laws."""
     rows = [
         (str(i), *(f"{x:.5g}" if x is not None else "infinite" for x in (c.Cv, c.Ca, c.Cj, c.Cm)),
          "-" if one.gap is None else f"{one.gap:.0e}", "yes" if one.converged else "no")
@@ -98,18 +65,7 @@ def pareto_table(front: Sequence[Synthesized]) -> Table:
 
 
 def harmonic_table(found: HarmonicCam) -> Table:
-    """Return a cam of few harmonics.
-
-    Parameters
-    ----------
-    found
-        The cam.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return a cam of few harmonics."""
     fit = found.fit
     rows = [
         (
@@ -124,18 +80,7 @@ def harmonic_table(found: HarmonicCam) -> Table:
 
 
 def polydyne_table(found: PolydyneCam) -> Table:
-    """Return a polydyne cam at its speed and off it.
-
-    Parameters
-    ----------
-    found
-        The cam.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return a polydyne cam at its speed and off it."""
     rows = [
         (f"{speed / RPM:.6g}", _micrometres(plain), _micrometres(compensated))
         for speed, plain, compensated in zip(
@@ -152,18 +97,7 @@ def _micrometres(value: float) -> str:
 
 
 def polydyne_facts(found: PolydyneCam) -> Table:
-    """Return what a polydyne cam is by itself.
-
-    Parameters
-    ----------
-    found
-        The cam.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return what a polydyne cam is by itself."""
     design = found.design
     lift, bend, count = event_extremes(design.event), event_extremes(design.event, 2), len(design.event.cosine)
     rows = [
@@ -178,16 +112,5 @@ def polydyne_facts(found: PolydyneCam) -> Table:
 
 
 def or_null(values: FloatArray) -> list[float | None]:
-    """Return numbers for JSON, which knows no infinite ones.
-
-    Parameters
-    ----------
-    values
-        Shape (n,).
-
-    Returns
-    -------
-    list
-        None for what is not finite.
-    """
+    """Return numbers for JSON, which knows no infinite ones."""
     return [value if math.isfinite(value) else None for value in values.tolist()]

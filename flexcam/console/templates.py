@@ -10,18 +10,7 @@ from flexcam.terminal import table
 
 
 def template_table(templates: Mapping[str, str]) -> Table:
-    """Return the starter cases.
-
-    Parameters
-    ----------
-    templates
-        Name to what it is.
-
-    Returns
-    -------
-    Table
-        For rich.
-    """
+    """Return the starter cases."""
     made = table("Starter cases", ("flexcam new",), ())
     made.add_column("what it is", justify="left")
     for name, words in templates.items():

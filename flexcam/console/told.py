@@ -31,25 +31,7 @@ class Told:
 
 
 def csv_of(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    r"""Return a table as CSV text; what has no number is left empty.
-
-    Parameters
-    ----------
-    head
-        Names of the columns.
-    rows
-        Texts and numbers.
-
-    Returns
-    -------
-    str
-        With a line per row; numbers have every digit.
-
-    Examples
-    --------
-    >>> csv_of(("key", "value"), [("a, b", 0.1), ("c", float("nan"))])
-    'key,value\n"a, b",0.1\nc,\n'
-    """
+    r"""Return a table as CSV text; what has no number is left empty."""
     return "".join(",".join(map(_cell, row)) + "\n" for row in (head, *rows))
 
 
@@ -60,39 +42,10 @@ def _cell(value: object) -> str:
 
 
 def or_none(value: float) -> float | None:
-    """Return a number for JSON: none where it is not finite.
-
-    Parameters
-    ----------
-    value
-        Any.
-
-    Returns
-    -------
-    float
-        None for NaN and infinity.
-    """
+    """Return a number for JSON: none where it is not finite."""
     return value if abs(value) < float("inf") else None
 
 
 def shown(value: float, digits: int = 6) -> str:
-    """Return a number for a table; a dash where there is none.
-
-    Parameters
-    ----------
-    value
-        Any.
-    digits
-        Significant ones.
-
-    Returns
-    -------
-    str
-        Without unit.
-
-    Examples
-    --------
-    >>> shown(1234.5678), shown(float("nan"))
-    ('1234.57', '-')
-    """
+    """Return a number for a table; a dash where there is none."""
     return "-" if or_none(value) is None else f"{value:.{digits}g}"

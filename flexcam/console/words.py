@@ -13,94 +13,22 @@ NOISE = 1e-9
 
 
 def mm(value: float, digits: int = 6) -> str:
-    """Return a length in millimetres; what is only the rounding of a zero is one.
-
-    Parameters
-    ----------
-    value
-        m.
-    digits
-        Significant ones.
-
-    Returns
-    -------
-    str
-        Without the unit.
-
-    Examples
-    --------
-    >>> mm(0.0125), mm(1e-19)
-    ('12.5', '0')
-    """
+    """Return a length in millimetres; what is only the rounding of a zero is one."""
     return f"{0.0 if abs(value) < _NOTHING else 1e3 * value:.{digits}g}"
 
 
 def clear(value: float, scale: float) -> float:
-    """Return a number, or zero where it is the rounding of one.
-
-    Parameters
-    ----------
-    value
-        Any.
-    scale
-        Largest of its kind.
-
-    Returns
-    -------
-    float
-        The same, or zero.
-
-    Examples
-    --------
-    >>> clear(-7.7e-16, 6.28), clear(1e-6, 6.28)
-    (0.0, 1e-06)
-    """
+    """Return a number, or zero where it is the rounding of one."""
     return 0.0 if abs(value) < _NOTHING * scale else value
 
 
 def fixed(value: float, decimals: int) -> str:
-    """Return a number with as many decimals as others in its column; a huge one, of a run that diverged, in few digits.
-
-    Parameters
-    ----------
-    value
-        Any.
-    decimals
-        Behind the point.
-
-    Returns
-    -------
-    str
-        A zero without a sign.
-
-    Examples
-    --------
-    >>> fixed(8.87654, 4), fixed(-1e-9, 2), fixed(-1.23456e80, 4)
-    ('8.8765', '0.00', '-1.235e+80')
-    """
+    """Return a number with the decimals of its column; a huge one, of a run that diverged, in few digits."""
     return f"{round(value, decimals) + 0.0:.{decimals}f}" if abs(value) < _HUGE else f"{value:.4g}"
 
 
 def decimals(largest: float, usual: int) -> int:
-    """Return how many decimals show four digits of the largest of some numbers.
-
-    Parameters
-    ----------
-    largest
-        By size.
-    usual
-        As many at least; also for what is nothing but rounding.
-
-    Returns
-    -------
-    int
-        For `fixed`.
-
-    Examples
-    --------
-    >>> decimals(21.485, 4), decimals(5.9e-6, 4), decimals(1e-19, 4)
-    (4, 9, 4)
-    """
+    """Return how many decimals show four digits of the largest of some numbers."""
     return usual if largest < _NOTHING else max(usual, 3 - math.floor(math.log10(largest)))
 
 
@@ -109,41 +37,12 @@ _HUGE = 1e7
 
 
 def degrees(angle: float) -> str:
-    """Return an angle in degrees; what is only the rounding of a zero is one.
-
-    Parameters
-    ----------
-    angle
-        rad.
-
-    Returns
-    -------
-    str
-        Without the unit.
-    """
+    """Return an angle in degrees; what is only the rounding of a zero is one."""
     return f"{0.0 if abs(angle) < _NOTHING else math.degrees(angle):.4g}"
 
 
 def told_apart(names: Sequence[str], beside: Sequence[str]) -> list[str]:
-    """Return names that differ: as they are, with what stands beside them, or with a number.
-
-    Parameters
-    ----------
-    names
-        Such as those of files.
-    beside
-        What may tell them apart, such as speeds.
-
-    Returns
-    -------
-    list
-        As many.
-
-    Examples
-    --------
-    >>> told_apart(["a", "a"], ["3000 rpm", "4000 rpm"])
-    ['a, 3000 rpm', 'a, 4000 rpm']
-    """
+    """Return names that differ: as they are, with what stands beside them, or with a number."""
     if len(set(names)) == len(names):
         return list(names)
     longer = [f"{name}, {more}" if more else name for name, more in zip(names, beside, strict=True)]

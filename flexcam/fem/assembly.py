@@ -16,31 +16,7 @@ _AT_ONCE = 1000
 
 
 def assemble(beams: Beams, local: FloatArray, dofs: DofMap) -> Triplets:
-    """Return the matrix of the free components from element matrices in local axes.
-
-    Parameters
-    ----------
-    beams
-        The elements.
-    local
-        Element matrices, shape (e, 12, 12), local axes.
-    dofs
-        The numbering.
-
-    Returns
-    -------
-    Triplets
-        Size ``dofs.size``; exact zeros are left out.
-
-    Examples
-    --------
-    >>> from flexcam.fem import Material, Member, Mesh, Section, beam, beams, dof_map
-    >>> mesh = Mesh([[0, 0, 0], [2, 0, 0]], {"bar": [0, 1]}, {"root": [0]})
-    >>> bar = beams(mesh, {"bar": Member(Material(E=1.0, nu=0.0, density=1.0), Section(A=4.0, Iy=1.0, Iz=1.0, J=1.0))})
-    >>> dofs = dof_map(mesh, [("root", ["ux", "uy", "uz", "rx", "ry", "rz"])])
-    >>> assemble(bar, beam.stiffness(bar), dofs).dense()[0, 0]
-    np.float64(2.0)
-    """
+    """Return the matrix of the free components from element matrices in local axes."""
     return _assembled(beams, lambda part: local[part], dofs)
 
 
@@ -73,56 +49,15 @@ def _entries(beams: Beams, local: FloatArray, dofs: DofMap) -> tuple[IntArray, I
 
 
 def stiffness(beams: Beams, dofs: DofMap) -> Triplets:
-    """Return the assembled elastic stiffness, SI.
-
-    Parameters
-    ----------
-    beams
-        The elements.
-    dofs
-        The numbering.
-
-    Returns
-    -------
-    Triplets
-        Size ``dofs.size``.
-    """
+    """Return the assembled elastic stiffness, SI."""
     return _assembled(beams, lambda part: beam.stiffness(beams.part(part)), dofs)
 
 
 def mass(beams: Beams, dofs: DofMap) -> Triplets:
-    """Return the assembled mass of the beams, SI.
-
-    Parameters
-    ----------
-    beams
-        The elements.
-    dofs
-        The numbering.
-
-    Returns
-    -------
-    Triplets
-        Size ``dofs.size``.
-    """
+    """Return the assembled mass of the beams, SI."""
     return _assembled(beams, lambda part: beam.mass(beams.part(part)), dofs)
 
 
 def geometric(beams: Beams, axial_force: FloatArray, dofs: DofMap) -> Triplets:
-    """Return the assembled geometric stiffness under given axial forces.
-
-    Parameters
-    ----------
-    beams
-        The elements.
-    axial_force
-        N, tension positive, shape (e,).
-    dofs
-        The numbering.
-
-    Returns
-    -------
-    Triplets
-        Size ``dofs.size``; added to the stiffness it stiffens in tension and softens in compression.
-    """
+    """Return the assembled geometric stiffness under given axial forces."""
     return _assembled(beams, lambda part: beam.geometric(beams.part(part), axial_force[part]), dofs)

@@ -23,60 +23,14 @@ ROTATIONS = COMPONENTS[3:]
 
 
 def component(name: str, where: str = "component") -> int:
-    """Return the position of a component among the six.
-
-    Parameters
-    ----------
-    name
-        One of `COMPONENTS`.
-    where
-        The place, for the message.
-
-    Returns
-    -------
-    int
-        0 to 5.
-
-    Raises
-    ------
-    InputError
-        If there is no such component.
-
-    Examples
-    --------
-    >>> component("rx")
-    3
-    """
+    """Return the position of a component among the six."""
     if name in COMPONENTS:
         return COMPONENTS.index(name)
     raise refuse(where, repr(name), ", ".join(COMPONENTS), remedy=did_you_mean(name, COMPONENTS))
 
 
 def direction(value: str | FloatArray | Sequence[float], where: str = "direction") -> FloatArray:
-    """Return a direction in the six components of a node.
-
-    Parameters
-    ----------
-    value
-        A component name with an optional sign (``"uy"``, ``"-uy"``), three numbers (a translation) or six.
-    where
-        The place, for the message.
-
-    Returns
-    -------
-    ndarray
-        Shape (6,), global axes; translations and rotations each of unit length where given.
-
-    Raises
-    ------
-    InputError
-        If it is no component, not three or six finite numbers, or zero.
-
-    Examples
-    --------
-    >>> direction("-uy")
-    array([ 0., -1.,  0.,  0.,  0.,  0.])
-    """
+    """Return a direction in the six components of a node."""
     if isinstance(value, str):
         unit, name = np.zeros(6), value[1:] if value[:1] in ("+", "-") else value
         unit[component(name, where)] = -1.0 if value.startswith("-") else 1.0

@@ -40,20 +40,7 @@ class Damping:
 
 
 def rayleigh_damping(mass: Triplets, stiffness: Triplets, alpha: float, beta: float) -> Triplets:
-    """Return ``alpha M + beta K``.
-
-    Parameters
-    ----------
-    mass, stiffness
-        Matrices of the whole structure, point masses and springs included.
-    alpha, beta
-        1/s and s.
-
-    Returns
-    -------
-    Triplets
-        The damping matrix; empty where both factors are zero.
-    """
+    """Return ``alpha M + beta K``."""
     parts = [matrix.scaled(factor) for matrix, factor in ((mass, alpha), (stiffness, beta)) if factor != 0.0]
     return sum(parts, start=Triplets.zeros(mass.size))
 
@@ -63,22 +50,6 @@ def modal_damping(mass: Triplets, shapes: FloatArray, omegas: FloatArray, ratio:
 
     C = M Phi diag(2 zeta omega) Phi^T M with Phi^T M Phi = I; it is full, as modal damping is.
     Source: R. W. Clough and J. Penzien, Dynamics of Structures, 3rd ed. (2003), eq. 12-56.
-
-    Parameters
-    ----------
-    mass
-        Mass matrix, n unknowns.
-    shapes
-        Mass-orthonormal modes, shape (n, k).
-    omegas
-        Angular frequencies, rad/s, shape (k,).
-    ratio
-        Damping ratio zeta.
-
-    Returns
-    -------
-    Triplets
-        The damping matrix.
     """
     spread = np.column_stack([mass.times(shape) for shape in shapes.T]) if shapes.size else shapes
     return Triplets.from_dense((spread * (2.0 * ratio * omegas)) @ spread.T)

@@ -16,29 +16,7 @@ _ALL = slice(None)
 
 
 def deflection(beams: Beams, nodal: FloatArray, parts: int, elements: slice = _ALL) -> FloatArray:
-    """Return the motion of the line of every element at points between its nodes.
-
-    Parameters
-    ----------
-    beams
-        The elements.
-    nodal
-        Motion of the nodes, shape (..., nodes, 6), global axes, m and rad.
-    parts
-        Into how many equal parts an element is divided.
-    elements
-        Which of the elements, e of them; all by default.
-
-    Returns
-    -------
-    ndarray
-        Shape (..., e, parts + 1, 6): displacements, m, and rotations of the section, rad; local axes, from the first
-        node of every element to its second.
-
-    Examples
-    --------
-    A cantilever of one element shows its slope between its nodes: ``deflection(beams, nodal, 8)``.
-    """
+    """Return the motion of the line of every element at points between its nodes."""
     nodes, length = beams.nodes[elements], beams.length[elements, None]
     ends = nodal[..., nodes, :].reshape(*nodal.shape[:-2], len(nodes), 4, 3)
     local = np.einsum("eij,...ekj->...eki", beams.triads[elements], ends)

@@ -26,13 +26,6 @@ class DofMap:
         Shape (nodes, 6); -1 where a support holds the component.
     names
         A name per free component, such as ``"cam.uy"``.
-
-    Examples
-    --------
-    >>> mesh = Mesh([[0, 0, 0], [1, 0, 0]], {"bar": [0, 1]}, {"root": [0], "tip": [1]})
-    >>> dofs = dof_map(mesh, [("root", COMPONENTS)])
-    >>> dofs.size, dofs.names[1]
-    (6, 'tip.uy')
     """
 
     numbers: IntArray
@@ -44,63 +37,18 @@ class DofMap:
         return len(self.names)
 
     def vector(self, node: int, direction: FloatArray) -> FloatArray:
-        """Return the row that picks the motion of a node along a direction.
-
-        Parameters
-        ----------
-        node
-            Node number.
-        direction
-            Weights of the six components, shape (6,), global axes.
-
-        Returns
-        -------
-        ndarray
-            Shape (size,); its product with the unknowns is the motion, the row itself a unit load there.
-        """
+        """Return the row that picks the motion of a node along a direction."""
         row = np.zeros(self.size)
         free = self.numbers[node] >= 0
         row[self.numbers[node][free]] = direction[free]
         return row
 
     def extended(self, names: Iterable[str]) -> DofMap:
-        """Return the numbering with further unknowns behind the nodes', each a motion along one line.
-
-        Parameters
-        ----------
-        names
-            A name per unknown.
-
-        Returns
-        -------
-        DofMap
-            With the same numbers of the nodes.
-        """
+        """Return the numbering with further unknowns behind the nodes', each a motion along one line."""
         return DofMap(self.numbers, (*self.names, *names))
 
     def freed(self, node: int, components: IntArray, called: str) -> DofMap:
-        """Return the numbering with held components of a node free as well.
-
-        Parameters
-        ----------
-        node
-            Node number.
-        components
-            Their places, 0 to 5, in ascending order, shape (k,).
-        called
-            Name of the node.
-
-        Returns
-        -------
-        DofMap
-            With k more unknowns; the others keep names and order.
-
-        Examples
-        --------
-        >>> mesh = Mesh([[0, 0, 0], [1, 0, 0]], {"bar": [0, 1]}, {"root": [0], "tip": [1]})
-        >>> dof_map(mesh, [("root", COMPONENTS)]).freed(0, np.array([3]), "root").names[:2]
-        ('root.rx', 'tip.ux')
-        """
+        """Return the numbering with held components of a node free as well."""
         free, names = self.numbers >= 0, list(self.names)
         free[node, components] = True
         numbers = np.full(free.shape, -1, dtype=np.intp)
@@ -116,18 +64,7 @@ class DofMap:
         return row
 
     def nodal(self, unknowns: FloatArray) -> FloatArray:
-        """Return unknowns spread over all nodes, zero where held.
-
-        Parameters
-        ----------
-        unknowns
-            Shape (..., size).
-
-        Returns
-        -------
-        ndarray
-            Shape (..., nodes, 6), global axes.
-        """
+        """Return unknowns spread over all nodes, zero where held."""
         padded = np.concatenate([unknowns, np.zeros((*unknowns.shape[:-1], 1))], axis=-1)
         return padded[..., self.numbers]
 
@@ -136,45 +73,13 @@ class DofMap:
 
         A mode of a rocker and its springs leaves nodes at rest that it does not touch. What rounding leaves there would
         look like a mode of the members when it is drawn to size.
-
-        Parameters
-        ----------
-        shapes
-            Shape (..., size of the numbering).
-        size
-            Length by which rotations count beside translations, such as the model's, m.
-
-        Returns
-        -------
-        ndarray
-            Shape (..., nodes, 6), global axes.
-
-        Examples
-        --------
-        >>> mesh = Mesh([[0, 0, 0], [1, 0, 0]], {"bar": [0, 1]}, {"root": [0], "tip": [1]})
-        >>> dofs = dof_map(mesh, [("root", COMPONENTS)]).extended(["valve"])
-        >>> float(dofs.nodal_modes(np.array([0, 1e-16, 0, 0, 0, 0, 1.0]), 1.0).max())
-        0.0
         """
         arms = np.array([size if name.rpartition(".")[2] in ROTATIONS else 1.0 for name in self.names])
         largest = np.abs(arms * shapes).max(axis=-1, initial=0.0, keepdims=True)
         return self.nodal(np.where(np.abs(arms * shapes) < _ROUNDING * largest, 0.0, shapes))
 
     def rigid_motion(self, mesh: Mesh, direction: FloatArray) -> FloatArray:
-        """Return the free components of a unit rigid motion about the origin.
-
-        Parameters
-        ----------
-        mesh
-            The mesh of the nodes.
-        direction
-            Shape (6,): unit translation and/or rotation, global axes.
-
-        Returns
-        -------
-        ndarray
-            Shape (size,).
-        """
+        """Return the free components of a unit rigid motion about the origin."""
         motion = np.tile(direction, (len(mesh.nodes), 1))
         motion[:, :3] += np.cross(direction[3:], mesh.nodes)
         row = np.zeros(self.size)
@@ -186,34 +91,7 @@ class DofMap:
 def dof_map(
     mesh: Mesh, supports: Iterable[tuple[str, Iterable[str]]], single: Iterable[tuple[int, FloatArray]] = ()
 ) -> DofMap:
-    """Return the numbering of the free components of a mesh.
-
-    Parameters
-    ----------
-    mesh
-        The mesh.
-    supports
-        Pairs of a point name and the components held there.
-    single
-        Pairs of a node and what moves there, shape (6,), not zero where something does: a mass or a spring. It frees
-        nodes on no member, which else have nothing to move; those of a member have all their components anyway.
-
-    Returns
-    -------
-    DofMap
-        The numbering.
-
-    Raises
-    ------
-    InputError
-        If a point or a component does not exist.
-
-    Examples
-    --------
-    >>> mesh = Mesh([[0, 0, 0], [1, 0, 0]], {"bar": [0, 1]}, {"root": [0]})
-    >>> dof_map(mesh, [("root", ["uy", "uz", "rx"])]).size
-    9
-    """
+    """Return the numbering of the free components of a mesh."""
     free = np.repeat(mesh.on_members()[:, None], 6, axis=1)
     for node, moved in single:
         free[node] |= moved != 0.0

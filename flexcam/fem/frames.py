@@ -20,21 +20,6 @@ def default_orientation(axis: FloatArray) -> FloatArray:
     It is global y, so that a shaft along x has its local axes parallel to the global ones; for an element
     within about one degree of global y it is global -x, the same triad turned by 90 degrees about z. A curved member
     that passes through global y, with a section that is not round, needs an orientation of its own.
-
-    Parameters
-    ----------
-    axis
-        Unit vectors along members, shape (..., 3), global axes.
-
-    Returns
-    -------
-    ndarray
-        Shape (..., 3), global axes.
-
-    Examples
-    --------
-    >>> default_orientation(np.array([0.0, 1.0, 0.0]))
-    array([-1.,  0.,  0.])
     """
     vertical = np.hypot(axis[..., 0], axis[..., 2]) < _NEAR_VERTICAL
     return np.where(vertical[..., None], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
@@ -45,30 +30,6 @@ def triads(axes: FloatArray, orientations: FloatArray) -> FloatArray:
 
     Local x runs along the element, local y lies in the plane of x and the orientation vector, on its side,
     and z = x cross y. With R the triad, ``u_local = R u_global``.
-
-    Parameters
-    ----------
-    axes
-        Unit vectors along the elements, shape (e, 3), global axes.
-    orientations
-        Orientation vectors, shape (e, 3), global axes, any length.
-
-    Returns
-    -------
-    ndarray
-        Shape (e, 3, 3); rows are local x, y, z in global axes.
-
-    Raises
-    ------
-    InputError
-        If an orientation vector is zero or parallel to its element.
-
-    Examples
-    --------
-    >>> triads(np.array([[0.0, 1.0, 0.0]]), np.array([[-1.0, 0.0, 0.0]]))[0]
-    array([[ 0.,  1.,  0.],
-           [-1.,  0.,  0.],
-           [ 0.,  0.,  1.]])
     """
     along = np.sum(axes * orientations, axis=1, keepdims=True)
     across = orientations - along * axes

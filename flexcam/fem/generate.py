@@ -14,32 +14,7 @@ from flexcam.linalg import FloatArray, IntArray
 def chain(
     start: FloatArray | Sequence[float], end: FloatArray | Sequence[float], elements: int, name: str = "shaft"
 ) -> Mesh:
-    """Return a straight member of equal elements with its ends named ``start`` and ``end``.
-
-    Parameters
-    ----------
-    start, end
-        Coordinates, m, shape (3,).
-    elements
-        Number of elements.
-    name
-        Name of the member.
-
-    Returns
-    -------
-    Mesh
-        Nodes numbered from start to end; the inner ones are the point ``inner``.
-
-    Raises
-    ------
-    InputError
-        If `elements` is below 1.
-
-    Examples
-    --------
-    >>> chain((0, 0, 0), (1, 0, 0), 4).nodes[:, 0]
-    array([0.  , 0.25, 0.5 , 0.75, 1.  ])
-    """
+    """Return a straight member of equal elements with its ends named ``start`` and ``end``."""
     if elements < 1:
         raise refuse("elements", elements, "a whole number from 1")
     nodes = np.linspace(np.asarray(start, float), np.asarray(end, float), elements + 1)
@@ -64,27 +39,6 @@ def published_model(model: int) -> Mesh:
     The drawings are lost; this is the only arrangement with three bearings and axial-only inner pushrod nodes that
     has the printed counts of elements and unknowns (4/21, 8/25, 10/47). Nodes are numbered in the order of the
     printed load vector (26): shaft from the drive end, pushrod top, inner nodes downwards, tappet.
-
-    Parameters
-    ----------
-    model
-        1, 2 or 3.
-
-    Returns
-    -------
-    Mesh
-        Members ``camshaft`` (along x) and ``pushrod`` (along y); points ``drive``, ``bearings``, ``cam``,
-        ``pushrod-top``, ``guide`` (top and inner pushrod nodes) and ``tappet``.
-
-    Raises
-    ------
-    InputError
-        If there is no such model.
-
-    Examples
-    --------
-    >>> len(published_model(3).elements())
-    10
     """
     if model not in _SHAFT_X:
         raise refuse("model", model, "1, 2 or 3")

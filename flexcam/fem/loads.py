@@ -15,28 +15,6 @@ def spread_force(beams: Beams, elements: slice, per_length: FloatArray) -> Float
 
     They do the same work as the spread force on the element's own (cubic) shapes: q L/2 at both ends and the
     fixed-end moments q L^2/12. Source: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), sec. 7.2.
-
-    Parameters
-    ----------
-    beams
-        The elements.
-    elements
-        Which of them carry the force.
-    per_length
-        Force per length, N/m, shape (3,), global axes.
-
-    Returns
-    -------
-    ndarray
-        Shape (e, 12), N and N m, local axes; zero for the other elements.
-
-    Examples
-    --------
-    >>> from flexcam.fem import Material, Member, Mesh, Section, beams
-    >>> mesh = Mesh([[0, 0, 0], [2, 0, 0]], {"bar": [0, 1]}, {})
-    >>> bar = beams(mesh, {"bar": Member(Material(E=1.0, nu=0.0, density=1.0), Section.circle(1.0))})
-    >>> spread_force(bar, slice(0, 1), np.array([0.0, 3.0, 0.0]))[0, [1, 5, 7, 11]]
-    array([ 3.,  1.,  3., -1.])
     """
     L = beams.length[elements]
     x, y, z = (beams.triads[elements] @ per_length).T
@@ -50,42 +28,14 @@ def spread_force(beams: Beams, elements: slice, per_length: FloatArray) -> Float
 
 
 def element_weight(beams: Beams, gravity: FloatArray) -> FloatArray:
-    """Return the element loads of their own weight, the mass matrix times the acceleration.
-
-    Parameters
-    ----------
-    beams
-        The elements.
-    gravity
-        Acceleration, m/s^2, shape (3,), global axes.
-
-    Returns
-    -------
-    ndarray
-        Shape (e, 12), N and N m, local axes.
-    """
+    """Return the element loads of their own weight, the mass matrix times the acceleration."""
     pulled = beams.triads @ gravity
     still = np.zeros_like(pulled)
     return np.einsum("eij,ej->ei", beam.mass(beams), np.hstack([pulled, still, pulled, still]))
 
 
 def gathered(beams: Beams, loads: FloatArray, dofs: DofMap) -> FloatArray:
-    """Return the load vector of element loads.
-
-    Parameters
-    ----------
-    beams
-        The elements.
-    loads
-        Shape (e, 12), local axes.
-    dofs
-        The numbering; what falls on a held component is carried by the support.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,), N and N m.
-    """
+    """Return the load vector of element loads."""
     turned = np.einsum("eji,ekj->eki", beams.triads, loads.reshape(-1, 4, 3)).ravel()
     numbers = dofs.numbers[beams.nodes].ravel()
     free = numbers >= 0

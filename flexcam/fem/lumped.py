@@ -62,40 +62,12 @@ class PointMass:
 
 
 def mass_at(node: int, body: PointMass, dofs: DofMap) -> Triplets:
-    """Return the mass of a body fixed to a node, in the free components.
-
-    Parameters
-    ----------
-    node
-        Node number.
-    body
-        The body.
-    dofs
-        The numbering.
-
-    Returns
-    -------
-    Triplets
-        Size ``dofs.size``.
-    """
+    """Return the mass of a body fixed to a node, in the free components."""
     numbers, matrix = dofs.numbers[node], body.matrix()
     i, j = np.nonzero((matrix != 0.0) & (numbers[:, None] >= 0) & (numbers >= 0))
     return Triplets(dofs.size, numbers[i], numbers[j], matrix[i, j])
 
 
 def along(row: FloatArray, coefficient: float) -> Triplets:
-    """Return the matrix of a mass, spring or damper that acts on one scalar ``row^T u``.
-
-    Parameters
-    ----------
-    row
-        What the part sees, shape (n,): one node's component, the difference of two, or a rocker's valve motion.
-    coefficient
-        kg, N/m or N s/m of that scalar.
-
-    Returns
-    -------
-    Triplets
-        ``coefficient row row^T``.
-    """
+    """Return the matrix of a mass, spring or damper that acts on one scalar ``row^T u``."""
     return Triplets.outer(row, row, coefficient)

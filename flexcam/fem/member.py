@@ -56,32 +56,7 @@ class Member:
 
 
 def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
-    """Return the element arrays of a mesh.
-
-    Parameters
-    ----------
-    mesh
-        The mesh; every line needs a member of its name.
-    members
-        Member name to its data.
-
-    Returns
-    -------
-    Beams
-        Elements in the order of ``mesh.elements()``.
-
-    Raises
-    ------
-    InputError
-        If a line has no member, or an orientation vector lies along its member.
-
-    Examples
-    --------
-    >>> steel, round_bar = Material(E=2e11, nu=0.3, density=7800.0), Section.circle(0.02)
-    >>> mesh = Mesh([[0, 0, 0], [0, 0, 2]], {"bar": [0, 1]}, {})
-    >>> beams(mesh, {"bar": Member(steel, round_bar)}).length
-    array([2.])
-    """
+    """Return the element arrays of a mesh."""
     for name in mesh.lines:
         if name not in members:
             raise refuse(f"members.{name}", "nothing", "data for every line group", remedy=did_you_mean(name, members))

@@ -178,25 +178,7 @@ class Mesh:
 
 
 def refined(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
-    """Return the mesh with every element of some members divided into equal parts.
-
-    Parameters
-    ----------
-    mesh
-        The mesh.
-    divisions
-        Member name to the number of parts of each of its elements, from 1.
-
-    Returns
-    -------
-    Mesh
-        Old nodes keep their numbers; new ones follow them.
-
-    Examples
-    --------
-    >>> refined(Mesh([[0, 0, 0], [1, 0, 0]], {"bar": [0, 1]}, {}), {"bar": 4}).lines["bar"]
-    array([0, 2, 3, 4, 1])
-    """
+    """Return the mesh with every element of some members divided into equal parts."""
     nodes = [mesh.nodes]
     lines: dict[str, IntArray] = {}
     count = len(mesh.nodes)

@@ -28,35 +28,6 @@ def section_forces(
 
     They are the end forces ``k u + m a - f`` of the element as a free body, so that they balance with what is applied
     at the nodes, exactly as the equations of motion do.
-
-    Parameters
-    ----------
-    beams
-        The elements.
-    nodal
-        Displacements in global axes, shape (..., nodes, 6), m and rad.
-    acceleration
-        Accelerations, as `nodal`; None for a static state.
-    spread
-        Loads spread over the elements, shape (e, 12), local axes, N and N m; None for none.
-
-    Returns
-    -------
-    ndarray
-        Shape (..., e, 2, 6): N, Vy, Vz (N), T, My, Mz (N m) at the first and second node, local axes.
-
-    Examples
-    --------
-    A bar of 2 m pulled by 1 mm at its end:
-
-    >>> from flexcam.fem import Material, Member, Mesh, beams
-    >>> mesh = Mesh([[0, 0, 0], [2, 0, 0]], {"bar": [0, 1]}, {})
-    >>> one = Section(A=1e-4, Iy=1.0, Iz=1.0, J=1.0)
-    >>> nodal = np.zeros((2, 6))
-    >>> nodal[1, 0] = 1e-3
-    >>> bar = beams(mesh, {"bar": Member(Material(E=2e11, nu=0.3, density=7800.0), one)})
-    >>> float(section_forces(bar, nodal)[0, 1, 0].round(6))
-    10000.0
     """
     local = _local(beams, nodal)
     on_nodes = np.einsum("eij,...ej->...ei", beam.stiffness(beams), local) + shallow.beyond_linear(beams, local)
@@ -132,24 +103,7 @@ _CORNERS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
 
 
 def fibres(sections: Sequence[Section]) -> Fibres:
-    """Return the fibres of elements.
-
-    Parameters
-    ----------
-    sections
-        Section of every element.
-
-    Returns
-    -------
-    Fibres
-        For its stresses.
-
-    Examples
-    --------
-    >>> rod = fibres([Section.circle(0.02)])
-    >>> float(rod.axial(np.array([[[1000.0, 0, 0, 0, 0, 0], [0] * 6]]))[0, 0].round())
-    3183099.0
-    """
+    """Return the fibres of elements."""
     outline = [
         (np.sin(_AROUND), np.cos(_AROUND))
         if s.round

@@ -11,25 +11,6 @@ def beat(speed: float, mode: float) -> tuple[float, float]:
     The load form moves the valve as ``x'' + w^2 x = w^2 (1 - cos W t)/2`` from rest, under simple harmonic motion of
     lift 1. With ``r = W/w`` it leaves the lift by ``r^2/(1 - r^2) (cos w t - cos W t)/2``: the difference of two
     cosines of nearly the same frequency is a beat, bounded wherever r is not 1.
-
-    Parameters
-    ----------
-    speed
-        Of the cam.
-    mode
-        Of the oscillator, in the same unit.
-
-    Returns
-    -------
-    tuple
-        Revolutions from one rest to the next, and the bound of the deviation as a fraction of the lift; both are
-        infinite in resonance.
-
-    Examples
-    --------
-    >>> revolutions, bound = beat(4000.0, 4026.86)
-    >>> round(revolutions), round(bound)
-    (149, 74)
     """
     share = (speed / mode) ** 2
     if share == 1.0:

@@ -18,18 +18,6 @@ def carried_start(case: Case, other: Case) -> Case:
 
     What lies between two nodes of a member follows the shape of its elements: otherwise a finer mesh would have points
     at rest between those that are moved, and begin with a blow that the given mesh does not know.
-
-    Parameters
-    ----------
-    case
-        The case with the start.
-    other
-        The same case with other elements per segment.
-
-    Returns
-    -------
-    Case
-        `other`, from the motion that `case` starts with; unknowns beside the nodes keep theirs by name.
     """
     start = case.record.run.start
     if not isinstance(start, GivenStartRecord):

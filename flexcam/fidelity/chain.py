@@ -17,56 +17,12 @@ _GIVEN = ("rest", "equilibrium", "periodic")
 
 
 def chain(case: Case, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
-    """Return the train of a case as a chain of masses.
-
-    Parameters
-    ----------
-    case
-        The case.
-    count, contact, lumped
-        As for `flexcam.train.chain_of`.
-
-    Returns
-    -------
-    Chain
-        `Chain.system` goes wherever a `System` goes; `chain_run` prepares a run of it.
-
-    Raises
-    ------
-    InputError
-        As `flexcam.train.chain_of`.
-
-    Examples
-    --------
-    ``chain(read_case("cases/tayeb/model-3-shm.toml"), 2).masses`` are two masses, kg.
-    """
+    """Return the train of a case as a chain of masses."""
     return chain_of(build_model(case), case.speed, count, contact=contact, lumped=lumped)
 
 
 def chain_run(case: Case, count: int, *, contact: str | None = None, lumped: bool = False) -> Prepared:
-    """Return a run of a case with its train as a chain of masses, ready for `flexcam.solve`.
-
-    Parameters
-    ----------
-    case, count, contact, lumped
-        As for `chain`.
-
-    Returns
-    -------
-    Prepared
-        As `flexcam.prepare` returns it; fields are those of the chain's unknowns.
-
-    Raises
-    ------
-    InputError
-        As for `chain`.
-    RunFailedError
-        If the start has no balance.
-
-    Examples
-    --------
-    ``solve((ready := chain_run(case, 3)).problem, ready.scheme)["valve"]`` is the motion of the valve.
-    """
+    """Return a run of a case with its train as a chain of masses, ready for `flexcam.solve`."""
     ready, found = prepare(case), chain(case, count, contact=contact, lumped=lumped)
     problem = replace(ready.problem, system=found.system, start=None)
     if case.record.run.start in _GIVEN:

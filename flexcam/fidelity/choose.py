@@ -62,32 +62,7 @@ class Choice:
 def choose(
     case: Case, probe: str, tolerance: Mapping[str, float], until: float | None = None
 ) -> Choice:  # fmt: skip
-    """Return the cheapest model of a case whose errors are within a tolerance.
-
-    Parameters
-    ----------
-    case
-        The case: its elements and steps are the finest that are tried, but for twice the elements.
-    probe
-        A probe of one scalar.
-    tolerance
-        Largest error by quantity, as a part of its largest value: ``lift``, ``velocity``, ``acceleration``, and
-        ``force`` for those of all contacts.
-    until
-        When the choice ends at the latest, s of `time.monotonic`; None for no limit.
-
-    Returns
-    -------
-    Choice
-        The model, or the best that was reached.
-
-    Raises
-    ------
-    InputError
-        If the probe has several scalars, or the case has no such quantity.
-    RunFailedError
-        If the reference ends early, or the time is over before a model is found.
-    """
+    """Return the cheapest model of a case whose errors are within a tolerance."""
     against = reference(case, probe, until)
     known = list(dict.fromkeys(name.partition(" ")[0] for name in against.errors))
     if missing := [name for name in tolerance if name not in known]:
@@ -110,27 +85,7 @@ def choose(
 
 
 def chosen(case: Case, until: float | None = None) -> tuple[Case, Choice | None]:
-    """Return the case to run: the cheapest model within the tolerance it asks for, or itself.
-
-    Parameters
-    ----------
-    case
-        The case.
-    until
-        When the choice ends at the latest, s of `time.monotonic`; None for no limit.
-
-    Returns
-    -------
-    tuple
-        The case, and how its model was chosen; None where it asks for no tolerance.
-
-    Raises
-    ------
-    InputError
-        If it goes on from a result, which fits one mesh only, or no probe is there to compare at.
-    RunFailedError
-        If the reference ends early, or the time is over before a model is found.
-    """
+    """Return the case to run: the cheapest model within the tolerance it asks for, or itself."""
     asked = case.record.fidelity
     if not asked.tolerances:
         return case, None

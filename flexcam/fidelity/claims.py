@@ -42,18 +42,7 @@ class Claim:
 
 
 def loaded_mode(case: Case) -> tuple[float, float]:
-    """Return the mode nearest the cam speed among those the contact force drives.
-
-    Parameters
-    ----------
-    case
-        A case with a published load.
-
-    Returns
-    -------
-    tuple
-        Frequency, Hz, and the same as a camshaft speed, rpm.
-    """
+    """Return the mode nearest the cam speed among those the contact force drives."""
     structure = build_structure(build_model(case))
     found = model_modes(structure).modes
     contact = next(iter(structure.model.driven.values()))
@@ -65,42 +54,14 @@ def loaded_mode(case: Case) -> tuple[float, float]:
 
 
 def deviation(case: Case, probe: str) -> Comparison:
-    """Run a case flexible and rigid and compare them.
-
-    Parameters
-    ----------
-    case
-        The case.
-    probe
-        Name of a probe of one scalar.
-
-    Returns
-    -------
-    Comparison
-        At that probe.
-    """
+    """Run a case flexible and rigid and compare them."""
     flexible = run(case)
     heed(flexible.status)
     return compare(flexible, run(case, rigid=True), probe, case.speed / RPM)
 
 
 def claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
-    """Return the paper's claims beside what the case's data give.
-
-    Parameters
-    ----------
-    case
-        One of the published cases, with any values laid over it.
-    probe
-        The valve.
-    here
-        The comparison of the case itself.
-
-    Returns
-    -------
-    list
-        Five claims of the paper's discussion.
-    """
+    """Return the paper's claims beside what the case's data give."""
     slow = deviation(case.at_speed(2000.0 * RPM), probe)
     laws = {name: deviation(_with_law(case, name), probe) for name in _THEIR_LAWS}
     largest = max(laws, key=lambda name: laws[name].peak_deviation)

@@ -128,33 +128,7 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
 
 
 def between(one: Response, other: Response, probe: str, speed_rpm: float, names: tuple[str, str]) -> Comparison:
-    """Compare two responses over the time that both have, at the instants of the first.
-
-    Parameters
-    ----------
-    one, other
-        Any two responses of the same cam motion; the steps need not be the same.
-    probe
-        Name of a probe of one scalar that both have.
-    speed_rpm
-        Camshaft speed, rpm, for the record.
-    names
-        Of both.
-
-    Returns
-    -------
-    Comparison
-        The first against the second.
-
-    Raises
-    ------
-    InputError
-        If they have no time in common, the cam stands elsewhere at the same time, or the probe does not fit.
-
-    Examples
-    --------
-    ``between(run(coarse), run(fine), "valve", 3000.0, ("coarse", "fine")).peak_deviation``
-    """
+    """Compare two responses over the time that both have, at the instants of the first."""
     first, last = max(one.time[0], other.time[0]), min(one.time[-1], other.time[-1])
     times = one.time[(one.time >= first) & (one.time <= last)]
     if len(times) < _FEWEST:

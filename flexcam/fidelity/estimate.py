@@ -58,29 +58,7 @@ class Error:
 
 
 def estimate(case: Case, probe: str, until: float | None = None) -> list[Error]:
-    """Return how far the numbers of a case's run may be off.
-
-    Parameters
-    ----------
-    case
-        The case.
-    probe
-        A probe of one scalar.
-    until
-        When the runs end at the latest, s of `time.monotonic`; None for no limit.
-
-    Returns
-    -------
-    list
-        Per quantity: motion of the probe and contact forces.
-
-    Raises
-    ------
-    InputError
-        If parts do not fit together, or the probe has several scalars.
-    RunFailedError
-        If one of the runs ends early.
-    """
+    """Return how far the numbers of a case's run may be off."""
     steps = steps_of(case)
     own = Rung("own", "", case).stepped(steps)
     finer = Rung("finer", "", with_elements(case, factor=2)).stepped(steps)

@@ -43,25 +43,7 @@ class Measured:
 
 
 def measured(response: Response, probe: str) -> Measured:
-    """Return what of a run is compared.
-
-    Parameters
-    ----------
-    response
-        Of the run.
-    probe
-        A probe of one scalar.
-
-    Returns
-    -------
-    Measured
-        Over the instants of the run.
-
-    Raises
-    ------
-    InputError
-        If the probe has several scalars.
-    """
+    """Return what of a run is compared."""
     history = response[probe]
     if history.displacement.ndim != 1:
         raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components))
@@ -75,25 +57,7 @@ def measured(response: Response, probe: str) -> Measured:
 
 
 def distance(one: Measured, other: Measured, *, rms: bool = False) -> dict[str, float]:
-    """Return the difference of two runs by quantity, SI, at the instants both have.
-
-    Parameters
-    ----------
-    one, other
-        Of two runs whose steps divide each other; quantities that only one has are left out.
-    rms
-        Its root mean square over the run instead of its largest value: single bounces then count with their duration.
-
-    Returns
-    -------
-    dict
-        Name of the quantity to the difference.
-
-    Raises
-    ------
-    InputError
-        If the instants of the one are not among those of the other.
-    """
+    """Return the difference of two runs by quantity, SI, at the instants both have."""
     fine, coarse = (one, other) if len(one.time) >= len(other.time) else (other, one)
     step, shorter = _step(coarse), _step(fine)
     every = max(round(step / shorter), 1) if shorter > 0.0 else 1

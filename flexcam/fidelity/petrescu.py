@@ -31,19 +31,6 @@ class OneMass:
         k, N/m.
     compression
         x_0 of the installed spring, m.
-
-    Raises
-    ------
-    InputError
-        If one of them is not above zero: without a preload the closed form divides by the lift.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from flexcam.motion import HarmonicLift
-    >>> one = OneMass(HarmonicLift(0.003, (-0.003,), (0.0,)), 0.1, 5e6, 40e3, 0.09)
-    >>> round(1e3 * float(one.motion(np.array([np.pi]), np.zeros(1))[0]), 3)
-    5.319
     """
 
     event: Event
@@ -77,25 +64,6 @@ class OneMass:
         """Return the paper's x, or its derivative by the cam angle with the speed held as its spreadsheet does.
 
         ``x = s - ((K + k) m_T w^2 s'^2 + (k^2 + 2 k K) s^2 + 2 k x_0 (K + k) s)/(2 (K + k)^2 (s + k x_0/(K + k)))``
-
-        Parameters
-        ----------
-        angle
-            Cam angles, rad, shape (n,).
-        speed
-            w there, rad/s, shape (n,).
-        order
-            0 to 2.
-
-        Returns
-        -------
-        ndarray
-            m/rad^order, shape (n,).
-
-        Raises
-        ------
-        InputError
-            If the order is another.
         """
         if order not in (0, 1, 2):
             raise refuse("order", order, "0, 1 or 2")
@@ -114,36 +82,12 @@ class OneMass:
         return s2 - ((N2 * D - N * s2) / D**2 - 2.0 * s1 * slope / D) / whole
 
     def kinematic_acceleration(self, angle: FloatArray, omega: AngleFunction) -> FloatArray:
-        """Return spp = s'' w^2 + s' eps, m/s^2, shape (n,).
-
-        Parameters
-        ----------
-        angle
-            Cam angles, rad, shape (n,).
-        omega
-            Speed of the cam over its angle, rad/s, with its first derivative; eps = w dw/dphi.
-
-        Returns
-        -------
-        ndarray
-            Shape (n,).
-        """
+        """Return spp = s'' w^2 + s' eps, m/s^2, shape (n,)."""
         w = omega(angle, 0)
         return self.event(angle, 2) * w**2 + self.event(angle, 1) * w * omega(angle, 1)
 
     def dynamic_acceleration(self, angle: FloatArray, omega: AngleFunction) -> FloatArray:
-        """Return xpp = x'' w^2 + x' eps, m/s^2, shape (n,).
-
-        Parameters
-        ----------
-        angle, omega
-            As for `kinematic_acceleration`.
-
-        Returns
-        -------
-        ndarray
-            Shape (n,).
-        """
+        """Return xpp = x'' w^2 + x' eps, m/s^2, shape (n,)."""
         w = omega(angle, 0)
         return self.motion(angle, w, 2) * w**2 + self.motion(angle, w, 1) * w * omega(angle, 1)
 
@@ -192,24 +136,7 @@ class Setting:
 
 
 def setting(name: str, one: OneMass, omega: AngleFunction, speed: float) -> Setting:
-    """Return what a setting does over a revolution.
-
-    Parameters
-    ----------
-    name
-        Of the setting.
-    one
-        Mass, train and spring.
-    omega
-        Speed of the cam over its angle, rad/s, with its first derivative.
-    speed
-        Mean camshaft speed, rad/s, for the record.
-
-    Returns
-    -------
-    Setting
-        Extremes between all points; at a step of the acceleration both sides count.
-    """
+    """Return what a setting does over a revolution."""
     joints = one.event.joints
 
     def span(curve: Callable[[FloatArray], FloatArray]) -> tuple[float, float]:

@@ -52,27 +52,7 @@ class Rung:
 
 
 def measured_run(rung: Rung, probe: str, until: float | None = None) -> Measured:
-    """Return what a rung's run has to be compared.
-
-    Parameters
-    ----------
-    rung
-        The model.
-    probe
-        A probe of one scalar.
-    until
-        When the run ends at the latest, s of `time.monotonic`; None for no limit.
-
-    Returns
-    -------
-    Measured
-        Over the whole run.
-
-    Raises
-    ------
-    RunFailedError
-        If the run ends early.
-    """
+    """Return what a rung's run has to be compared."""
     response = rung.run(until)
     if not response.status.ok:
         raise RunFailedError(response.status)
@@ -80,18 +60,7 @@ def measured_run(rung: Rung, probe: str, until: float | None = None) -> Measured
 
 
 def steps_of(case: Case) -> int:
-    """Return the steps per camshaft revolution of a case, rounded where it gives a step.
-
-    Parameters
-    ----------
-    case
-        The case.
-
-    Returns
-    -------
-    int
-        Of the time integration.
-    """
+    """Return the steps per camshaft revolution of a case, rounded where it gives a step."""
     ready = prepare(case, rigid=True)
     return case.record.run.steps_per_revolution or (
         DEFAULT_STEPS_PER_REVOLUTION if case.record.run.step is None else round(ready.revolution / ready.problem.step)
@@ -99,22 +68,7 @@ def steps_of(case: Case) -> int:
 
 
 def with_elements(case: Case, factor: int | None = None, each: int | None = None) -> Case:
-    """Return a case with other elements per segment of its members and springs.
-
-    Parameters
-    ----------
-    case
-        The case.
-    factor
-        Times those of the case; springs that surge are divided further too.
-    each
-        Or so many for every member.
-
-    Returns
-    -------
-    Case
-        Its text is that of the old one; a start given at nodes is that of the old one, seen at more or fewer of them.
-    """
+    """Return a case with other elements per segment of its members and springs."""
     members = {
         name: one.model_copy(update={"elements": each or one.elements * (factor or 1)})
         for name, one in case.record.members.items()
@@ -128,18 +82,7 @@ def with_elements(case: Case, factor: int | None = None, each: int | None = None
 
 
 def as_beams(case: Case) -> Case:
-    """Return a case with all unknowns of its beams, whatever model it asks for.
-
-    Parameters
-    ----------
-    case
-        The case.
-
-    Returns
-    -------
-    Case
-        Its text is that of the old one.
-    """
+    """Return a case with all unknowns of its beams, whatever model it asks for."""
     return case.with_fidelity(
         {"model": "beams", "tolerance": None, "estimate": False, "modes": None, "reduction": "modes"}
     )
@@ -155,19 +98,7 @@ def _stands(rung: Rung) -> bool:
 
 
 def ladder(case: Case) -> tuple[Rung, ...]:
-    """Return the models of a case, coarse to fine.
-
-    Parameters
-    ----------
-    case
-        The case.
-
-    Returns
-    -------
-    tuple
-        The rigid mechanism, chains of one and three masses, few modes of the beams, beams with few elements, the case
-        as it stands, and twice its elements.
-    """
+    """Return the models of a case, coarse to fine."""
     beams = as_beams(case)
     own = {one.elements for one in case.record.members.values()}
     unknowns = standing(beams).problem.system.size

@@ -12,23 +12,7 @@ from flexcam.train import Cam, CamContact, Model, Spring, build_structure, follo
 
 
 def settings_of(case: Case) -> list[Setting]:
-    """Return what the closed form says of a case as it stands, and of the settings it lists.
-
-    Parameters
-    ----------
-    case
-        One cam, whose follower is held by one spring with a preload; the stiffness of their contact is the train's.
-
-    Returns
-    -------
-    list
-        The case's own first, named after the case.
-
-    Raises
-    ------
-    InputError
-        If the case is no such train.
-    """
+    """Return what the closed form says of a case as it stands, and of the settings it lists."""
     model = build_model(case)
     where, contact = _only("contacts", {n: one for n, one in model.driven.items() if isinstance(one, CamContact)})
     if contact.stiffness is None or contact.follower in (rocker.start for rocker in model.rockers.values()):

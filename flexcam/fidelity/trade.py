@@ -91,31 +91,7 @@ class Traded:
 
 
 def reference(case: Case, probe: str, until: float | None = None) -> Reference:
-    """Return a converged run of a case, with its own error.
-
-    Parameters
-    ----------
-    case
-        The case.
-    probe
-        A probe of one scalar.
-    until
-        When the runs end at the latest, s of `time.monotonic`; None for no limit.
-
-    Returns
-    -------
-    Reference
-        Of flexible members, three times the elements and four times the steps of the case, whatever model it asks for.
-        By average acceleration where the case's method is not stable at every step: finer elements swing faster than
-        the steps follow.
-
-    Raises
-    ------
-    InputError
-        If the case goes on from a result, which fits one mesh only.
-    RunFailedError
-        If it ends early.
-    """
+    """Return a converged run of a case, with its own error."""
     if isinstance(case.record.run.start, ResultStartRecord):
         where, why = case.place(("run", "start")), "a result fits one mesh, and others are tried"
         raise refuse(where, "a start from a result", "another start", why, "give rest, equilibrium, periodic or values")
@@ -157,18 +133,7 @@ def _of_finer(fault: Fault) -> Fault:
 
 
 def candidates(case: Case) -> list[Rung]:
-    """Return the rungs of a case at its own steps and fewer, least work first.
-
-    Parameters
-    ----------
-    case
-        The case.
-
-    Returns
-    -------
-    list
-        Every rung of the ladder, at steps that divide those of the reference.
-    """
+    """Return the rungs of a case at its own steps and fewer, least work first."""
     steps = steps_of(case)
     counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _FEWEST or n == 1)]
     return sorted(
@@ -184,26 +149,7 @@ def _size(ready: Prepared) -> int:
 def tried(
     rung: Rung, probe: str, against: Reference, *, repeats: int = 1, until: float | None = None
 ) -> Traded:  # fmt: skip
-    """Return what a rung costs and by how much it errs.
-
-    Parameters
-    ----------
-    rung
-        The model, with its steps.
-    probe
-        A probe of one scalar.
-    against
-        The reference.
-    repeats
-        Runs whose processor times the median is taken of.
-    until
-        When the runs end at the latest, s of `time.monotonic`; None for no limit.
-
-    Returns
-    -------
-    Traded
-        Without errors where its run ended early, or its method refuses such steps.
-    """
+    """Return what a rung costs and by how much it errs."""
     try:
         ready = rung.prepared(until)
     except InputError as refusal:
@@ -240,49 +186,14 @@ def _timed(ready: Prepared, until: float | None) -> tuple[Response, float]:
 def trade(
     case: Case, probe: str, *, repeats: int = 3, advance: Advance | None = None
 ) -> tuple[Reference, list[Traded]]:
-    """Return what every rung of a case's ladder costs and by how much it errs.
-
-    Parameters
-    ----------
-    case
-        The case.
-    probe
-        A probe of one scalar.
-    repeats
-        Runs of every rung whose processor times the median is taken of.
-    advance
-        Told after each model that one more is finished.
-
-    Returns
-    -------
-    tuple
-        The reference, and the rungs from least work on; the best of them marked.
-
-    Raises
-    ------
-    InputError
-        If the probe has several scalars.
-    RunFailedError
-        If the reference ends early.
-    """
+    """Return what every rung of a case's ladder costs and by how much it errs."""
     against = reference(case, probe)
     rungs = counted(candidates(case), advance)
     return against, front([tried(rung, probe, against, repeats=repeats) for rung in rungs])
 
 
 def front(found: Sequence[Traded]) -> list[Traded]:
-    """Return rungs with those marked that no other beats both in work and in error.
-
-    Parameters
-    ----------
-    found
-        The rungs.
-
-    Returns
-    -------
-    list
-        From least work on.
-    """
+    """Return rungs with those marked that no other beats both in work and in error."""
     every = len({name for one in found for name in one.errors})
     least = every, math.inf
     marked: list[Traded] = []

@@ -49,31 +49,7 @@ _FALL = 0.01
 def balanced(
     system: System, forces: LocalForces, load: FloatArray, motion: CamMotion, near: FloatArray | None = None
 ) -> FloatArray:
-    """Return the displacement at which loads, stiffness and local forces balance, at rest.
-
-    Parameters
-    ----------
-    system
-        The system.
-    forces
-        Its local forces, stacked.
-    load
-        Shape (n,).
-    motion
-        The cam at the instant, one row.
-    near
-        Where the search begins, shape (n,), such as the balance of a cam angle nearby; None for zero.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,).
-
-    Raises
-    ------
-    RunFailedError
-        If nothing resists the load along some motion, or no balance is found.
-    """
+    """Return the displacement at which loads, stiffness and local forces balance, at rest."""
     free = null_space(system.stiffness) if system.free is None else system.free
     free = np.linalg.qr(free)[0] if free.shape[1] else free
     potential = _Potential.of(system, forces, forces.schedule(motion), load)
@@ -108,13 +84,7 @@ def _step(tangent: Triplets, free: FloatArray, hold: float, missing: FloatArray)
 
 
 def _refuse_unstable(potential: _Potential, u: FloatArray, tangent: Triplets) -> None:
-    """Refuse a balance from which the smallest push leads away: the least of the energy lies elsewhere.
-
-    Raises
-    ------
-    RunFailedError
-        That names what gives way.
-    """
+    """Refuse a balance from which the smallest push leads away: the least of the energy lies elsewhere."""
     system = potential.system
     if system.size > 2 * DENSE_LIMIT or not system.local_forces:
         return

@@ -24,29 +24,7 @@ LEAST = 0.01
 
 
 def crossing(pressed: bool, gap: float, new_gap: float, rate: float, new_rate: float, length: float) -> float:
-    """Return the time in (0, length) at which the cubic through both ends changes sides, by bisection.
-
-    Parameters
-    ----------
-    pressed
-        Whether the scalar counts as above zero at the beginning.
-    gap, new_gap
-        The scalar at both ends, m.
-    rate, new_rate
-        Its rate there, m/s.
-    length
-        s.
-
-    Returns
-    -------
-    float
-        s.
-
-    Examples
-    --------
-    >>> round(crossing(False, -1.0, 3.0, 4.0, 4.0, 1.0), 9)
-    0.25
-    """
+    """Return the time in (0, length) at which the cubic through both ends changes sides, by bisection."""
     low, high = 0.0, 1.0
     for _ in range(50):
         x = 0.5 * (low + high)
@@ -68,29 +46,7 @@ Bracket = tuple[float, float, float, float, bool]
 def narrowed(
     pressed: bool, after: float, gap: float, rate: float, bracket: Bracket
 ) -> tuple[float, float, float, float, float, bool]:
-    """Return where to look next for the zero of a scalar, and the bracket: Newton's method, kept within it.
-
-    Parameters
-    ----------
-    pressed
-        On which side the scalar was at the beginning.
-    after
-        Where it was looked at, s.
-    gap, rate
-        What it is there, m and m/s.
-    bracket
-        Before.
-
-    Returns
-    -------
-    tuple
-        The next time, and the numbers of the new bracket.
-
-    Examples
-    --------
-    >>> narrowed(False, 0.5, 1.0, 4.0, (0.0, 1.0, -1.0, 3.0, False))
-    (0.25, 0.0, 0.5, -1.0, 1.0, True)
-    """
+    """Return where to look next for the zero of a scalar, and the bracket: Newton's method, kept within it."""
     low, high, near, far, was_beyond = bracket
     beyond = (gap > 0.0) != pressed
     if beyond:

@@ -20,18 +20,7 @@ class Engine(Protocol):
     """Walks through a problem; made at its start."""
 
     def advance(self, steps: IntArray) -> tuple[Track, Status]:
-        """Return the instants of some successive steps, and whether all of them could be taken.
-
-        Parameters
-        ----------
-        steps
-            Their numbers, the first behind those of the last call; step 0 is the start.
-
-        Returns
-        -------
-        tuple
-            The instants up to the last good step, and a status that says why there are no more.
-        """
+        """Return the instants of some successive steps, and whether all of them could be taken."""
         ...
 
     def counted(self, stats: Stats) -> Stats:
@@ -54,24 +43,7 @@ STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "what was finished is
 
 
 def in_range(track: Track, before: FloatArray | None, system: System, angle: FloatArray) -> tuple[Track, Status]:
-    """Return the steps up to the last one in range, and a status that names what left it first.
-
-    Parameters
-    ----------
-    track
-        Some steps.
-    before
-        Motion and forces (`everything`) of the instant before the first, to see what was ahead; None at the start.
-    system
-        The system, for names.
-    angle
-        Cam angle at the end of every step, rad, shape (b,).
-
-    Returns
-    -------
-    tuple
-        The steps in range, and the status.
-    """
+    """Return the steps up to the last one in range, and a status that names what left it first."""
     if all(all_within(one) for one in (track.d, track.v, track.a, track.local)):
         return track, Status()
     every = everything(track)
@@ -92,97 +64,29 @@ def in_range(track: Track, before: FloatArray | None, system: System, angle: Flo
 
 
 def all_within(values: FloatArray) -> bool:
-    """Tell whether all values are in range for certain; what is not a number is not.
-
-    Parameters
-    ----------
-    values
-        Of any shape.
-
-    Returns
-    -------
-    bool
-        False also where values are large together.
-    """
+    """Tell whether all values are in range for certain; what is not a number is not."""
     flat = values.ravel(order="K")
     return float(flat @ flat) < LARGEST**2
 
 
 def everything(track: Track) -> FloatArray:
-    """Return motion and forces side by side.
-
-    Parameters
-    ----------
-    track
-        Some instants.
-
-    Returns
-    -------
-    ndarray
-        Shape (m, 3 n + c).
-    """
+    """Return motion and forces side by side."""
     return np.hstack([track.d, track.v, track.a, track.local])
 
 
 def instant(at: float, angle: float) -> str:
-    """Return an instant in words.
-
-    Parameters
-    ----------
-    at
-        s.
-    angle
-        Of the cam, rad.
-
-    Returns
-    -------
-    str
-        Such as ``at t = 0.01 s, cam angle 90.00 deg``.
-    """
+    """Return an instant in words."""
     return f"at t = {at:.6g} s, cam angle {np.degrees(angle):.2f} deg"
 
 
 def unsettled(forces: list[str], at: float, angle: float) -> Status:
-    """Return the status of local forces that do not settle.
-
-    Parameters
-    ----------
-    forces
-        Their names.
-    at
-        s.
-    angle
-        Of the cam, rad.
-
-    Returns
-    -------
-    Status
-        With cause, place and remedy.
-    """
+    """Return the status of local forces that do not settle."""
     text = f"{', '.join(dict.fromkeys(forces))} did not settle within the step {instant(at, angle)}"
     return Status(Cause.NO_CONVERGENCE, text, "take a smaller step or a softer contact")
 
 
 def first_track(problem: Problem, forces: LocalForces) -> Track:
-    """Return the first instant of a problem.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-    forces
-        Its system's local forces, stacked.
-
-    Returns
-    -------
-    Track
-        One instant, in balance.
-
-    Raises
-    ------
-    SingularMatrixError
-        If some motion has neither mass nor stiffness.
-    """
+    """Return the first instant of a problem."""
     start = problem.start or State.rest(problem.system.size)
     motion = problem.drive.at(problem.times(np.zeros(1, dtype=np.intp)))
     to = Instant(start.time, problem.system.applied(motion)[0], forces.schedule(motion))

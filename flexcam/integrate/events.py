@@ -67,13 +67,7 @@ class Walker:
         self.events = 0
 
     def walk(self, now: Moment, to: Instant, halvings: int = 0) -> list[Moment]:
-        """Return the instants behind `now` up to `to`, which is the last.
-
-        Raises
-        ------
-        NoConvergenceError
-            If the local forces do not settle however short the step.
-        """
+        """Return the instants behind `now` up to `to`, which is the last."""
         try:
             return self._walk(now, to)
         except NoConvergenceError:

@@ -91,15 +91,6 @@ class Steps:
         """Put the states after every step.
 
         Every motion has the same bits as if it were alone.
-
-        Parameters
-        ----------
-        begin
-            States, shape (3, ..., n).
-        pushed
-            Shape (m, ..., n).
-        found
-            Shape (3, m, ..., n).
         """
         old = self.old
         state = np.array(begin, order="C")

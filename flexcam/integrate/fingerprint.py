@@ -32,20 +32,6 @@ def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
 
     The start is left out: it may come from iterations that another number of threads rounds otherwise, and a run that
     goes on does not begin there.
-
-    Parameters
-    ----------
-    problem, method, save
-        As `solve` takes them.
-
-    Returns
-    -------
-    str
-        Hexadecimal.
-
-    Examples
-    --------
-    ``fingerprint(ready.problem, ready.scheme, ready.save)``
     """
     system = problem.system
     forces = LocalForces(system)

@@ -26,11 +26,6 @@ class Starter:
         The system.
     forces
         Its local forces, stacked.
-
-    Raises
-    ------
-    InputError
-        If bodies that meet with a coefficient of restitution have no mass there.
     """
 
     def __init__(self, system: System, forces: LocalForces) -> None:
@@ -44,23 +39,6 @@ class Starter:
 
         Unknowns without mass have no acceleration to start from: their displacement is moved to the balance of the
         forces on them (of the stiffness and loads; the local forces are those at the given displacement).
-
-        Parameters
-        ----------
-        start
-            Displacement, velocity, internal states, and the acceleration where a run goes on.
-        to
-            What is prescribed at the start.
-
-        Returns
-        -------
-        Moment
-            The first instant.
-
-        Raises
-        ------
-        SingularMatrixError
-            If the massless unknowns have no stiffness among them.
         """
         d, v = start.displacement, start.velocity
         inner = self._forces.start_state if start.inner is None else start.inner
@@ -71,20 +49,7 @@ class Starter:
         return self.restarted(self.answered(d, v, inner, to))
 
     def resumed(self, moment: Moment, to: Instant) -> Moment:
-        """Return an instant as a run that begins there has it: forces anew from the motion, bit by bit.
-
-        Parameters
-        ----------
-        moment
-            At the end of a step.
-        to
-            The instant.
-
-        Returns
-        -------
-        Moment
-            The same motion.
-        """
+        """Return an instant as a run that begins there has it: forces anew from the motion, bit by bit."""
         same = self.answered(moment.d, moment.v, moment.inner.state, to)
         kept = {name: getattr(moment, name) for name in ("a", "impulse", "iterations", "stride")}
         return replace(same, **kept)
@@ -100,20 +65,6 @@ class Starter:
 
         The bodies part with the restitution times the rate at which they met, Newton's law: the impulse is
         ``(1 + e) gamma' / (G M^-1 G^T)``, of all scalars at once.
-
-        Parameters
-        ----------
-        moment
-            At touchdown.
-        to
-            The instant.
-        struck
-            Which of the switching scalars.
-
-        Returns
-        -------
-        Moment
-            With new velocity, forces and acceleration, and the impulse.
         """
         forces, i = self._forces, to.row
         which = forces.switching[struck]
@@ -129,22 +80,7 @@ class Starter:
         return replace(self.restarted(after), impulse=impulse)
 
     def answered(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: Instant) -> Moment:
-        """Return an instant with the forces that its motion causes, and no acceleration yet.
-
-        Parameters
-        ----------
-        d, v
-            Displacement and velocity, shape (n,).
-        inner
-            Internal states of the local forces.
-        to
-            What is prescribed.
-
-        Returns
-        -------
-        Moment
-            For `restarted`.
-        """
+        """Return an instant with the forces that its motion causes, and no acceleration yet."""
         forces = self._forces
         gap, rate, _ = (one[0] for one in forces.sensed(d[None], v[None], _only(to)))
         answer = forces.respond(gap, rate, inner, to.angle)

@@ -71,39 +71,7 @@ class Floquet:
 
 
 def floquet(problem: Problem, method: Method | None = None) -> Floquet:
-    """Return the Floquet multipliers of a motion over one period.
-
-    Parameters
-    ----------
-    problem
-        The period, from the periodic state: `flexcam.integrate.periodic` finds it.
-    method
-        That computes the motion itself; the average acceleration by default.
-
-    Returns
-    -------
-    Floquet
-        Its multipliers.
-
-    Raises
-    ------
-    InputError
-        If the system is too large, or has internal states, which this tool does not disturb.
-    RunFailedError
-        If the motion cannot be computed.
-
-    Examples
-    --------
-    A mass on a spring alone has both multipliers on the unit circle:
-
-    >>> from flexcam.linalg import Triplets
-    >>> from flexcam.system import ConstantSpeed, System
-    >>> one = Triplets.from_dense([[1.0]])
-    >>> system = System(one, Triplets.zeros(1), one, ("x",))
-    >>> found = floquet(Problem(system, ConstantSpeed(1.0), step=0.01, steps=100))
-    >>> np.abs(found.multipliers).round(9).tolist()
-    [1.0, 1.0]
-    """
+    """Return the Floquet multipliers of a motion over one period."""
     system, n = problem.system, problem.system.size
     if not 0 < n <= _MOST:
         raise refuse("system", f"{n} unknowns", f"1 to {_MOST}", "a basis of disturbances is carried along")

@@ -130,16 +130,5 @@ class Glancing(Superposed):
 
 
 def watched_rows(problem: Problem) -> FloatArray:
-    """Return the rows of all probes of a problem.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-
-    Returns
-    -------
-    ndarray
-        Shape (p, n).
-    """
+    """Return the rows of all probes of a problem."""
     return np.concatenate([np.zeros((0, problem.system.size)), *(one.rows for one in problem.system.probes)])

@@ -54,26 +54,7 @@ class Led:
 
 @lru_cache(maxsize=1)
 def led(system: System, *, average: bool) -> Led | None:
-    """Return the motions of a system whose rates are led; None where there are none.
-
-    Parameters
-    ----------
-    system
-        The system; the last one is remembered, as steps of many lengths ask for it.
-    average
-        Whether by the average acceleration, for which no acceleration of a motion without mass leads to anything. Other
-        schemes forget it by themselves.
-
-    Returns
-    -------
-    Led or None
-        Nothing of them is in what has mass.
-
-    Raises
-    ------
-    SingularMatrixError
-        If massless motions have no stiffness among them.
-    """
+    """Return the motions of a system whose rates are led; None where there are none."""
     found = massless(system)
     if not found.shape[1]:
         return None
@@ -85,25 +66,7 @@ def led(system: System, *, average: bool) -> Led | None:
 
 
 def unit_stiff(motions: FloatArray, stiffness: Triplets) -> FloatArray:
-    """Return motions mixed so that the stiffness is 1 for each and couples none.
-
-    Parameters
-    ----------
-    motions
-        As columns, shape (n, k).
-    stiffness
-        Positive among them.
-
-    Returns
-    -------
-    ndarray
-        Shape (n, k).
-
-    Raises
-    ------
-    SingularMatrixError
-        If they have no stiffness among them.
-    """
+    """Return motions mixed so that the stiffness is 1 for each and couples none."""
     try:
         L = np.linalg.cholesky(motions.T @ stiffness.times_all(motions))
     except np.linalg.LinAlgError:
@@ -112,21 +75,7 @@ def unit_stiff(motions: FloatArray, stiffness: Triplets) -> FloatArray:
 
 
 def slowed(unit: FloatArray, damping: Triplets) -> tuple[FloatArray, FloatArray]:
-    """Return by how much dampers slow motions of unit stiffness.
-
-    Parameters
-    ----------
-    unit
-        The motions, of unit stiffness each, as columns, shape (n, k).
-    damping
-        The damping.
-
-    Returns
-    -------
-    tuple
-        Time in which each of their mixtures follows, s, exactly zero where no damper is, shape (k,); and the mixtures
-        that no damper couples, as columns, shape (k, k).
-    """
+    """Return by how much dampers slow motions of unit stiffness."""
     within = unit.T @ damping.times_all(unit)
     size = np.abs(unit).T @ replace(damping, values=np.abs(damping.values)).times_all(np.abs(unit))
     if not (within - np.diag(np.diag(within))).any():

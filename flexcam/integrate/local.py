@@ -144,20 +144,7 @@ class LocalForces:
         return replace(motion, known=Evaluated(angle, self._last, at) if len(at) < len(angle) else self._last)
 
     def sensed(self, d: FloatArray, v: FloatArray, schedule: Schedule) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return gamma, gamma', and the part of gamma' that the cam alone causes.
-
-        Parameters
-        ----------
-        d, v
-            Displacements and velocities at the instants of the schedule, shape (m, n).
-        schedule
-            The instants.
-
-        Returns
-        -------
-        tuple
-            Shape (m, c) each.
-        """
+        """Return gamma, gamma', and the part of gamma' that the cam alone causes."""
         rows, c = self.sense.rows, self.count
         on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # a scalar's history lies together: most is done scalar by scalar
         gap, rate, carried = on_d[:, :c], on_v[:, :c], np.zeros((len(d), c), order="F")

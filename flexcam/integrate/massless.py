@@ -54,13 +54,7 @@ class Massless:
         return self.motions.shape[1] > 0
 
     def place(self, motion: FloatArray, push: FloatArray) -> FloatArray:
-        """Return a motion, its massless part moved to where the springs balance a push, shape (n,) or (n, k) each.
-
-        Raises
-        ------
-        SingularMatrixError
-            If the massless motions have no stiffness among them.
-        """
+        """Return a motion, its massless part moved to where the springs balance a push, shape (n,) or (n, k) each."""
         if not self.any:
             return motion
         missing = self.motions.T @ (push - self._K @ motion)
@@ -133,16 +127,6 @@ def massless(system: System) -> FloatArray:
 
     Above the dense limit they are sought within the unknowns that mass couples: a massive member is one such group,
     and regular; a body on an arm at a node is a small one.
-
-    Parameters
-    ----------
-    system
-        The system.
-
-    Returns
-    -------
-    ndarray
-        Shape (n, k).
     """
     if system.size <= 2 * DENSE_LIMIT:
         return null_space(system.mass)

@@ -115,15 +115,7 @@ class Pace:
         self.rejected = 0
 
     def walk(self, now: Moment, to: Instant) -> list[Moment]:
-        """Return the instants behind `now` up to `to`, a whole step later.
-
-        Raises
-        ------
-        StepFloorError
-            If the error is too large at the smallest step.
-        NoConvergenceError
-            If the local forces do not settle however short the step.
-        """
+        """Return the instants behind `now` up to `to`, a whole step later."""
         begin, whole, done = now.time, 2**self._most, 0
         walked: list[Moment] = []
         while done < whole:

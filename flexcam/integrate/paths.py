@@ -68,27 +68,7 @@ class Way:
 
 
 def way_of(problem: Problem, method: Method, save: SaveAt) -> Way:
-    """Return how a problem is taken.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-    method
-        Of the time integration.
-    save
-        What is kept.
-
-    Returns
-    -------
-    Way
-        The fastest that fits, or the one asked for.
-
-    Raises
-    ------
-    InputError
-        If the method cannot integrate it, or the way asked for is none for it.
-    """
+    """Return how a problem is taken."""
     basis = basis_of(problem)
     plain = problem if basis is None else within(problem, basis)
     if refusal := method.refusal(plain.system, plain.step):
@@ -110,18 +90,7 @@ def way_of(problem: Problem, method: Method, save: SaveAt) -> Way:
 
 
 def wanted_paths(problem: Problem) -> tuple[Path, ...]:
-    """Return the way that is asked for, or those that its length makes worthwhile, the best one first.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-
-    Returns
-    -------
-    tuple
-        They may turn out not to fit, but for the general one.
-    """
+    """Return the way that is asked for, or those that its length makes worthwhile, the best one first."""
     if problem.path != "auto":
         return (problem.path,)
     steps = problem.runs * problem.steps if available() else 0
@@ -171,28 +140,7 @@ def _refuse_uncompiled(system: System) -> None:
 def engine_of(
     way: Way, method: Method, forces: LocalForces, save: SaveAt, stop: Callable[[], bool], pilot: Pilot
 ) -> Engine:
-    """Return what walks through a problem.
-
-    Parameters
-    ----------
-    way
-        How it is taken.
-    method
-        Of the time integration.
-    forces
-        The local forces of what is integrated, stacked.
-    save
-        What is kept.
-    stop
-        Asked whether to end.
-    pilot
-        Of a run whose steps adapt.
-
-    Returns
-    -------
-    Engine
-        Ready to begin.
-    """
+    """Return what walks through a problem."""
     if way.natural is not None and isinstance(method, Scheme):
         if way.path == "modal":
             seldom = not save.channels and save.field_every >= _SPARSE

@@ -33,34 +33,7 @@ _PATIENCE = 12
 
 
 def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9, until: float | None = None) -> State:
-    """Return the state that comes back after one revolution.
-
-    Parameters
-    ----------
-    problem
-        One revolution, from a first guess.
-    scheme
-        Of the time integration: the state is periodic for its discrete motion.
-    tolerance
-        How far it may miss, as a part of the largest distance from the start within the revolution, in the energy norm.
-    until
-        When the search ends at the latest, s of `time.monotonic`; None for no limit.
-
-    Returns
-    -------
-    State
-        With the periodicity reached: where nothing periodic is found (impacts that never repeat, an undamped
-        resonance), the best state and how far it misses.
-
-    Raises
-    ------
-    RunFailedError
-        If its time is over before.
-
-    Examples
-    --------
-    A damped mass under a harmonic force settles at once, without its transient.
-    """
+    """Return the state that comes back after one revolution."""
     weights = _weights(problem)
     start = problem.start or State.rest(problem.system.size)
     x, best = _packed(problem, start), start

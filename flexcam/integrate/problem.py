@@ -63,16 +63,6 @@ class Adaptive:
         Largest error of a step, as a part of the motion, in the energy norm.
     smallest
         s; None for 2^-16 of the step given.
-
-    Raises
-    ------
-    InputError
-        If one of them is not positive.
-
-    Examples
-    --------
-    >>> Adaptive(1e-5).smallest is None
-    True
     """
 
     tolerance: float = 1e-6

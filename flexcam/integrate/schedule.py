@@ -23,12 +23,6 @@ class Weights:
         The places of the others, and what they are at m instants.
     count
         m.
-
-    Examples
-    --------
-    >>> Weights(np.array([1.0, 0.0]), [(1, np.array([2.0, 3.0]))], 2).whole
-    array([[1., 2.],
-           [1., 3.]])
     """
 
     def __init__(self, still: FloatArray, moving: Sequence[tuple[int, FloatArray]], count: int) -> None:

@@ -89,31 +89,6 @@ def settle(
     """Return the local forces that agree with the motion they cause.
 
     Internal states advance by the trapezoidal rule within the same iteration.
-
-    Parameters
-    ----------
-    forces
-        The local forces.
-    within
-        Response of the sensed scalars within this step.
-    guess
-        Forces to start from, shape (c,).
-    inner
-        Internal states at the step's beginning.
-    step
-        s; zero to find the forces of an instant.
-    angle
-        Cam angle at the step's end, rad.
-
-    Returns
-    -------
-    Settled
-        The forces and what belongs to them.
-
-    Raises
-    ------
-    NoConvergenceError
-        If the forces do not settle.
     """
     c, part, last, usual = len(guess), 1.0, np.inf, _largest(guess)
     x = base = np.concatenate([guess, inner.state])

@@ -44,20 +44,7 @@ from flexcam.system import CamMotion, Motions, Observed, Probe, System
 
 
 def outline(system: System, *, channels: bool = True) -> Outline:
-    """Return the names of what a run of a system saves.
-
-    Parameters
-    ----------
-    system
-        The system.
-    channels
-        Whether channels are computed.
-
-    Returns
-    -------
-    Outline
-        Unknowns, probes and channels in the order of a block's columns. A rigid model keeps no account of energy.
-    """
+    """Return the names of what a run of a system saves."""
     probes = tuple((p.name, p.components) for p in system.probes)
     names = system.carried.names if system.carried else system.names
     if not channels:
@@ -325,20 +312,7 @@ def _offset(probes: tuple[Probe, ...], picked: Series, motion: CamMotion) -> Ser
 
 
 def carried_by_cam(system: System, motion: CamMotion) -> Series:
-    """Return the motion of the probes of a system without unknowns: that which the cam gives them.
-
-    Parameters
-    ----------
-    system
-        A rigid model.
-    motion
-        Of the cam, at m instants.
-
-    Returns
-    -------
-    Series
-        All probe scalars side by side, shape (m, p): what a run shows, without its steps.
-    """
+    """Return the motion of the probes of a system without unknowns: that which the cam gives them."""
     nothing = np.zeros((len(motion.angle), system.size))
     return _probe_series(system.probes, Series(nothing, nothing, nothing), motion)
 

@@ -40,11 +40,6 @@ class Stage:
         Of the new instant in the inertia and in the other forces.
     inverse
         Makes S's factorization; the matrix is regular by default.
-
-    Raises
-    ------
-    SingularMatrixError
-        If some motion has neither mass, damping nor stiffness.
     """
 
     def __init__(

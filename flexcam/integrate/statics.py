@@ -36,35 +36,6 @@ def static_displacement(
     A stiffness that leaves rigid motions or mechanisms free is no fault as long as the load does no work on them
     (the axial drift of a shaft between radial bearings): the answer is then the one without any part along them.
     No spring is added anywhere.
-
-    Parameters
-    ----------
-    stiffness
-        Symmetric, n unknowns.
-    load
-        Shape (n,), N and N m.
-    names
-        A name per unknown, for the message.
-    free
-        Motions the stiffness leaves free, shape (n, k), where they are known exactly (`flexcam.fem.free_motions`);
-        None to find them numerically, which takes the softest motions of a very fine mesh for free ones.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,), m and rad.
-
-    Raises
-    ------
-    RunFailedError
-        If the load drives a motion that nothing resists (the message names the components that move), or rounding in
-        the stiffness spoils the answer.
-
-    Examples
-    --------
-    >>> pair = Triplets.from_dense([[1.0, -1.0], [-1.0, 1.0]])
-    >>> static_displacement(pair, np.array([-1.0, 1.0]), ("a", "b"))
-    array([-0.5,  0.5])
     """
     free = null_space(stiffness) if free is None else free
     if not free.shape[1]:
@@ -111,52 +82,12 @@ def _refuse_mechanism(motions: FloatArray, load: FloatArray, names: Sequence[str
 
 
 def rest(system: System, drive: Drive, time: float = 0.0) -> State:
-    """Return the state of a mechanism that stands still as installed: its preloads in balance, nothing else acting.
-
-    Parameters
-    ----------
-    system
-        The system.
-    drive
-        How the cam will turn.
-    time
-        s.
-
-    Returns
-    -------
-    State
-        Displacement under the installed loads, zero velocity.
-
-    Raises
-    ------
-    RunFailedError
-        If the preloads drive a motion that nothing resists.
-    """
+    """Return the state of a mechanism that stands still as installed: its preloads in balance, nothing else acting."""
     return _balanced(LocalForces(system), system, drive, time, lambda load: load.installed)
 
 
 def equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
-    """Return the static equilibrium under all loads and local forces at the cam angle of an instant.
-
-    Parameters
-    ----------
-    system
-        The system.
-    drive
-        How the cam will turn; only its angle counts.
-    time
-        s.
-
-    Returns
-    -------
-    State
-        Displacement in balance, zero velocity.
-
-    Raises
-    ------
-    RunFailedError
-        If the loads drive a motion that nothing resists, or the local forces do not settle.
-    """
+    """Return the static equilibrium under all loads and local forces at the cam angle of an instant."""
     return _balanced(LocalForces(system), system, drive, time, _all)
 
 
@@ -165,25 +96,6 @@ def carried_equilibrium(system: System, drive: Drive, time: float = 0.0) -> Stat
 
     A cam that lifts at the start would strike a train at rest: the velocities are those of the equilibria before and
     after, ``omega du/dtheta``, by a central difference over a thousandth of a radian.
-
-    Parameters
-    ----------
-    system
-        The system.
-    drive
-        How the cam will turn.
-    time
-        s.
-
-    Returns
-    -------
-    State
-        Displacement in balance and its velocity; none of motions that nothing holds or drives.
-
-    Raises
-    ------
-    RunFailedError
-        As `equilibrium`.
     """
     forces = LocalForces(system)
     still = _balanced(forces, system, drive, time, _all)

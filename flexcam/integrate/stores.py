@@ -39,20 +39,7 @@ class Stores:
         self.lossy: IntArray = np.array(lossy, dtype=np.intp)
 
     def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
-        """Return the energy of all laws and its derivatives, zero for scalars that store none.
-
-        Parameters
-        ----------
-        gap, state
-            What is sensed and all internal states at m instants, shape (m, c) and (m, s).
-        angle
-            Of the cam, rad, shape (m,).
-
-        Returns
-        -------
-        Stored
-            As a single law's, `LocalForces` over.
-        """
+        """Return the energy of all laws and its derivatives, zero for scalars that store none."""
         energy = np.zeros(len(angle))
         by_gap, by_state = np.zeros_like(gap), np.zeros_like(state)
         for law, part, inner in self._laws:

@@ -30,23 +30,7 @@ What dies out further would end in numbers that processors handle very slowly.
 
 
 def stride_length(every: int) -> int:
-    """Return the steps of a stride where motions are taken anew after every so many steps.
-
-    Parameters
-    ----------
-    every
-        Steps.
-
-    Returns
-    -------
-    int
-        A part of them without a rest, where that is neither very short nor very long.
-
-    Examples
-    --------
-    >>> [stride_length(every) for every in (10, 20, 37, 7200, 1009)]
-    [10, 20, 37, 60, 36]
-    """
+    """Return the steps of a stride where motions are taken anew after every so many steps."""
     usual = USUAL if every < _SELDOM else _LONG
     even = [length for length in range(_FEWEST, _MOST + 1) if every % length == 0]
     if even:
@@ -108,19 +92,7 @@ class Stride:
         return np.concatenate([(push - self.stiff * begin[0])[None], begin[1:]])
 
     def land(self, begin: FloatArray, pushes: FloatArray, causes: FloatArray, ends: FloatArray) -> None:
-        """Put where a state is after every stride, and what changes it there.
-
-        Parameters
-        ----------
-        begin
-            The state, shape (3, n).
-        pushes
-            At the begin of every stride and at the end of the last one, shape (b + 1, n).
-        causes
-            The first ones are known, shape (b + 1, 3, n).
-        ends
-            What loads add in every stride; changed to the states after them, shape (b, 3, n).
-        """
+        """Put where a state is after every stride, and what changes it there."""
         shifts = ends.copy()
         shifts[:, 0] *= -self.stiff
         shifts[:, 0] += pushes[1:] - pushes[:-1]
@@ -134,18 +106,7 @@ class Stride:
 
 
 def alive(state: FloatArray) -> FloatArray:
-    """Return a state without the motions that are none any more.
-
-    Parameters
-    ----------
-    state
-        Shape (3, n).
-
-    Returns
-    -------
-    ndarray
-        Shape (3, n).
-    """
+    """Return a state without the motions that are none any more."""
     return (state + _GONE) - _GONE
 
 

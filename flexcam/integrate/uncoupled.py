@@ -100,18 +100,7 @@ class Natural:
 
 
 def natural_motions(system: System) -> Natural | None:
-    """Return the natural motions of a system.
-
-    Parameters
-    ----------
-    system
-        The system.
-
-    Returns
-    -------
-    Natural
-        All of them; None where there are none, or they cannot be told apart from each other to working precision.
-    """
+    """Return the natural motions of a system."""
     found = _motions(_Pair(system.mass, system.stiffness))
     return None if found is None else _apart(found, system.damping)
 
@@ -186,20 +175,7 @@ def _apart(found: Natural, damping: Triplets) -> Natural:
 
 
 def uncoupled(problem: Problem, motions: Natural) -> Problem:
-    """Return a problem in its natural motions.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-    motions
-        Of its system.
-
-    Returns
-    -------
-    Problem
-        Mass and stiffness are diagonal; the damping is where it hardly couples.
-    """
+    """Return a problem in its natural motions."""
     none = Triplets.zeros(problem.system.size)  # mass and stiffness are known already
     inside = within(replace(problem, system=replace(problem.system, mass=none, stiffness=none)), motions)
     mass, stiffness = (Triplets.from_dense(np.diag(one)) for one in (motions.mass, motions.stiffness))
@@ -225,16 +201,5 @@ def _cleaned(damping: Triplets) -> Triplets:
 
 
 def diagonal(matrix: Triplets) -> FloatArray | None:
-    """Return the diagonal of a matrix that has nothing else, shape (n,); None of one that has.
-
-    Parameters
-    ----------
-    matrix
-        Any square matrix.
-
-    Returns
-    -------
-    ndarray or None
-        Shape (n,).
-    """
+    """Return the diagonal of a matrix that has nothing else, shape (n,); None of one that has."""
     return matrix.diagonal() if (matrix.rows == matrix.cols).all() else None

@@ -15,35 +15,13 @@ from flexcam.system import Basis, Reach, Selection, System, projected, reach
 
 
 def reached(problem: Problem) -> Reach:
-    """Return which unknowns of a problem can move from its start.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-
-    Returns
-    -------
-    Reach
-        The unknowns, and the groups that stay.
-    """
+    """Return which unknowns of a problem can move from its start."""
     start = problem.start or State.rest(problem.system.size)
     return reach(problem.system, start.displacement, start.velocity, start.inner)
 
 
 def basis_of(problem: Problem) -> Basis | None:
-    """Return the unknowns a problem is integrated in; None where they are its own.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-
-    Returns
-    -------
-    Basis
-        The one given, or the unknowns that move.
-    """
+    """Return the unknowns a problem is integrated in; None where they are its own."""
     if problem.basis is not None or not problem.prune:
         return problem.basis
     found = reached(problem)
@@ -51,20 +29,7 @@ def basis_of(problem: Problem) -> Basis | None:
 
 
 def within(problem: Problem, basis: Basis) -> Problem:
-    """Return a problem in other unknowns.
-
-    Parameters
-    ----------
-    problem
-        The problem; its start is given in all unknowns.
-    basis
-        How they follow from the others.
-
-    Returns
-    -------
-    Problem
-        To be integrated as it stands.
-    """
+    """Return a problem in other unknowns."""
     system = problem.system
     start = problem.start or State.rest(system.size)
     weight = _weight(system)
@@ -75,37 +40,13 @@ def within(problem: Problem, basis: Basis) -> Problem:
 
 
 def integrated(problem: Problem) -> int:
-    """Return how many unknowns of a problem are integrated.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-
-    Returns
-    -------
-    int
-        All, those that move, or the amounts of a basis.
-    """
+    """Return how many unknowns of a problem are integrated."""
     basis = basis_of(problem)
     return problem.system.size if basis is None else basis.size
 
 
 def refused(problem: Problem, method: Method) -> InputError | None:
-    """Return why a method cannot integrate a problem in the unknowns it is integrated in; None where it can.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-    method
-        Of the time integration.
-
-    Returns
-    -------
-    InputError or None
-        As `Method.refusal`.
-    """
+    """Return why a method cannot integrate a problem in the unknowns it is integrated in; None where it can."""
     if type(method).refusal is Method.refusal:
         return None  # it integrates everything, in whatever unknowns
     basis = basis_of(problem)
@@ -121,20 +62,7 @@ def _weight(system: System) -> Triplets:
 
 
 def shown(block: Block, basis: Basis) -> Block:
-    """Return a block with the fields of all unknowns.
-
-    Parameters
-    ----------
-    block
-        Fields of the unknowns integrated.
-    basis
-        How all follow from them.
-
-    Returns
-    -------
-    Block
-        Fields of shape (f, n).
-    """
+    """Return a block with the fields of all unknowns."""
     fields = block.fields
     moved = basis.saved(fields.displacement)
     if basis.held.any():

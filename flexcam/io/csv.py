@@ -19,31 +19,7 @@ from flexcam.response import Response
 def write_csv(
     response: Response, path: Path, *, probes: Sequence[str] | None = None, every: int = 1, overwrite: bool = False
 ) -> Path:
-    """Write time, cam angle, probe histories and channels, a row per step.
-
-    Parameters
-    ----------
-    response
-        The response.
-    path
-        The file; its folder exists.
-    probes
-        Names of probes or of their components; None for all.
-    every
-        Take every so many of the steps.
-    overwrite
-        Whether an existing file may be replaced.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If the file exists and may not be replaced, a probe does not exist, or `every` is below 1.
-    """
+    """Write time, cam angle, probe histories and channels, a row per step."""
     if every < 1:
         raise refuse("every", every, "a whole number from 1")
     free_to_write("export", path, overwrite=overwrite)
@@ -65,52 +41,12 @@ def write_csv(
 
 
 def component_unit(component: str, unit: str) -> str:
-    """Return the SI unit of one component of a motion.
-
-    Parameters
-    ----------
-    component
-        Such as ``uy`` or ``rz``.
-    unit
-        Of a translation, such as ``m/s``.
-
-    Returns
-    -------
-    str
-        In rad where the component turns.
-
-    Examples
-    --------
-    >>> component_unit("rz", "m/s")
-    'rad/s'
-    """
+    """Return the SI unit of one component of a motion."""
     return unit.replace("m", "rad", 1) if component in ROTATIONS else unit
 
 
 def write_text(path: Path, text: str, *, overwrite: bool = False) -> Path:
-    """Write a text file, such as a table.
-
-    Parameters
-    ----------
-    path
-        The file; its folder is made if it does not exist.
-    text
-        What it holds.
-    overwrite
-        Whether an existing file may be replaced.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If the file exists and may not be replaced, or the folder cannot be made.
-    RunFailedError
-        If the system refuses; what stood there before still does.
-    """
+    """Write a text file, such as a table."""
     free_to_write("output", path, overwrite=overwrite)
     made_folder(path.parent)
     with whole(path) as draft:

@@ -37,11 +37,6 @@ class Draft:
         Where it is written.
     shown
         Where copies of it are shown.
-
-    Raises
-    ------
-    InputError
-        If another process is writing it, or the file cannot be made.
     """
 
     def __init__(self, path: Path, shown: Path) -> None:
@@ -82,13 +77,7 @@ class Draft:
         return self._cost <= _SHARE * (time.perf_counter() - self._last)
 
     def show(self, prepared: float | None = None) -> None:
-        """Show a copy of what is written by now; without room for it the last one stays.
-
-        Parameters
-        ----------
-        prepared
-            Since when the copy has been prepared, s of `time.perf_counter`: that counts as its cost too.
-        """
+        """Show a copy of what is written by now; without room for it the last one stays."""
         began = time.perf_counter() if prepared is None else prepared
         try:
             if shutil.disk_usage(self.path.parent).free > _SPARE * self.path.stat().st_size:
@@ -102,13 +91,7 @@ class Draft:
         self._cost = self._last - began
 
     def become(self, path: Path) -> None:
-        """Take a name for good, once the disk has it all; nothing else may follow.
-
-        Raises
-        ------
-        OSError
-            If the folder is gone, or the like.
-        """
+        """Take a name for good, once the disk has it all; nothing else may follow."""
         try:
             os.fsync(self._held)
             os.replace(self.path, path)
@@ -139,13 +122,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 def _locked(path: Path) -> int:
-    """Return a descriptor that holds the lock of a file, which ends with the process however that ends.
-
-    Raises
-    ------
-    BlockingIOError
-        If another process holds it.
-    """
+    """Return a descriptor that holds the lock of a file, which ends with the process however that ends."""
     while True:
         held = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
@@ -161,18 +138,7 @@ def _locked(path: Path) -> int:
 
 @contextmanager
 def plainly() -> Generator[None]:
-    """Say in the system's own words why a file cannot be written; HDF5 tells addresses and buffers as well.
-
-    Yields
-    ------
-    None
-        Around what is written.
-
-    Raises
-    ------
-    OSError
-        For every OSError and RuntimeError within: h5py raises both.
-    """
+    """Say in the system's own words why a file cannot be written; HDF5 tells addresses and buffers as well."""
     try:
         yield
     except (OSError, RuntimeError) as fault:

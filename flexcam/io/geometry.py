@@ -40,10 +40,6 @@ class Geometry:
         Member name to its section.
     spread
         Loads spread over the elements, shape (e, 12), local axes, N and N m.
-
-    Examples
-    --------
-    `flexcam.runner.result_file` makes one from a model.
     """
 
     mesh: Mesh
@@ -94,21 +90,7 @@ class Geometry:
         return fibres([s for name, n in zip(self.mesh.lines, counts, strict=True) for s in [self.sections[name]] * n])
 
     def recovered(self, nodal: FloatArray, acceleration: FloatArray) -> dict[str, FloatArray]:
-        """Return section forces and stresses at the points.
-
-        Parameters
-        ----------
-        nodal
-            Displacements, shape (times, nodes, 6), global axes.
-        acceleration
-            Accelerations, shape as `nodal`.
-
-        Returns
-        -------
-        dict
-            Keys of `RECOVERED`, shape (times, points, 3) or (times, points). Where a force acts at a node the two
-            elements there differ: the larger value stands, component by component. Vertices have none: zeros.
-        """
+        """Return section forces and stresses at the points."""
         forces = section_forces(self.beams, nodal, acceleration=acceleration, spread=self.spread)
         fibre = self.fibres
         return {

@@ -17,20 +17,7 @@ _MOST = 4096
 
 
 def chunk_rows(rows: int, width: int) -> int:
-    """Return the rows of a chunk: those of a block, halved while they are many, as the last chunk is stored whole.
-
-    Parameters
-    ----------
-    rows
-        Of a block.
-    width
-        Columns.
-
-    Returns
-    -------
-    int
-        Rows.
-    """
+    """Return the rows of a chunk: those of a block, halved while they are many, as the last chunk is stored whole."""
     while rows % 2 == 0 and rows * width > _MOST:
         rows //= 2
     return rows
@@ -43,20 +30,7 @@ def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def ordered(group: Any, name: str) -> Any:  # noqa: ANN401 - h5py has no types
-    """Return a new group that keeps its members in the order they are made.
-
-    Parameters
-    ----------
-    group
-        Where it goes.
-    name
-        Of the new group.
-
-    Returns
-    -------
-    Group
-        Of h5py.
-    """
+    """Return a new group that keeps its members in the order they are made."""
     return group.create_group(name, track_order=True)
 
 
@@ -120,24 +94,7 @@ class Growing:
 
 
 def fixed(group: Any, name: str, values: FloatArray | IntArray, unit: str = "") -> Any:  # noqa: ANN401
-    """Return a new dataset that does not grow, with its unit.
-
-    Parameters
-    ----------
-    group
-        Where it goes.
-    name
-        Of the dataset.
-    values
-        Its numbers.
-    unit
-        Of its numbers.
-
-    Returns
-    -------
-    Dataset
-        Of h5py.
-    """
+    """Return a new dataset that does not grow, with its unit."""
     array = np.ascontiguousarray(values)
     chunk = _chunks(array.shape) if array.size else ()  # nothing has no chunk
     made = dataset(group, name, array.dtype.str, array.shape, chunk=chunk)

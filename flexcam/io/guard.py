@@ -33,25 +33,7 @@ DAMAGE = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeEr
 
 @contextmanager
 def guarded(path: Path, where: str, allowed: str, remedy: str = "") -> Generator[Any]:
-    """Open a file for reading, refuse what leads out of it, and give whatever is raised within as a refusal.
-
-    Parameters
-    ----------
-    path
-        The file.
-    where, allowed, remedy
-        For the refusal: what the file is to the caller, what may stand there, what to do.
-
-    Yields
-    ------
-    File
-        Of h5py.
-
-    Raises
-    ------
-    InputError
-        If it cannot be opened, holds what is not taken, or reading from it fails.
-    """
+    """Open a file for reading, refuse what leads out of it, and give whatever is raised within as a refusal."""
     try:
         size = size_of(path)
         with h5py.File(path, "r", locking=False) as opened:
@@ -82,35 +64,13 @@ def _said(fault: Exception) -> str:
 
 
 def children(group: Any) -> Iterator[tuple[bytes, int, Any]]:  # noqa: ANN401 - h5py has no types
-    """Yield every hard link of a group with what it leads to, in order of names.
-
-    Parameters
-    ----------
-    group
-        Identifier of h5py, which costs a third of the object around it.
-
-    Yields
-    ------
-    tuple
-        Name, address in the file, and identifier of a group or dataset.
-    """
+    """Yield every hard link of a group with what it leads to, in order of names."""
     for name, address in links(group):
         yield name, address, _module.h5o.open(group, name)
 
 
 def links(group: Any) -> Iterator[tuple[bytes, int]]:  # noqa: ANN401
-    """Yield every hard link of a group, in order of names.
-
-    Parameters
-    ----------
-    group
-        Identifier of h5py.
-
-    Yields
-    ------
-    tuple
-        Name, and address in the file.
-    """
+    """Yield every hard link of a group, in order of names."""
     for name in sorted(group):
         link = group.links.get_info(name)
         if link.type == _module.h5l.TYPE_HARD:
@@ -118,18 +78,7 @@ def links(group: Any) -> Iterator[tuple[bytes, int]]:  # noqa: ANN401
 
 
 def datasets(file: Any) -> list[Any]:  # noqa: ANN401
-    """Return all datasets of a file, each once however many names it has.
-
-    Parameters
-    ----------
-    file
-        Of h5py.
-
-    Returns
-    -------
-    list
-        Of datasets.
-    """
+    """Return all datasets of a file, each once however many names it has."""
     found: dict[int, Any] = {}
     groups = [file.id]
     while groups:
@@ -205,18 +154,7 @@ def _of_attributes(one: Any) -> Iterator[Fault]:  # noqa: ANN401
 
 
 def attribute_names(one: Any) -> list[bytes]:  # noqa: ANN401
-    """Return the names of all attributes, in order.
-
-    Parameters
-    ----------
-    one
-        Identifier of a group or dataset, of h5py.
-
-    Returns
-    -------
-    list
-        As HDF5 keeps them.
-    """
+    """Return the names of all attributes, in order."""
     names: list[bytes] = []
     _module.h5a.iterate(one, names.append)
     return sorted(names)

@@ -16,20 +16,7 @@ Shape = tuple[int, ...]
 
 @lru_cache(maxsize=64)
 def space(shape: Shape, limit: tuple[int | None, ...] | None = None) -> Any:  # noqa: ANN401 - h5py has no types
-    """Return a data space of HDF5.
-
-    Parameters
-    ----------
-    shape
-        Lengths of the axes; none for a single value.
-    limit
-        How far each axis may grow, None for any length; None for not at all.
-
-    Returns
-    -------
-    SpaceID
-        Of h5py; not to be selected in, others use it too.
-    """
+    """Return a data space of HDF5."""
     if not shape:
         return _module.h5s.create(_module.h5s.SCALAR)
     most = None if limit is None else tuple(_module.h5s.UNLIMITED if one is None else one for one in limit)
@@ -42,24 +29,6 @@ def dataset(
     """Return a new dataset, empty: in one piece, or in chunks, each with a checksum (fletcher32).
 
     Not compressed: gzip takes longer than a run does, and halves a file at best.
-
-    Parameters
-    ----------
-    group
-        Of h5py, where it goes.
-    name
-        Of the dataset, with the groups above it if there are none yet.
-    kind
-        Type of its numbers, as numpy names it, or the identifier of a type.
-    shape, limit
-        Its axes, and how far they may grow; None for not at all.
-    chunk
-        Rows and columns that stand together; nothing for a dataset in one piece.
-
-    Returns
-    -------
-    Dataset
-        Of h5py.
     """
     type_ = _number(kind) if isinstance(kind, str) else kind
     made = _module.h5d.create(group.id, name.encode(), type_, space(shape, limit), _chunked(chunk), _within())
@@ -67,35 +36,13 @@ def dataset(
 
 
 def fill(made: Any, values: NDArray[Any], kind: Any = None) -> None:  # noqa: ANN401
-    """Write all of a dataset.
-
-    Parameters
-    ----------
-    made
-        The dataset.
-    values
-        What it holds, of its shape.
-    kind
-        Identifier of their type, where that of numpy does not tell it.
-    """
+    """Write all of a dataset."""
     everything = space(values.shape)
     made.id.write(everything, everything, values, kind)
 
 
 def attribute(one: Any, name: str, values: NDArray[Any], kind: Any = None) -> None:  # noqa: ANN401
-    """Write an attribute, over an earlier one of the same type and shape.
-
-    Parameters
-    ----------
-    one
-        Group or dataset of h5py.
-    name
-        Of the attribute.
-    values
-        Its numbers or texts.
-    kind
-        Identifier of their type, where that of numpy does not tell it.
-    """
+    """Write an attribute, over an earlier one of the same type and shape."""
     key, owner = name.encode(), one.id
     if _module.h5a.exists(owner, key):
         held = _module.h5a.open(owner, key)

@@ -11,24 +11,7 @@ from flexcam.fem import Mesh
 
 
 def inp_text(mesh: Mesh) -> str:
-    """Return nodes, elements, a set of elements per member and a set of nodes per named point.
-
-    Parameters
-    ----------
-    mesh
-        The mesh.
-
-    Returns
-    -------
-    str
-        The file: geometry alone, in m.
-
-    Examples
-    --------
-    >>> text = inp_text(Mesh(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), {"rod": np.array([0, 1])}, {}))
-    >>> text.split("*ELSET, ")[1].split()
-    ['ELSET=rod', '1']
-    """
+    """Return nodes, elements, a set of elements per member and a set of nodes per named point."""
     import meshio  # pyright: ignore[reportMissingTypeStubs]
 
     blocks: Any = [("line", np.column_stack([line[:-1], line[1:]])) for line in mesh.lines.values()]

@@ -11,23 +11,7 @@ _RESULT, _PARTIAL, _WRITING = ".vtkhdf", ".partial.vtkhdf", (".writing", ".copyi
 
 
 def instead(path: Path) -> str:
-    """Return what to read in the place of a result that cannot be read.
-
-    Parameters
-    ----------
-    path
-        The file that was named.
-
-    Returns
-    -------
-    str
-        Empty where nothing is there.
-
-    Examples
-    --------
-    >>> instead(Path("case.toml"))
-    'a case is solved first: flexcam run case.toml'
-    """
+    """Return what to read in the place of a result that cannot be read."""
     if path.suffix == ".toml":
         return f"a case is solved first: flexcam run {path}"
     try:

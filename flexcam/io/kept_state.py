@@ -20,27 +20,13 @@ _CHUNK = 4096
 
 
 def make_checkpoint(file: Any) -> None:  # noqa: ANN401 - h5py has no types
-    """Make the place of the checkpoint in a new result file, empty.
-
-    Parameters
-    ----------
-    file
-        Of h5py.
-    """
+    """Make the place of the checkpoint in a new result file, empty."""
     file.create_dataset(CHECKPOINT, (0,), "u1", maxshape=(None,), chunks=(_CHUNK,), fletcher32=True)
     keep_sum(file[CHECKPOINT], zlib.crc32(b""))
 
 
 def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401
-    """Write a checkpoint into an open result file, in the place of an earlier one.
-
-    Parameters
-    ----------
-    file
-        Of h5py.
-    checkpoint
-        As it stands behind the last block.
-    """
+    """Write a checkpoint into an open result file, in the place of an earlier one."""
     packed = BytesIO()
     own = {_STEPS: np.array(checkpoint.steps), _PROBLEM: np.array(checkpoint.problem)}
     arrays: dict[str, Any] = {**checkpoint.arrays, **own}
@@ -52,23 +38,7 @@ def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401
 
 
 def read_checkpoint(file: Any) -> Checkpoint | None:  # noqa: ANN401
-    """Return the checkpoint of an open result file.
-
-    Parameters
-    ----------
-    file
-        Of h5py.
-
-    Returns
-    -------
-    Checkpoint or None
-        None where it holds none.
-
-    Raises
-    ------
-    InputError
-        If a chunk of it is damaged.
-    """
+    """Return the checkpoint of an open result file."""
     if CHECKPOINT not in file or not len(file[CHECKPOINT]):
         return None
     with np.load(BytesIO(taken(file[CHECKPOINT]).tobytes()), allow_pickle=False) as packed:
@@ -77,11 +47,5 @@ def read_checkpoint(file: Any) -> Checkpoint | None:  # noqa: ANN401
 
 
 def drop_checkpoint(file: Any) -> None:  # noqa: ANN401
-    """Take the checkpoint out of an open result file: a complete run needs none.
-
-    Parameters
-    ----------
-    file
-        Of h5py.
-    """
+    """Take the checkpoint out of an open result file: a complete run needs none."""
     del file[CHECKPOINT]

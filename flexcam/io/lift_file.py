@@ -52,25 +52,6 @@ def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = 
     Rows of two numbers, divided by commas, semicolons, tabs or blanks; ``#`` begins a comment. A first row of names may
     say what they are, such as ``crank_deg, lift_mm``: an angle of ``cam`` or ``crank`` in ``deg`` or ``rad``, a lift in
     ``mm``, ``um``, ``m`` or ``in``. Without it, cam degrees and millimetres are not assumed: they must be given.
-
-    Parameters
-    ----------
-    path
-        The file.
-    angle
-        Of which shaft the angles are, where the head does not say so or is wrong; a crank turns twice as fast.
-    unit
-        Of the lift, where the head does not say so or is wrong.
-
-    Returns
-    -------
-    LiftColumns
-        Cam angles and lift.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, a row is no pair of numbers, or angle or unit are not said.
     """
     lines = _lines(path)
     if not lines:
@@ -92,29 +73,7 @@ def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = 
 
 
 def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwrite: bool = False) -> Path:
-    """Write a table of angle and lift that `read_lift` reads.
-
-    Parameters
-    ----------
-    path
-        The ``.csv`` file.
-    angle
-        Cam angles, rad, shape (n,).
-    lift
-        m, shape (n,).
-    overwrite
-        Whether an existing file may be replaced.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If its name ends otherwise, or it exists and may not be replaced.
-    """
+    """Write a table of angle and lift that `read_lift` reads."""
     if path.suffix != ".csv":
         raise refuse("output", str(path), "a name that ends in .csv", "a case tells a table by it")
     free_to_write("output", path, overwrite=overwrite)

@@ -7,21 +7,6 @@ def hold(file: int) -> bool:
     """Take the lock of an open file; it ends with the process, however that ends, or with the descriptor.
 
     Where there are no such locks nobody is kept out: on some network drives, and where the system has none (Windows).
-
-    Parameters
-    ----------
-    file
-        Its descriptor.
-
-    Returns
-    -------
-    bool
-        Whether there are such locks.
-
-    Raises
-    ------
-    BlockingIOError
-        If another process holds it.
     """
     try:
         import fcntl

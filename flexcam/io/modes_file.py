@@ -32,29 +32,6 @@ def write_modes(
 
     Time is the phase of one swing, 0 to 1. Every mode is a point vector of its own, named ``mode_01_67.1Hz``: pick it
     in Warp By Vector and press play. Shapes are drawn with a largest translation of 5 % of the model's size.
-
-    Parameters
-    ----------
-    path
-        The ``.vtkhdf`` file; its folder exists.
-    geometry
-        What the shapes are drawn on.
-    frequencies
-        Hz, shape (k,).
-    shapes
-        Shapes as columns, shape (n, k).
-    overwrite
-        Whether existing files may be replaced.
-
-    Returns
-    -------
-    list
-        The files written, the animated one first.
-
-    Raises
-    ------
-    InputError
-        If a file exists and may not be replaced.
     """
     still_path, collection = path.with_suffix(".vtp"), path.with_suffix(".pvd")
     for target in (path, still_path, collection):

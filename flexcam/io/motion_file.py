@@ -13,29 +13,7 @@ from flexcam.motion import KINDS, HarmonicLift, Law
 
 
 def write_law(law: Law, path: Path, *, about: Mapping[str, object], overwrite: bool = False) -> Path:
-    """Write a law as a file that a case names: ``law = "NAME.toml"``.
-
-    Parameters
-    ----------
-    law
-        A law of one of the kinds a case knows.
-    path
-        The ``.toml`` file; its folder exists.
-    about
-        What is to be remembered of it.
-    overwrite
-        Whether an existing file may be replaced.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If the law is of no such kind, or the file exists and may not be replaced.
-    """
+    """Write a law as a file that a case names: ``law = "NAME.toml"``."""
     names = [name for name, kind in KINDS.items() if kind is type(law)]
     if not names or not is_dataclass(law):
         raise refuse("law", type(law).__name__, f"a law of the kinds {', '.join(KINDS)}")
@@ -44,25 +22,7 @@ def write_law(law: Law, path: Path, *, about: Mapping[str, object], overwrite: b
 
 
 def write_lift(lift: HarmonicLift, path: Path, *, about: Mapping[str, object], overwrite: bool = False) -> Path:
-    """Write a lift of harmonics as a file that a case names: ``lift_table = "NAME.toml"``.
-
-    Parameters
-    ----------
-    lift
-        The lift.
-    path, about, overwrite
-        As for `write_law`.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If the file exists and may not be replaced.
-    """
+    """Write a lift of harmonics as a file that a case names: ``lift_table = "NAME.toml"``."""
     return _write(path, {"format": 1, "lift": asdict(lift), "about": dict(about)}, overwrite=overwrite)
 
 

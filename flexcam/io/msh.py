@@ -68,23 +68,7 @@ class Msh:
 
 
 def read_msh(path: Path) -> Msh:
-    """Read a Gmsh file.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Returns
-    -------
-    Msh
-        Its content, not yet checked as a mesh.
-
-    Raises
-    ------
-    InputError
-        If it is no such file, or its sections do not hold what they announce.
-    """
+    """Read a Gmsh file."""
     try:
         data = path.read_bytes()
     except OSError as fault:

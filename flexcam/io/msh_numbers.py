@@ -13,20 +13,7 @@ ALLOWED = "a Gmsh file (.msh) of format 2.2 or 4.1"
 
 
 def malformed(given: str, why: str = "") -> InputError:
-    """Return the refusal of a file that is not what it says it is.
-
-    Parameters
-    ----------
-    given
-        What stands there.
-    why
-        What is wrong with it.
-
-    Returns
-    -------
-    InputError
-        To be raised.
-    """
+    """Return the refusal of a file that is not what it says it is."""
     return refuse("mesh", given, ALLOWED, why, "export it again from Gmsh")
 
 

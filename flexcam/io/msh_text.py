@@ -12,27 +12,7 @@ Group = tuple[int, str, IntArray]
 
 
 def msh_text(nodes: FloatArray, groups: Sequence[Group]) -> str:
-    r"""Return a Gmsh file of format 2.2, in which every number keeps all of its digits.
-
-    Parameters
-    ----------
-    nodes
-        Coordinates, m, shape (n, 3).
-    groups
-        Physical groups in their order. A line group and a point group may have one name.
-
-    Returns
-    -------
-    str
-        The file.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> text = msh_text(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), [(LINE, "rod", np.array([[0, 1]]))])
-    >>> text.split("$PhysicalNames")[1].split("\n")[1:3]
-    ['1', '1 1 "rod"']
-    """
+    r"""Return a Gmsh file of format 2.2, in which every number keeps all of its digits."""
     named = [f'{int(kind == LINE)} {tag} "{name}"' for tag, (kind, name, _) in enumerate(groups, start=1)]
     placed = [f"{i} {' '.join(map(repr, place))}" for i, place in enumerate(nodes.tolist(), start=1)]
     joined = [f"{i} {one}" for i, one in enumerate(_elements(groups), start=1)]

@@ -18,24 +18,7 @@ _LARGEST = 1 << 30
 
 
 def file_beside(case: Path, name: str) -> Path | None:
-    """Return the file that a text of a case names, wherever it lies; None where it names none.
-
-    Parameters
-    ----------
-    case
-        The case file.
-    name
-        As the case gives it.
-
-    Returns
-    -------
-    Path
-        Beside the case; where that is a symbolic link and there is none beside it, beside the real file.
-
-    Examples
-    --------
-    >>> file_beside(Path("cases/tayeb/model-3-shm.toml"), "no-such.msh")
-    """
+    """Return the file that a text of a case names, wherever it lies; None where it names none."""
     try:
         path = _folder(case, name) / name
         return path if path.is_file() else None
@@ -55,34 +38,7 @@ def _folders(case: Path) -> list[Path]:
 
 
 def named_file(case: Path, name: str, where: str) -> Path:
-    """Return the path of a file that a case names.
-
-    Parameters
-    ----------
-    case
-        The case file. Where it is a symbolic link, what does not lie beside it is looked for beside the real file.
-    name
-        As the case gives it.
-    where
-        What the file is, for the message.
-
-    Returns
-    -------
-    Path
-        Of the file, which need not exist, unless there are two folders where it may lie.
-
-    Raises
-    ------
-    InputError
-        If it lies more than two folders above the case's (also by a symbolic link) and in none of the folders of
-        ``FLEXCAM_FILES``, is no regular file, is larger than any such file, or lies neither beside a link to the case
-        nor beside the case.
-
-    Examples
-    --------
-    >>> named_file(Path("cases/tayeb/model-3-shm.toml"), "../../meshes/tayeb-3.msh", "mesh").name
-    'tayeb-3.msh'
-    """
+    """Return the path of a file that a case names."""
     try:
         folder = _folder(case, name)
         path = folder / name

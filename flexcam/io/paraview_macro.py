@@ -88,29 +88,7 @@ if given:
 
 
 def write_macro(collection: Path, fields: Sequence[str], degrees: Sequence[float], *, overwrite: bool = False) -> Path:
-    """Write the macro of an exported collection as ``NAME.paraview.py`` beside it.
-
-    Parameters
-    ----------
-    collection
-        The ``.pvd`` file.
-    fields
-        Names of its changing point data: ``displacement`` warps, stress or the first of them colours.
-    degrees
-        Cam angle of every instant in it, deg.
-    overwrite
-        Whether an existing macro may be replaced.
-
-    Returns
-    -------
-    Path
-        The macro.
-
-    Raises
-    ------
-    InputError
-        If it exists and may not be replaced.
-    """
+    """Write the macro of an exported collection as ``NAME.paraview.py`` beside it."""
     path = macro_of(collection)
     free_to_write("export", path, overwrite=overwrite)
     colour = "stress_von_mises" if "stress_von_mises" in fields else fields[0]
@@ -125,16 +103,5 @@ def write_macro(collection: Path, fields: Sequence[str], degrees: Sequence[float
 
 
 def macro_of(collection: Path) -> Path:
-    """Return where the macro of a collection goes.
-
-    Parameters
-    ----------
-    collection
-        The ``.pvd`` file.
-
-    Returns
-    -------
-    Path
-        ``NAME.paraview.py`` beside it.
-    """
+    """Return where the macro of a collection goes."""
     return collection.with_name(f"{collection.stem}.paraview.py")

@@ -41,30 +41,7 @@ class ProfileTable:
 
 
 def write_profile(table: ProfileTable, stem: Path, forms: Sequence[str], *, overwrite: bool = False) -> list[Path]:
-    """Write a profile in some formats.
-
-    Parameters
-    ----------
-    table
-        The profile.
-    stem
-        File name without its ending; the folder exists.
-    forms
-        Of ``csv`` (a row per cam angle, mm and deg), ``dxf`` (closed polylines in layers, mm) and ``vtp`` (VTK
-        polylines, m; arrays named with their units).
-    overwrite
-        Whether existing files may be replaced.
-
-    Returns
-    -------
-    list
-        The files.
-
-    Raises
-    ------
-    InputError
-        If a file exists and may not be replaced; then none is written.
-    """
+    """Write a profile in some formats."""
     writers = {"csv": _csv, "dxf": _dxf, "vtp": _vtp}
     paths = [stem.with_name(f"{stem.name}.{form}") for form in forms]
     for path in paths:

@@ -17,27 +17,7 @@ _MOST_FAULTS = 10
 
 
 def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
-    """Read the points of a profile.
-
-    Parameters
-    ----------
-    path
-        CSV; a first row of names says which columns are ``x`` and ``y`` (those of ``profile`` where there are several)
-        and in which unit, such as ``x [mm], y [mm]`` or ``x_mm, y_mm``. Without it there are two columns.
-    unit
-        ``um``, ``mm``, ``cm``, ``m`` or ``in``, where the head does not say so.
-
-    Returns
-    -------
-    ndarray
-        m, shape (n, 2), frame of the cam; a last point that repeats the first one is left out.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, its columns are not found, a row holds no numbers, or the unit is not said or said
-        to be two.
-    """
+    """Read the points of a profile."""
     try:
         lines = lines_of(path)
     except (OSError, UnicodeDecodeError) as fault:

@@ -37,31 +37,7 @@ class Frame:
 def write_pvd(
     result: Result, path: Path, *, every: int = 1, fields: Sequence[str] | None = None, overwrite: bool = False
 ) -> list[Path]:
-    """Write a result as a ParaView collection.
-
-    Parameters
-    ----------
-    result
-        The result.
-    path
-        The ``.pvd`` file; its instants go to a folder of the same name beside it.
-    every
-        Take every so many of the saved instants.
-    fields
-        Names of the changing point data to write; None for all.
-    overwrite
-        Whether existing files may be replaced.
-
-    Returns
-    -------
-    list
-        The files written, the collection first.
-
-    Raises
-    ------
-    InputError
-        If the collection exists and may not be replaced, `every` is below 1, or a field does not exist.
-    """
+    """Write a result as a ParaView collection."""
     if every < 1:
         raise refuse("every", every, "a whole number from 1")
     free_to_write("export", path, overwrite=overwrite)
@@ -81,22 +57,7 @@ def write_pvd(
 
 
 def write_collection(path: Path, times: FloatArray, frames: Iterable[Frame]) -> list[Path]:
-    """Write frames as ``.vtp`` files into a folder, and the ``.pvd`` file that names them beside it.
-
-    Parameters
-    ----------
-    path
-        The ``.pvd`` file.
-    times
-        One per frame.
-    frames
-        In the order of the times.
-
-    Returns
-    -------
-    list
-        The files written, the collection first.
-    """
+    """Write frames as ``.vtp`` files into a folder, and the ``.pvd`` file that names them beside it."""
     from xml.sax.saxutils import quoteattr  # loads what opens web pages
 
     folder = made_folder(path.with_suffix(""))
@@ -116,15 +77,7 @@ def write_collection(path: Path, times: FloatArray, frames: Iterable[Frame]) -> 
 
 
 def write_vtp(path: Path, frame: Frame) -> None:
-    """Write one instant as VTK PolyData XML, one polyline per member, and a vertex per node on no member that moves.
-
-    Parameters
-    ----------
-    path
-        The ``.vtp`` file.
-    frame
-        What is in it.
-    """
+    """Write one instant as VTK PolyData XML, one polyline per member, and a vertex per node on no member that moves."""
     lengths = [len(line) for line in frame.mesh.lines.values()]
     points = frame.mesh.nodes[frame.node]
     vertices = np.full(len(points) - sum(lengths), -1)

@@ -10,28 +10,7 @@ _LARGEST_TEXT = 1 << 28
 
 
 def size_of(path: Path) -> int:
-    """Return the size of a file; a device or a pipe has none, and reading it might never end.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Returns
-    -------
-    int
-        Bytes.
-
-    Raises
-    ------
-    OSError
-        If there is no such file, or it is no regular one.
-
-    Examples
-    --------
-    >>> size_of(Path(__file__)) > 0
-    True
-    """
+    """Return the size of a file; a device or a pipe has none, and reading it might never end."""
     found = path.stat()
     if not S_ISREG(found.st_mode):
         raise OSError("a folder, a device or a pipe stands there")
@@ -39,27 +18,7 @@ def size_of(path: Path) -> int:
 
 
 def text_of(path: Path, encoding: str = "utf-8-sig") -> str:
-    """Return the text of a file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    encoding
-        Of its characters; a mark of their order at the beginning, which editors of Windows write, is left out.
-
-    Returns
-    -------
-    str
-        All of it.
-
-    Raises
-    ------
-    OSError
-        If there is no such file, it is no regular one, or far larger than any text of flexcam.
-    UnicodeDecodeError
-        If it is no text.
-    """
+    """Return the text of a file."""
     size = size_of(path)
     if size > _LARGEST_TEXT:
         raise OSError(f"it has {size} bytes, more than any such file")
@@ -71,20 +30,5 @@ def lines_of(path: Path) -> list[str]:
 
     No letter but the ends of lines of Unix, Windows and old Macs ends one: `str.splitlines` would count
     others, such as U+0085 and U+2028, and name a wrong line from there on.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Returns
-    -------
-    list
-        Without their ends.
-
-    Raises
-    ------
-    OSError, UnicodeDecodeError
-        As `text_of`.
     """
     return text_of(path).split("\n")  # all three ends are read as this one

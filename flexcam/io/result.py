@@ -114,20 +114,7 @@ def read_result(path: str | Path) -> Result:
 
 
 def check_whole(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
-    """Refuse a result of a newer format, or one whose names, texts or index are not as they were written.
-
-    Parameters
-    ----------
-    file
-        Of h5py.
-    source
-        Its path.
-
-    Raises
-    ------
-    InputError
-        If so.
-    """
+    """Refuse a result of a newer format, or one whose names, texts or index are not as they were written."""
     if "VTKHDF" not in file and {"inputs", "scalars"} <= set(file):
         remedy = "flexcam.sweep.read_table reads it, and flexcam info --verify says whether it is sound"
         raise refuse("result", source, "a result file of flexcam (.vtkhdf)", "it is the table of a sweep", remedy)
@@ -202,24 +189,7 @@ def _side_by_side(history: Any, probes: tuple[tuple[str, tuple[str, ...]], ...],
 
 
 def at_nodes(read: Callable[[str], FloatArray], series: str, node: IntArray, nodes: int) -> FloatArray:
-    """Return one series of saved fields at the nodes; points of a joint agree, any of them counts.
-
-    Parameters
-    ----------
-    read
-        Returns some instants of a point vector by its name, shape (instants x points, 3).
-    series
-        ``displacement``, ``velocity`` or ``acceleration``.
-    node
-        Of every point.
-    nodes
-        How many there are.
-
-    Returns
-    -------
-    ndarray
-        Shape (instants, 6 nodes).
-    """
+    """Return one series of saved fields at the nodes; points of a joint agree, any of them counts."""
     parts = {first: read(name).reshape(-1, len(node), 3) for name, (of, first, _) in VECTORS.items() if of == series}
     spread = np.zeros((len(parts[0]), nodes, 6))
     for first, values in parts.items():
@@ -228,18 +198,7 @@ def at_nodes(read: Callable[[str], FloatArray], series: str, node: IntArray, nod
 
 
 def status_of(file: Any) -> Status:  # noqa: ANN401
-    """Return how the run of an open result file ended.
-
-    Parameters
-    ----------
-    file
-        Of h5py.
-
-    Returns
-    -------
-    Status
-        A run that was cut off has said nothing.
-    """
+    """Return how the run of an open result file ended."""
     if "status" not in file:
         return Status(Cause.INTERRUPTED, "the run was cut off before it could say why", "flexcam run --resume goes on")
     texts = read_texts(file["status"])

@@ -21,24 +21,7 @@ _STILL = 24
 
 
 def result_bytes(outline: Outline, mesh: Mesh, save: SaveAt, steps: int) -> int:
-    """Return the size of the result file of a run.
-
-    Parameters
-    ----------
-    outline
-        Names of what is written.
-    mesh
-        What the fields are drawn on.
-    save
-        How the run hands out its blocks.
-    steps
-        Of the whole run.
-
-    Returns
-    -------
-    int
-        Bytes; a few percent from what is written.
-    """
+    """Return the size of the result file of a run."""
     rows, fields = steps + 1, -(-steps // save.field_every) + 1
     widths = [1, 1, *(len(parts) for _, parts in outline.probes for _ in SERIES), *(1 for _ in outline.channels)]
     points, together = points_drawn(mesh), max(save.block // save.field_every, 1)
@@ -50,18 +33,7 @@ def result_bytes(outline: Outline, mesh: Mesh, save: SaveAt, steps: int) -> int:
 
 
 def points_drawn(mesh: Mesh) -> int:
-    """Return at how many points fields are drawn: those of every member, and the nodes on none.
-
-    Parameters
-    ----------
-    mesh
-        The mesh.
-
-    Returns
-    -------
-    int
-        Points.
-    """
+    """Return at how many points fields are drawn: those of every member, and the nodes on none."""
     return sum(len(line) for line in mesh.lines.values()) + int((~mesh.on_members()).sum())
 
 

@@ -24,18 +24,6 @@ def scratch() -> Generator[Path]:
     """Give a new folder, which is removed at the end; those that processes of this user left behind are removed first.
 
     Where the system has no locks (Windows, some network drives), nothing is removed but the folder itself.
-
-    Yields
-    ------
-    Path
-        The folder.
-
-    Examples
-    --------
-    >>> with scratch() as folder:
-    ...     size = (folder / "case.toml").write_text("format = 1")
-    >>> folder.exists()
-    False
     """
     for left in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
         with suppress(OSError):  # somebody holds it, or removes it too

@@ -32,31 +32,12 @@ _module: Any = h5py
 
 
 def keep_sum(dataset: Any, value: int) -> None:  # noqa: ANN401 - h5py has no types
-    """Write the checksum of a dataset.
-
-    Parameters
-    ----------
-    dataset
-        Of h5py.
-    value
-        CRC-32 of its rows.
-    """
+    """Write the checksum of a dataset."""
     attribute(dataset, SUM, np.array(value, np.uint32))
 
 
 def digest(file: Any) -> str:  # noqa: ANN401
-    """Return the SHA-256 of everything in a file but numbers that have a checksum, which it covers by that.
-
-    Parameters
-    ----------
-    file
-        Of h5py.
-
-    Returns
-    -------
-    str
-        Hexadecimal.
-    """
+    """Return the SHA-256 of everything in a file but numbers that have a checksum, which it covers by that."""
     sum_ = hashlib.sha256()
     for part in _parts(file):
         sum_.update(len(part).to_bytes(8, "little") + part)
@@ -64,29 +45,12 @@ def digest(file: Any) -> str:  # noqa: ANN401
 
 
 def seal(file: Any) -> None:  # noqa: ANN401
-    """Write the seal into a file that is open for writing.
-
-    Parameters
-    ----------
-    file
-        Of h5py.
-    """
+    """Write the seal into a file that is open for writing."""
     file.attrs[SEAL] = np.bytes_(digest(file).encode())
 
 
 def seal_fault(file: Any) -> Fault | None:  # noqa: ANN401
-    """Return what is wrong with the seal of a file; None if nothing is.
-
-    Parameters
-    ----------
-    file
-        Of h5py.
-
-    Returns
-    -------
-    Fault
-        That there is no seal, or that what it covers is not what was written.
-    """
+    """Return what is wrong with the seal of a file; None if nothing is."""
     remedy = "compute it again, or take it from a sound copy"
     if SEAL not in file.attrs:
         return Fault("/, seal", "nothing", "the seal every such file has", "names and texts may be damaged", remedy)

@@ -16,29 +16,7 @@ _ROWS = 1 << 16
 
 
 def taken(dataset: Any, rows: int | None = None) -> Any:  # noqa: ANN401 - h5py has no types
-    """Return the rows of a dataset if they are as they were written.
-
-    Parameters
-    ----------
-    dataset
-        Of h5py.
-    rows
-        How many of them count; None for all.
-
-    Returns
-    -------
-    ndarray
-        As h5py reads it.
-
-    Raises
-    ------
-    InputError
-        If there are fewer, or a checksum does not fit.
-
-    Examples
-    --------
-    ``taken(file["history/time"], 100)`` are the first hundred instants.
-    """
+    """Return the rows of a dataset if they are as they were written."""
     if rows is not None and (not dataset.shape or dataset.shape[0] < rows or rows < 0):
         raise InputError(
             [Fault(dataset.name, f"shape {in_words(dataset.shape)}", f"{rows} rows", "a count is wrong", _REMEDY)]
@@ -53,36 +31,12 @@ def taken(dataset: Any, rows: int | None = None) -> Any:  # noqa: ANN401 - h5py 
 
 
 def damaged(dataset: Any, why: str) -> Fault:  # noqa: ANN401
-    """Return the fault of a dataset whose numbers are not what they were.
-
-    Parameters
-    ----------
-    dataset
-        Of h5py.
-    why
-        How that is known.
-
-    Returns
-    -------
-    Fault
-        With its name.
-    """
+    """Return the fault of a dataset whose numbers are not what they were."""
     return Fault(dataset.name, "damaged numbers", "numbers whose checksum fits", why, _REMEDY)
 
 
 def held(dataset: Any) -> Fault | None:  # noqa: ANN401
-    """Read a dataset in pieces, to its end.
-
-    Parameters
-    ----------
-    dataset
-        Of h5py.
-
-    Returns
-    -------
-    Fault or None
-        That it is damaged, or holds what flexcam never writes.
-    """
+    """Read a dataset in pieces, to its end."""
     found = 0
     for part in _in_parts(dataset):
         if part.dtype.kind == "f" and not np.isfinite(part).all():

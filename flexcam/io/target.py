@@ -13,25 +13,7 @@ _REMEDY = "overwrite it by --overwrite or overwrite=True"
 
 
 def free_to_write(where: str, path: Path, *, overwrite: bool, remedy: str = _REMEDY) -> None:
-    """Refuse a target that exists.
-
-    Parameters
-    ----------
-    where
-        What is written, for the message.
-    path
-        The target.
-    overwrite
-        Whether it may be replaced.
-    remedy
-        What to do if it may not.
-
-    Raises
-    ------
-    InputError
-        If it exists and may not be replaced, is a folder or a symbolic link to nothing, or its folder cannot be made or
-        takes no files.
-    """
+    """Refuse a target that exists."""
     if path.is_symlink() and not path.exists():  # whose target it would make is not known
         remedy = "remove the link, or name another file"
         raise refuse(where, str(path), "a file that does not exist yet", _NOWHERE, remedy)
@@ -70,23 +52,7 @@ _OF_FILES = frozenset((
 
 
 def named_as_folder(path: Path) -> Path:
-    """Return the name of a folder for files that are named after something else, such as the case.
-
-    Parameters
-    ----------
-    path
-        The folder, which need not exist.
-
-    Returns
-    -------
-    Path
-        The same.
-
-    Raises
-    ------
-    InputError
-        If it ends like a file that flexcam writes, and nothing stands there already.
-    """
+    """Return the name of a folder for files that are named after something else, such as the case."""
     if path.suffix.lower() not in _OF_FILES or path.exists():
         return path
     allowed, why = "a folder", "its files have names of their own, after the case"
@@ -94,23 +60,7 @@ def named_as_folder(path: Path) -> Path:
 
 
 def made_folder(path: Path) -> Path:
-    """Return a folder, made with its parents if it does not exist.
-
-    Parameters
-    ----------
-    path
-        The folder.
-
-    Returns
-    -------
-    Path
-        The same.
-
-    Raises
-    ------
-    InputError
-        If it cannot be made.
-    """
+    """Return a folder, made with its parents if it does not exist."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
@@ -120,18 +70,7 @@ def made_folder(path: Path) -> Path:
 
 
 def takes_files(folder: Path) -> None:
-    """Refuse a folder in which no file can be made, before anything is computed for it; nothing is left behind.
-
-    Parameters
-    ----------
-    folder
-        Which need not exist.
-
-    Raises
-    ------
-    InputError
-        If it cannot be made, or takes no file.
-    """
+    """Refuse a folder in which no file can be made, before anything is computed for it; nothing is left behind."""
     missing = [one for one in (folder, *folder.parents) if not one.exists()]
     try:
         with tempfile.TemporaryFile(dir=made_folder(folder)):

@@ -17,37 +17,13 @@ _module: Any = h5py
 
 
 def encoded(texts: Sequence[str]) -> Any:  # noqa: ANN401 - an array
-    """Return texts as an array of UTF-8 of one length, as HDF5 takes it.
-
-    Parameters
-    ----------
-    texts
-        The texts.
-
-    Returns
-    -------
-    ndarray
-        Shape (texts,).
-
-    Examples
-    --------
-    >>> encoded(["m", "rad"]).tolist()
-    [b'm', b'rad']
-    """
+    """Return texts as an array of UTF-8 of one length, as HDF5 takes it."""
     parts = [one.encode() for one in texts]
     return np.array(parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
 
 
 def texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401 - h5py has no types
-    """Write texts into a group, one dataset each.
-
-    Parameters
-    ----------
-    group
-        Where they go.
-    content
-        Name to text.
-    """
+    """Write texts into a group, one dataset each."""
     for name, one in content.items():
         value = encoded([one]).reshape(())
         kind = text(value.dtype.itemsize)
@@ -55,68 +31,21 @@ def texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401 - h5p
 
 
 def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401
-    """Return the texts of a group, by name.
-
-    Parameters
-    ----------
-    group
-        That `texts` wrote.
-
-    Returns
-    -------
-    dict
-        Name to text.
-    """
+    """Return the texts of a group, by name."""
     return {name: bytes(item[()]).decode() for name, item in group.items()}
 
 
 def note(one: Any, name: str, content: str | Sequence[str]) -> None:  # noqa: ANN401
-    """Write a text, or several, as an attribute.
-
-    Parameters
-    ----------
-    one
-        Group or dataset.
-    name
-        Of the attribute.
-    content
-        The text, or a list of them.
-    """
+    """Write a text, or several, as an attribute."""
     values = encoded([content] if isinstance(content, str) else content)
     attribute(one, name, values.reshape(()) if isinstance(content, str) else values, text(values.dtype.itemsize))
 
 
 def noted(one: Any, name: str) -> str:  # noqa: ANN401
-    """Return the text of an attribute.
-
-    Parameters
-    ----------
-    one
-        Group or dataset.
-    name
-        Of the attribute.
-
-    Returns
-    -------
-    str
-        That `note` wrote.
-    """
+    """Return the text of an attribute."""
     return bytes(one.attrs[name]).decode()
 
 
 def notes(one: Any, name: str) -> tuple[str, ...]:  # noqa: ANN401
-    """Return the texts of an attribute.
-
-    Parameters
-    ----------
-    one
-        Group or dataset.
-    name
-        Of the attribute.
-
-    Returns
-    -------
-    tuple
-        That `note` wrote.
-    """
+    """Return the texts of an attribute."""
     return tuple(bytes(content).decode() for content in one.attrs[name])

@@ -13,24 +13,7 @@ _WIDE = 100
 
 
 def toml_text(content: Mapping[str, object]) -> str:
-    """Return tables as TOML text.
-
-    Parameters
-    ----------
-    content
-        Tables, arrays, texts and numbers.
-
-    Returns
-    -------
-    str
-        What `tomllib` reads as the same content.
-
-    Examples
-    --------
-    >>> print(toml_text({"node": [0.0, 0.5, 1.0]}))
-    node = [0.0, 0.5, 1.0]
-    <BLANKLINE>
-    """
+    """Return tables as TOML text."""
     import tomli_w
 
     return _ARRAY.sub(_joined, tomli_w.dumps(content))

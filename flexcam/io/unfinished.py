@@ -45,11 +45,6 @@ class Unfinished:
         How it broke off.
     checkpoint
         Where the run goes on.
-
-    Raises
-    ------
-    InputError
-        If it is no partial result of flexcam, damaged, without a checkpoint, or the run would end the same way again.
     """
 
     def __init__(self, path: Path, geometry: Geometry, outline: Outline, save: SaveAt) -> None:
@@ -69,23 +64,11 @@ class Unfinished:
         self.checkpoint: Checkpoint = found
 
     def verify(self) -> None:
-        """Read everything once, and hold it against its checksums.
-
-        Raises
-        ------
-        InputError
-            If something is damaged.
-        """
+        """Read everything once, and hold it against its checksums."""
         verified(self._path)
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the blocks up to the checkpoint; checksums are held against what is read, see `verify` for the rest.
-
-        Raises
-        ------
-        InputError
-            If something is damaged.
-        """
+        """Yield the blocks up to the checkpoint; checksums are held against what is read, see `verify` for the rest."""
         size, field = self._save.block, 0
         with guarded(self._path, *_GUARDED) as file:
             for first in range(0, self.checkpoint.steps, size):

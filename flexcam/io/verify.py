@@ -37,27 +37,7 @@ class Verified:
 
 
 def verified(path: str | Path) -> Verified:
-    """Read every dataset of a result, and the table of a sweep, to the last byte.
-
-    Parameters
-    ----------
-    path
-        A ``.vtkhdf`` or ``.h5`` file that flexcam wrote.
-
-    Returns
-    -------
-    Verified
-        What was read.
-
-    Raises
-    ------
-    InputError
-        With a fault for every dataset that is damaged, and for the seal.
-
-    Examples
-    --------
-    ``verified("results/model-3-shm.vtkhdf").datasets``
-    """
+    """Read every dataset of a result, and the table of a sweep, to the last byte."""
     source = Path(path)
     allowed = "a result file of flexcam (.vtkhdf) or the table of a sweep (.h5)"
     with guarded(source, "result", allowed, instead(source)) as file:

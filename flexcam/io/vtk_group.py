@@ -21,18 +21,7 @@ Still = Mapping[str, tuple[FloatArray | IntArray, str]]
 
 
 def still_data(geometry: Geometry) -> Still:
-    """Return what is known of every point: radius, mesh node, local axes.
-
-    Parameters
-    ----------
-    geometry
-        The drawn geometry.
-
-    Returns
-    -------
-    Mapping
-        Name to values at the points and unit.
-    """
+    """Return what is known of every point: radius, mesh node, local axes."""
     axes = {f"axis_{name}": (axis, "") for name, axis in zip("xyz", geometry.axes().swapaxes(0, 1), strict=True)}
     return {"radius": (geometry.radius(), "m"), "node": (geometry.node, ""), **axes}
 

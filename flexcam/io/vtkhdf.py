@@ -71,12 +71,6 @@ class ResultFile:
         The state from which the run goes on with the partial result, which stays until all that it holds is written.
     warnings
         Asked at the end for what is doubtful about the run; None for nothing.
-
-    Raises
-    ------
-    InputError
-        If the result, or the partial one of a run that broke off, exists and may not be replaced, another process is
-        writing it, or the file cannot be made.
     """
 
     def __init__(
@@ -146,13 +140,7 @@ class ResultFile:
             _module.h5ds.attach_scale(one.dataset.id, self._time.dataset.id, 0)
 
     def write(self, block: Block) -> None:
-        """Append a block, now or together with later ones.
-
-        Raises
-        ------
-        OSError
-            If they cannot be written.
-        """
+        """Append a block, now or together with later ones."""
         self._waiting.append(block)
         self._taken += len(block.time)
         self._bytes += _size(block)
@@ -174,13 +162,7 @@ class ResultFile:
         self._vtk.stamp(block.field_time)
 
     def keep(self, checkpoint: Checkpoint) -> None:
-        """Take the state behind the last block, and show what is written when it is time to.
-
-        Raises
-        ------
-        OSError
-            If it cannot be written.
-        """
+        """Take the state behind the last block, and show what is written when it is time to."""
         self._checkpoint = checkpoint
         if self._draft.due:
             began = time.perf_counter()
@@ -215,13 +197,7 @@ class ResultFile:
             history.extend(values)
 
     def close(self, status: Status, stats: Stats) -> None:
-        """Write how the run ended; a complete result takes its final name, any other becomes the partial one.
-
-        Raises
-        ------
-        OSError
-            If it cannot be written: what was shown of it before stays.
-        """
+        """Write how the run ended; a complete result takes its final name, any other becomes the partial one."""
         if self._checkpoint is not None and self._taken < self._checkpoint.steps:
             self._abandon()  # it was stopped before it held what the earlier one holds: that one stays
             return
@@ -272,18 +248,7 @@ def _size(block: Block) -> int:
 
 
 def partial_of(path: Path) -> Path:
-    """Return where the partial result of a run is shown.
-
-    Parameters
-    ----------
-    path
-        Of the result.
-
-    Returns
-    -------
-    Path
-        Beside it.
-    """
+    """Return where the partial result of a run is shown."""
     return path.with_name(f"{path.stem}.partial.vtkhdf")
 
 

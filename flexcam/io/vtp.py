@@ -25,21 +25,7 @@ def write_polylines(
     cell_data: Data,
     field_data: Data | None = None,
 ) -> None:
-    """Write polylines whose points follow each other; points behind the last one's become vertices.
-
-    Parameters
-    ----------
-    path
-        The ``.vtp`` file.
-    points
-        Shape (n, 3), m.
-    lengths
-        Points per line, up to n together.
-    point_data, cell_data
-        Arrays by name, a row per point; per vertex and then per line.
-    field_data
-        Arrays of the whole by name.
-    """
+    """Write polylines whose points follow each other; points behind the last one's become vertices."""
     drawn = sum(lengths)
     vertices, ends = np.arange(drawn, len(points)), np.cumsum([0, *lengths])[1:]
     text = "\n".join([

@@ -12,32 +12,7 @@ from flexcam.response import Cause, RunFailedError, Status
 
 @contextmanager
 def whole(path: Path) -> Generator[Path]:
-    """Give a name to write to; what is written takes the place of a file when all of it is there.
-
-    Parameters
-    ----------
-    path
-        The file, in a folder that exists; devices are written as they are.
-
-    Yields
-    ------
-    Path
-        In the same folder and with the same ending.
-
-    Raises
-    ------
-    RunFailedError
-        If the system refuses: a full disk, a folder that may not be written. What stood there before still does.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     with whole(Path(folder, "a.txt")) as draft:
-    ...         size = draft.write_text("all")
-    ...     Path(folder, "a.txt").read_text()
-    'all'
-    """
+    """Give a name to write to; what is written takes the place of a file when all of it is there."""
     draft = path.with_name(f".flexcam-{os.getpid()}{path.suffix}") if path.is_file() or not path.exists() else path
     try:
         yield draft

@@ -37,10 +37,6 @@ class BandFactor:
         Unknown at each place of the band, shape (n,).
     scale
         What the unknowns were scaled with, in the order of the band, shape (n,).
-
-    Examples
-    --------
-    `band_factor` makes one.
     """
 
     upper: FloatArray
@@ -61,27 +57,7 @@ class BandFactor:
 
 
 def band_factor(scaled: csr_array, scale: FloatArray) -> BandFactor | None:
-    """Return the factor of a matrix if it is symmetric, positive definite and of narrow band after renumbering.
-
-    Parameters
-    ----------
-    scaled
-        n x n, with a diagonal of size 1.
-    scale
-        What rows and columns were multiplied with, shape (n,).
-
-    Returns
-    -------
-    BandFactor
-        None where it is not.
-
-    Examples
-    --------
-    >>> from scipy.sparse import csr_array
-    >>> found = band_factor(csr_array([[1.0, 0.5], [0.5, 1.0]]), np.ones(2))
-    >>> found.solve(np.array([1.5, 1.5])) if found else None
-    array([1., 1.])
-    """
+    """Return the factor of a matrix if it is symmetric, positive definite and of narrow band after renumbering."""
     from scipy.linalg.lapack import dpbtrf
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 

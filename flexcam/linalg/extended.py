@@ -24,26 +24,7 @@ _FEW = 100
 
 
 def product(A: LongArray, B: LongArray) -> LongArray:
-    """Return A B with the digits of extended precision.
-
-    Parameters
-    ----------
-    A
-        Shape (m, n), its rows of numbers of one size.
-    B
-        Shape (n, k), its columns of numbers of one size.
-
-    Returns
-    -------
-    ndarray
-        Shape (m, k); errors are parts of the largest numbers of a row and of a column.
-
-    Examples
-    --------
-    >>> third = np.full((1, 1), 1.0, np.longdouble) / 3
-    >>> bool(abs(product(third, np.full((1, 1), 3.0, np.longdouble)) - 1.0) < 1e-18)
-    True
-    """
+    """Return A B with the digits of extended precision."""
     n = A.shape[1]
     if n <= _FEW:
         return A @ B
@@ -67,25 +48,7 @@ def _sliced(matrix: LongArray, bits: int, *, axis: int) -> list[FloatArray]:
 
 
 def times(matrix: FloatArray, columns: LongArray) -> LongArray:
-    """Return a matrix of which most is zero times columns, in extended precision.
-
-    Parameters
-    ----------
-    matrix
-        Shape (m, n).
-    columns
-        Shape (n, k).
-
-    Returns
-    -------
-    ndarray
-        Shape (m, k).
-
-    Examples
-    --------
-    >>> times(np.eye(2), np.ones((2, 1), np.longdouble)).astype(float).tolist()
-    [[1.0], [1.0]]
-    """
+    """Return a matrix of which most is zero times columns, in extended precision."""
     found = np.zeros((len(matrix), columns.shape[1]), dtype=np.longdouble)
     for i, row in enumerate(matrix):
         held = np.flatnonzero(row)

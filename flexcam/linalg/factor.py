@@ -62,52 +62,13 @@ class _SparseLU:
 
 
 def diagonal_scale(matrix: Triplets) -> FloatArray:
-    """Return 1/sqrt of the diagonal: it removes the units, so that translations and rotations compare.
-
-    Parameters
-    ----------
-    matrix
-        Symmetric matrix with a non-negative diagonal.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,); 1 where the diagonal is zero.
-
-    Examples
-    --------
-    >>> from flexcam.linalg import Triplets
-    >>> diagonal_scale(Triplets.from_dense([[4.0, 0.0], [0.0, 0.0]]))
-    array([0.5, 1. ])
-    """
+    """Return 1/sqrt of the diagonal: it removes the units, so that translations and rotations compare."""
     diagonal = np.abs(matrix.diagonal())
     return 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
 
 
 def factorize(matrix: Triplets) -> Factor:
-    """Return the factorization of a symmetric matrix.
-
-    Parameters
-    ----------
-    matrix
-        Symmetric, non-singular.
-
-    Returns
-    -------
-    Factor
-        Its `solve` takes right-hand sides of shape (n,) or (n, k).
-
-    Raises
-    ------
-    SingularMatrixError
-        If there is no inverse to working precision.
-
-    Examples
-    --------
-    >>> from flexcam.linalg import Triplets
-    >>> factorize(Triplets.from_dense([[2.0, 0.0], [0.0, 4.0]])).solve(np.array([2.0, 2.0]))
-    array([1. , 0.5])
-    """
+    """Return the factorization of a symmetric matrix."""
     scale = diagonal_scale(matrix)
     if matrix.size <= DENSE_LIMIT:
         return _dense_inverse(scale[:, None] * matrix.dense() * scale, scale)
@@ -163,22 +124,5 @@ def _sparse_lu(scaled: csc_array, scale: FloatArray) -> _SparseLU:
 
 
 def operator(matrix: Triplets) -> FloatArray | csr_array:
-    """Return the form of the matrix whose products are fastest at its size.
-
-    Parameters
-    ----------
-    matrix
-        Any square matrix.
-
-    Returns
-    -------
-    ndarray or csr_array
-        Both multiply with ``@``.
-
-    Examples
-    --------
-    >>> from flexcam.linalg import Triplets
-    >>> operator(Triplets.zeros(2)) @ np.ones(2)
-    array([0., 0.])
-    """
+    """Return the form of the matrix whose products are fastest at its size."""
     return matrix.dense() if matrix.size <= DENSE_LIMIT else matrix.csr()

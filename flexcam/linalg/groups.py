@@ -13,23 +13,6 @@ def groups(size: int, rows: IntArray, cols: IntArray) -> IntArray:
     Every group is hooked to its least neighbour until none is left, which at least halves their number each time:
     Y. Shiloach and U. Vishkin, An O(log n) parallel connectivity algorithm, J. Algorithms 3 (1982). In numpy alone,
     so that a small run needs no scipy.
-
-    Parameters
-    ----------
-    size
-        Number of things.
-    rows, cols
-        Pairs that hang together, shape (k,) each.
-
-    Returns
-    -------
-    ndarray
-        Shape (size,): the lowest member of each one's group.
-
-    Examples
-    --------
-    >>> groups(4, np.array([3]), np.array([1]))
-    array([0, 1, 2, 1])
     """
     labels = np.arange(size)
     while (labels[rows] != labels[cols]).any():
@@ -43,22 +26,6 @@ def groups(size: int, rows: IntArray, cols: IntArray) -> IntArray:
 
 
 def by_group(labels: IntArray) -> list[IntArray]:
-    """Return the members of every group, in the order of their labels.
-
-    Parameters
-    ----------
-    labels
-        Of each thing, shape (size,), such as `groups` returns.
-
-    Returns
-    -------
-    list
-        Positions, ascending, of every group.
-
-    Examples
-    --------
-    >>> by_group(np.array([0, 1, 0]))
-    [array([0, 2]), array([1])]
-    """
+    """Return the members of every group, in the order of their labels."""
     order = np.argsort(labels, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(labels[order])) + 1) if len(labels) else []

@@ -30,31 +30,6 @@ def factorize_held(matrix: Triplets, motions: FloatArray, stiffness: float) -> F
 
     The hold couples everything that moves with everything else, so for many unknowns it is not formed: one unknown per
     motion is held in its place, and the difference, of few vectors, is put right in every answer.
-
-    Parameters
-    ----------
-    matrix
-        A, symmetric, n unknowns; regular but for the motions.
-    motions
-        Independent motions F as columns, shape (n, m), m few.
-    stiffness
-        k, above zero.
-
-    Returns
-    -------
-    Factor
-        For right-hand sides of shape (n,) or (n, k).
-
-    Raises
-    ------
-    SingularMatrixError
-        If A is singular along other motions.
-
-    Examples
-    --------
-    >>> pair = Triplets.from_dense([[1.0, -1.0], [-1.0, 1.0]])
-    >>> factorize_held(pair, np.array([[1.0], [1.0]]), 0.5).solve(np.array([1.0, 1.0]))
-    array([1., 1.])
     """
     if not motions.shape[1]:
         return factorize(matrix)

@@ -23,23 +23,6 @@ def null_space(matrix: Triplets) -> FloatArray:
     The matrix is scaled to a unit diagonal first, so the answer does not depend on units. Above a few
     hundred unknowns the smallest eigenvalues come from shift-invert Lanczos; the shift exists only inside
     that search and is not added to the stiffness.
-
-    Parameters
-    ----------
-    matrix
-        Symmetric, positive semi-definite, n unknowns.
-
-    Returns
-    -------
-    ndarray
-        Shape (n, k), k the number of such motions (0 for a supported structure); orthonormal with the matrix's
-        diagonal as weight.
-
-    Examples
-    --------
-    >>> from flexcam.linalg import Triplets
-    >>> null_space(Triplets.from_dense([[1.0, -1.0], [-1.0, 1.0]])).T ** 2
-    array([[0.5, 0.5]])
     """
     if matrix.size == 0:
         return np.zeros((0, 0))
@@ -69,21 +52,6 @@ def pins(motions: FloatArray) -> list[int]:
     """Return one unknown per motion such that holding these unknowns holds all motions.
 
     Gaussian elimination with row pivots.
-
-    Parameters
-    ----------
-    motions
-        Independent motions as columns, shape (n, k).
-
-    Returns
-    -------
-    list
-        k positions.
-
-    Examples
-    --------
-    >>> pins(np.array([[0.1], [0.9], [0.2]]))
-    [1]
     """
     held: list[int] = []
     rest = motions.copy()

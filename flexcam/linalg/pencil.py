@@ -27,28 +27,6 @@ def natural(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
     An eigensolver in double precision leaves an error of the size of the largest eigenvalue's rounding in every one, so
     that the lowest frequencies of a stiff structure lose half their digits. A refinement with products in extended
     precision gives them back: T. Ogita and K. Aishima, Japan J. Indust. Appl. Math. 35 (2018).
-
-    Parameters
-    ----------
-    M
-        Symmetric, positive definite, shape (n, n).
-    K
-        Symmetric, positive semidefinite, shape (n, n).
-
-    Returns
-    -------
-    tuple
-        Eigenvalues, rising, none below zero, shape (n,), and vectors as columns, shape (n, n).
-
-    Raises
-    ------
-    LinAlgError
-        If the mass is not positive.
-
-    Examples
-    --------
-    >>> natural(np.diag([4.0, 1.0]), np.diag([4.0, 9.0]))[0]
-    array([1., 9.])
     """
     if not (np.diag(M) > 0.0).all():
         message = "the mass is not positive"

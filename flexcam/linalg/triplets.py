@@ -38,11 +38,6 @@ class Triplets:
         Places of the entries, shape (k,).
     values
         Entries, shape (k,).
-
-    Examples
-    --------
-    >>> Triplets.from_dense([[2.0, -1.0], [-1.0, 2.0]]).times(np.array([1.0, 1.0]))
-    array([1., 1.])
     """
 
     size: int

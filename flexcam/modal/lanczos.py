@@ -32,29 +32,7 @@ _DEFAULT_COUNT = 20
 def lanczos(
     mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | None
 ) -> tuple[FloatArray, FloatArray, int]:
-    """Return the lowest modes with stiffness.
-
-    Parameters
-    ----------
-    mass, stiffness
-        n x n, symmetric.
-    rigid
-        Free motions, mass-orthonormal, shape (n, k).
-    count
-        How many modes, the free motions included; None for twenty.
-
-    Returns
-    -------
-    tuple
-        omega^2 ascending, shapes as columns, and how many were left out because rounding would have spoilt them.
-
-    Raises
-    ------
-    NotPositiveError
-        If the stiffness drives a motion.
-    RunFailedError
-        If the iteration does not converge.
-    """
+    """Return the lowest modes with stiffness."""
     wanted = min(max((count or _DEFAULT_COUNT) - rigid.shape[1], 1), mass.size - 2)
     solve = _flexibility(stiffness, rigid, mass.times_all(rigid))
     massive = np.flatnonzero(mass.diagonal() > 0.0)

@@ -12,22 +12,6 @@ def mac(one: FloatArray, other: FloatArray) -> FloatArray:
 
     ``|a^T b|^2/((a^T a)(b^T b))``: 1 for shapes that agree up to a factor, 0 for orthogonal ones. Source: R. J.
     Allemang, The modal assurance criterion - twenty years of use and abuse, Sound and Vibration 37 (2003), eq. 1.
-
-    Parameters
-    ----------
-    one, other
-        Shapes as columns, shape (n, k) and (n, m); the same n components of both models.
-
-    Returns
-    -------
-    ndarray
-        Shape (k, m); zero where a shape does not move any of the components.
-
-    Examples
-    --------
-    >>> mac(np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([[2.0], [2.0]])).round(3)
-    array([[0.5],
-           [0.5]])
     """
     sizes = np.outer(np.sum(one**2, axis=0), np.sum(other**2, axis=0))
     return np.divide((one.T @ other) ** 2, sizes, out=np.zeros(sizes.shape), where=sizes > 0.0)

@@ -45,10 +45,6 @@ class Modes:
     rounding
         Share of each frequency that rounding in the stiffness may have taken, shape (k,): a bound, some ten times above
         the error.
-
-    Examples
-    --------
-    `modes` makes them.
     """
 
     omegas: FloatArray

@@ -26,39 +26,7 @@ _STILL = 1e-12
 def corrected_modes(
     mass: Triplets, stiffness: Triplets, places: FloatArray, count: int, *, free: FloatArray | None = None
 ) -> FloatArray:
-    """Return the lowest modes with the static answers that they miss.
-
-    Parameters
-    ----------
-    mass, stiffness
-        Symmetric, positive semi-definite, n unknowns.
-    places
-        Unit forces where the system is pushed or watched, shape (k, n).
-    count
-        Modes with stiffness; free motions come on top.
-    free
-        Motions the stiffness leaves free, shape (n, f), where they are known.
-
-    Returns
-    -------
-    ndarray
-        Shape (n, m) with f + count <= m <= f + count + k: first the modes, mass-orthonormal, then what the answers add,
-        of unit stiffness. Mass and stiffness of all of them are diagonal.
-
-    Raises
-    ------
-    RunFailedError
-        As `modes`.
-
-    Examples
-    --------
-    >>> one = Triplets.from_dense(np.eye(3))
-    >>> K = Triplets.from_dense(np.diag([1.0, 2.0, 3.0]))
-    >>> np.abs(corrected_modes(one, K, np.array([[0.0, 0.0, 1.0]]), 1)).round(3)
-    array([[1.   , 0.   ],
-           [0.   , 0.   ],
-           [0.   , 0.577]])
-    """
+    """Return the lowest modes with the static answers that they miss."""
     rigid = modes(mass, stiffness, 1, free=free).rigid if free is None else free.shape[1]
     found = modes(mass, stiffness, rigid + count, free=free)
     shapes = found.shapes
@@ -98,36 +66,7 @@ def _independent(mass: Triplets, stiffness: Triplets, shapes: FloatArray, known:
 def craig_bampton(
     mass: Triplets, stiffness: Triplets, boundary: IntArray, interiors: Sequence[IntArray], count: int
 ) -> FloatArray:
-    """Return the basis that keeps some unknowns as they are, and of the others their static answers and some modes.
-
-    Parameters
-    ----------
-    mass, stiffness
-        Symmetric, positive semi-definite, n unknowns.
-    boundary
-        Unknowns to be kept, shape (b,).
-    interiors
-        The others in groups, such as those of a member each; together with the boundary, all n.
-    count
-        Modes of each group while all others are held.
-
-    Returns
-    -------
-    ndarray
-        Shape (n, m): b shapes whose amounts are the kept unknowns, then the modes, group after group.
-
-    Raises
-    ------
-    InputError
-        If an unknown stands in no group or in two, or a group can move although the boundary is held.
-
-    Examples
-    --------
-    >>> K = Triplets.from_dense([[1.0, -1.0], [-1.0, 2.0]])
-    >>> craig_bampton(Triplets.from_dense(np.eye(2)), K, np.array([0]), [np.array([1])], 1).round(3)
-    array([[1. , 0. ],
-           [0.5, 1. ]])
-    """
+    """Return the basis that keeps some unknowns as they are, and of the others their static answers and some modes."""
     inner = np.concatenate([np.zeros(0, np.intp), *interiors])
     if not np.array_equal(np.sort(np.concatenate([boundary, inner])), np.arange(stiffness.size)):
         raise refuse("boundary and interiors", f"{len(boundary)} + {len(inner)} unknowns", "every unknown once")

@@ -20,60 +20,14 @@ ComplexArray = NDArray[np.complex128]
 
 
 def frequency_response(mass: float, damping: float, stiffness: float, omega: FloatArray) -> ComplexArray:
-    """Return H of ``m y'' + c y' + k y = F0 exp(i w t)``, y = H F0 exp(i w t): ``1/(k - m w^2 + i c w)``, eq. 3.
-
-    Parameters
-    ----------
-    mass, damping, stiffness
-        kg, N s/m and N/m.
-    omega
-        w, rad/s, any shape.
-
-    Returns
-    -------
-    ndarray
-        m/N, shape as `omega`; infinite at the resonance of an undamped mass.
-
-    Raises
-    ------
-    InputError
-        If mass or stiffness are not above zero, or the damping is below.
-
-    Examples
-    --------
-    >>> complex(frequency_response(2.0, 0.0, 200.0, np.array(0.0)))
-    (0.005+0j)
-    """
+    """Return H of ``m y'' + c y' + k y = F0 exp(i w t)``, y = H F0 exp(i w t): ``1/(k - m w^2 + i c w)``, eq. 3."""
     natural = math.sqrt(positive("stiffness", stiffness, "N/m") / positive("mass", mass, "kg"))
     ratio = positive("damping", damping, "N s/m", zero=True) / (2.0 * math.sqrt(stiffness * mass))
     return normalized_response(np.asarray(omega) / natural, ratio) / stiffness
 
 
 def normalized_response(frequency_ratio: FloatArray, damping_ratio: float) -> ComplexArray:
-    """Return y/B of ``y'' + 2 xi w0 y' + w0^2 y = B w0^2 exp(i w t)``, eq. 4: ``1/(1 - r^2 + 2 i xi r)``, r = w/w0.
-
-    Parameters
-    ----------
-    frequency_ratio
-        r, any shape.
-    damping_ratio
-        xi.
-
-    Returns
-    -------
-    ndarray
-        Shape as `frequency_ratio`; infinite at r = 1 without damping.
-
-    Raises
-    ------
-    InputError
-        If the damping ratio is below zero.
-
-    Examples
-    --------
-    >>> float(abs(normalized_response(np.array(1.0), 0.05)).round(12))
-    10.0
-    """
+    """Return y/B of ``y'' + 2 xi w0 y' + w0^2 y = B w0^2 exp(i w t)``, eq. 4: ``1/(1 - r^2 + 2 i xi r)``, r = w/w0."""
     xi = positive("damping_ratio", damping_ratio, "", zero=True)
     r = np.asarray(frequency_ratio, dtype=float)
     below = 1.0 - r**2 + 2j * xi * r

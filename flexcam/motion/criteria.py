@@ -128,24 +128,7 @@ class Criteria:
 
 
 def criteria(law: Law) -> Criteria:
-    """Compute the criteria of a law.
-
-    Parameters
-    ----------
-    law
-        A normalized law.
-
-    Returns
-    -------
-    Criteria
-        Extremes to 1e-12 in value.
-
-    Examples
-    --------
-    >>> from flexcam.motion import Cycloidal
-    >>> round(criteria(Cycloidal()).Ca, 9)
-    6.283185307
-    """
+    """Compute the criteria of a law."""
 
     def derivative(order: int) -> Curve:
         return lambda z: law(z, order)
@@ -173,20 +156,7 @@ def criteria(law: Law) -> Criteria:
 
 
 def stationary_points(law: Law, order: int) -> FloatArray:
-    """Return where a derivative of a law may be largest: its joints, ends and stationary points.
-
-    Parameters
-    ----------
-    law
-        A normalized law.
-    order
-        Of the derivative, 1 to 3.
-
-    Returns
-    -------
-    ndarray
-        Positions, ascending.
-    """
+    """Return where a derivative of a law may be largest: its joints, ends and stationary points."""
     pieces = _pieces(law.breaks)
     return np.sort(np.concatenate([_candidates(lambda z: law(z, order + 1), *piece) for piece in pieces]))
 

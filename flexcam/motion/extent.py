@@ -10,28 +10,7 @@ from flexcam.motion.extremes import lowest
 
 
 def event_extremes(event: Event, order: int = 0) -> tuple[Extreme, Extreme]:
-    """Return the least and the largest value of a lift or of a derivative of it.
-
-    Parameters
-    ----------
-    event
-        The event.
-    order
-        Of the derivative, 0 to 4.
-
-    Returns
-    -------
-    tuple
-        Least and largest, m/rad^order, each with its cam angle, rad.
-
-    Examples
-    --------
-    >>> import math
-    >>> from flexcam.motion import LAWS, LiftEvent
-    >>> low, high = event_extremes(LiftEvent(LAWS["cycloidal"], 1.0, 1.0, 1.0), 2)
-    >>> round(high.value / (2.0 * math.pi), 12), round(high.at, 6)
-    (1.0, 0.25)
-    """
+    """Return the least and the largest value of a lift or of a derivative of it."""
     return _known_extremes(event, order) if _hashable(event) else _extremes(event, order)
 
 

@@ -34,25 +34,7 @@ _FINER = 9
 
 
 def lowest(curve: Curve, joints: Sequence[float] = ()) -> Extreme:
-    """Return the least value of a curve over a revolution.
-
-    Parameters
-    ----------
-    curve
-        Function of cam angles, rad, shape (n,).
-    joints
-        Cam angles, rad from 0 to 2 pi, where it may step; the smaller of both sides counts.
-
-    Returns
-    -------
-    Extreme
-        Value and cam angle, rad.
-
-    Examples
-    --------
-    >>> round(lowest(lambda angle: np.cos(angle - 1.0)).value, 12)
-    -1.0
-    """
+    """Return the least value of a curve over a revolution."""
     edges = [0.0, *(at for at in joints if _BESIDE < at < _REVOLUTION - _BESIDE), _REVOLUTION]
     pieces = [_piece(start, end) for start, end in pairwise(edges)]
     angles = np.concatenate(pieces)

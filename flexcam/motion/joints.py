@@ -39,25 +39,7 @@ class Joint:
 
 
 def joints(event: Event) -> list[Joint]:
-    """Return every joint of an event, with the steps there.
-
-    Parameters
-    ----------
-    event
-        The event.
-
-    Returns
-    -------
-    list
-        By cam angle.
-
-    Examples
-    --------
-    >>> from flexcam.motion import LiftEvent, SimpleHarmonic
-    >>> found = joints(LiftEvent(SimpleHarmonic(), 2.0, 1.0, 1.0, 1.0))
-    >>> [round(one.steps[2], 3) for one in found]
-    [9.87, 9.87, -9.87, -9.87]
-    """
+    """Return every joint of an event, with the steps there."""
     angles = np.array(event.joints)
     rows = list[list[float]]()
     for order in range(4):

@@ -28,20 +28,7 @@ _GAP, _GAP_RATIO, _WIDE = math.radians(3.0), 3.0, math.radians(20.0)
 
 
 def table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
-    """Return what is wrong with a lift table, by rows counted from 1.
-
-    Parameters
-    ----------
-    theta
-        Angles, rad, shape (m,).
-    s
-        Lifts, m, shape (m,).
-
-    Returns
-    -------
-    list
-        Empty if nothing is.
-    """
+    """Return what is wrong with a lift table, by rows counted from 1."""
     if len(theta) != len(s):
         given = f"{len(s)} lifts at {len(theta)} angles"
         return [Fault("lift table", given, "one lift per angle", "", "complete or remove the odd row")]
@@ -78,44 +65,12 @@ def table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
 
 
 def base_level(theta: FloatArray, s: FloatArray) -> float:
-    """Return the lift up to which a point of a table counts as on the base circle, m.
-
-    Parameters
-    ----------
-    theta
-        Angles, rad, ascending, shape (m,).
-    s
-        Lifts, m, shape (m,).
-
-    Returns
-    -------
-    float
-        A hundredth of the largest lift, or what the noise may do.
-    """
+    """Return the lift up to which a point of a table counts as on the base circle, m."""
     return max(_BASE * float(s.max()), _SCATTERS * scatter(theta, s))
 
 
 def scatter(theta: FloatArray, s: FloatArray) -> float:
-    """Return the standard deviation of a table's noise, from what a parabola through three neighbours misses.
-
-    Parameters
-    ----------
-    theta
-        Angles, rad, ascending, shape (m,), 4 or more.
-    s
-        Lifts, m, shape (m,).
-
-    Returns
-    -------
-    float
-        m; by the median, which a few outliers and a narrow lobe do not move.
-
-    Examples
-    --------
-    >>> noise = np.random.default_rng(0).standard_normal(2000)
-    >>> round(scatter(np.arange(2000.0), np.arange(2000.0) ** 2 + noise), 1)
-    1.0
-    """
+    """Return the standard deviation of a table's noise, from what a parabola through three neighbours misses."""
     places = np.stack([theta[k : len(theta) - 3 + k] for k in range(4)])
     values = np.stack([s[k : len(s) - 3 + k] for k in range(4)])
     apart = places[:, None] - places[None]
@@ -154,18 +109,7 @@ def _bends(theta: FloatArray, s: FloatArray) -> FloatArray:
 
 
 def wide_steps(theta: FloatArray) -> NDArray[np.bool_]:
-    """Tell which steps to the next point, around the revolution, are wider than their neighbours lead one to expect.
-
-    Parameters
-    ----------
-    theta
-        Angles, rad, ascending, shape (m,).
-
-    Returns
-    -------
-    ndarray
-        Shape (m,); the last step leads back to the first point.
-    """
+    """Tell which steps to the next point, around the revolution, are wider than their neighbours lead one to expect."""
     step = np.diff(theta, append=theta[0] + _REVOLUTION)
     beside = np.maximum(np.roll(step, 1), np.roll(step, -1))
     return (step > _WIDE) | ((step > _GAP) & (step > _GAP_RATIO * beside))

@@ -43,31 +43,6 @@ def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpec
     No window: a revolution is the period. The orders are those of the nearest trigonometric polynomial, weighted by the
     angle that every instant stands for, so that they are exact for one of degree `count` at any instants, and the
     discrete Fourier transform at even ones.
-
-    Parameters
-    ----------
-    angle
-        Cam angles, rad, rising, shape (m,); from the beginning of a revolution to its end, both included.
-    values
-        The history there, shape (m,).
-    count
-        Highest order.
-
-    Returns
-    -------
-    OrderSpectrum
-        With the difference of both ends.
-
-    Raises
-    ------
-    InputError
-        If the angles do not rise over one revolution, or are too few for the orders.
-
-    Examples
-    --------
-    >>> angle = np.linspace(0.0, 2.0 * np.pi, 41)
-    >>> order_spectrum(angle, 1.0 + 3.0 * np.cos(2.0 * angle), 3).amplitudes.round(12) + 0.0
-    array([1., 0., 3., 0.])
     """
     at = finite_array("angle", angle, (None,))
     history = finite_array("values", values, (len(at),))

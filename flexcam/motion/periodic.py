@@ -37,22 +37,7 @@ _CARDINAL = (
 
 
 def spline_rows(angle: FloatArray, knots: int, order: int = 0) -> tuple[IntArray, FloatArray]:
-    """Return which coefficients of a periodic spline of degree 5 act at given angles, and by what weights.
-
-    Parameters
-    ----------
-    angle
-        rad, shape (m,).
-    knots
-        Even knots per revolution, as many as coefficients.
-    order
-        Of the derivative by the angle.
-
-    Returns
-    -------
-    index, weight : ndarray
-        Shape (m, 6) each.
-    """
+    """Return which coefficients of a periodic spline of degree 5 act at given angles, and by what weights."""
     width = _REVOLUTION / knots
     place = np.mod(angle, _REVOLUTION) / width
     interval = np.floor(place).astype(np.int64)
@@ -92,17 +77,6 @@ class PeriodicSpline(_Seamless):
     ----------
     coefficients
         m, shape (n,), one per knot, 12 or more.
-
-    Raises
-    ------
-    InputError
-        If they are too few or not finite.
-
-    Examples
-    --------
-    >>> flat = PeriodicSpline(np.full(36, 0.002))
-    >>> flat(np.array([1.0])).round(9)
-    array([0.002])
     """
 
     coefficients: FloatArray
@@ -132,16 +106,6 @@ class HarmonicLift(_Seamless):
         m.
     cosine, sine
         Amplitudes a_n and b_n of cos(n angle) and sin(n angle), m, n from 1, as many of both.
-
-    Raises
-    ------
-    InputError
-        If the two differ in length, or a number is not finite.
-
-    Examples
-    --------
-    >>> HarmonicLift(0.003, (-0.003,), (0.0,))(np.array([0.0, math.pi]))
-    array([0.   , 0.006])
     """
 
     mean: float
@@ -170,46 +134,14 @@ class HarmonicLift(_Seamless):
 
 
 def highest(event: Event) -> float:
-    """Return the largest lift of an event, m, to 1e-9 of it.
-
-    Parameters
-    ----------
-    event
-        A smooth event.
-
-    Returns
-    -------
-    float
-        m.
-    """
+    """Return the largest lift of an event, m, to 1e-9 of it."""
     at = float(_GRID[np.argmax(event(_GRID))])
     fine = at + np.linspace(-1.0, 1.0, 2001) * (_GRID[1] - _GRID[0])
     return float(event(fine).max())
 
 
 def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
-    """Return the harmonics of an event's lift or of a derivative of it.
-
-    Parameters
-    ----------
-    event
-        The event.
-    count
-        How many.
-    order
-        Of the derivative, 0 to 4; where the one below it steps, the impulse is not counted.
-
-    Returns
-    -------
-    ndarray
-        Complex amplitudes c_0 to c_count, shape (count + 1,): value = Re sum c_n exp(i n angle). By Gauss quadrature
-        between the joints.
-
-    Examples
-    --------
-    >>> harmonics(HarmonicLift(0.003, (-0.003,), (0.0,)), 1).real.round(12)
-    array([ 0.003, -0.003])
-    """
+    """Return the harmonics of an event's lift or of a derivative of it."""
     points, weights = np.polynomial.legendre.leggauss(8)
     even = np.linspace(0.0, _REVOLUTION, max(361, 2 * count + 1))
     edges = np.concatenate([distinct(np.concatenate([even[:-1], event.joints])), [_REVOLUTION]])

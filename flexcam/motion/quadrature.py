@@ -12,25 +12,7 @@ _POINTS = 16
 
 
 def quadrature(breaks: tuple[float, ...], panels: int = 64) -> list[tuple[FloatArray, FloatArray]]:
-    """Return Gauss points and weights of panels of which none holds a joint.
-
-    Parameters
-    ----------
-    breaks
-        Joints inside 0 to 1.
-    panels
-        How many, before joints divide them.
-
-    Returns
-    -------
-    list
-        Pairs of points and weights, shape (16,) each.
-
-    Examples
-    --------
-    >>> sum(float(weight @ z) for z, weight in quadrature((0.3,)))
-    0.5
-    """
+    """Return Gauss points and weights of panels of which none holds a joint."""
     points, weights = np.polynomial.legendre.leggauss(_POINTS)
     edges = np.unique(np.concatenate([np.linspace(0.0, 1.0, panels + 1), breaks]))
     return [(0.5 * (a + b) + 0.5 * (b - a) * points, 0.5 * (b - a) * weights) for a, b in pairwise(edges)]

@@ -42,16 +42,6 @@ class Ramp:
         Cam angle, rad.
     take_off
         Part of the duration over which the velocity rises, 0 to 1; with 0 it steps.
-
-    Raises
-    ------
-    InputError
-        If a number is out of range.
-
-    Examples
-    --------
-    >>> Ramp(0.0002, 0.26, take_off=0.0).slope * 0.26
-    0.0002
     """
 
     height: float

@@ -23,29 +23,6 @@ def residual_spectrum(law: Law, ratio: ArrayLike) -> FloatArray:
     Closed form where the law has one. Otherwise the oscillator's exact answer, the Fourier integral of s'' over the
     rise with what steps of s' at its ends add, by Gauss quadrature between the law's joints. Source: M. P. Koster,
     Vibrations of Cam Mechanisms (1974), ch. 3.
-
-    Parameters
-    ----------
-    law
-        A normalized law.
-    ratio
-        Rise time over the oscillator's period, above zero, any shape.
-
-    Returns
-    -------
-    ndarray
-        Amplitude over lift, shape as `ratio`.
-
-    Raises
-    ------
-    InputError
-        If a ratio is not above zero.
-
-    Examples
-    --------
-    >>> from flexcam.motion import LAWS
-    >>> residual_spectrum(LAWS["cycloidal"], [1.0, 1.5]).round(6)
-    array([0.5     , 0.169765])
     """
     periods = np.asarray(ratio, dtype=float)
     if not ((periods > 0.0).all() and (periods <= _LARGEST).all()):

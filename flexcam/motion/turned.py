@@ -21,12 +21,6 @@ class Turned:
     ----------
     law
         The law u.
-
-    Examples
-    --------
-    >>> from flexcam.motion import Polynomial
-    >>> Turned(Polynomial((2, 5, 8, 11, 14)))(np.array([0.0, 1.0]))
-    array([0., 1.])
     """
 
     law: Law

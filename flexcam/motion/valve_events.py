@@ -46,36 +46,7 @@ class ValveEvent:
 
 
 def valve_event(event: Event, lift: float, *, ratio: float = 1.0, lash: float = 0.0) -> ValveEvent | None:
-    """Return when a valve is open beyond a lift.
-
-    Parameters
-    ----------
-    event
-        Lift of the cam.
-    lift
-        Valve lift, m, above zero.
-    ratio
-        Valve lift per cam lift.
-    lash
-        Play at the valve, m.
-
-    Returns
-    -------
-    ValveEvent
-        None if the valve never opens so far, or never closes. With several openings, the longest.
-
-    Raises
-    ------
-    InputError
-        If a number is out of range.
-
-    Examples
-    --------
-    >>> from flexcam.motion import LiftEvent, SimpleHarmonic
-    >>> cam = LiftEvent(SimpleHarmonic(), 0.002, math.pi, math.pi)
-    >>> round(math.degrees(valve_event(cam, 0.001).duration), 6)
-    360.0
-    """
+    """Return when a valve is open beyond a lift."""
     positive("lift", lift, "m")
     positive("ratio", ratio, "")
     positive("lash", lash, "m", zero=True)
@@ -93,23 +64,7 @@ def valve_event(event: Event, lift: float, *, ratio: float = 1.0, lash: float = 
 
 
 def overlap(one: ValveEvent, other: ValveEvent) -> float:
-    """Return the crank angle over which both valves are open.
-
-    Parameters
-    ----------
-    one, other
-        Events, such as of an exhaust and an intake valve.
-
-    Returns
-    -------
-    float
-        rad.
-
-    Examples
-    --------
-    >>> overlap(ValveEvent(1e-3, 0.0, 4.0), ValveEvent(1e-3, 3.0, 7.0))
-    1.0
-    """
+    """Return the crank angle over which both valves are open."""
     shifts = (-_CYCLE, 0.0, _CYCLE)
     return sum(max(0.0, min(one.closes, other.closes + s) - max(one.opens, other.opens + s)) for s in shifts)
 

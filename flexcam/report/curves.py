@@ -44,25 +44,6 @@ def thinned(x: FloatArray, y: FloatArray, most: int = _MOST) -> tuple[FloatArray
     The points farthest from the line through those kept are added until none is far: D. H. Douglas and T. K. Peucker,
     Cartographica 10, 1973, all stretches at once. Of very many points only the least and the largest of every short
     stretch are looked at.
-
-    Parameters
-    ----------
-    x
-        Rising, shape (m,).
-    y
-        Shape (m,).
-    most
-        Points to keep; for fewer of them the curve may be missed by more.
-
-    Returns
-    -------
-    tuple
-        Some of the points, in order.
-
-    Examples
-    --------
-    >>> thinned(np.arange(5.0), np.array([0.0, 1.0, 2.0, 1.0, 0.0]))[0]
-    array([0., 2., 4.])
     """
     if len(x) <= 2:
         return x, y
@@ -98,20 +79,7 @@ def _kept(x: FloatArray, y: FloatArray, within: float) -> NDArray[np.bool_]:
 
 
 def albums(runs: Runs, main: str) -> list[Album]:
-    """Return all curves of some results.
-
-    Parameters
-    ----------
-    runs
-        The results.
-    main
-        The probe that is shown first.
-
-    Returns
-    -------
-    list
-        Motion of the probes, contact forces and other channels, energies; those that exist.
-    """
+    """Return all curves of some results."""
     first = [one for one, _ in runs.values()]
     probes = list(dict.fromkeys(name for one in first for name in scalars(one.outline)))
     probes = [name for name in probes if name == main or _moves(first, name)]
@@ -161,18 +129,7 @@ def _fewer(curve: Curve, most: int) -> Curve:
 
 
 def left_over(runs: Runs) -> list[str]:
-    """Return whether a report of some results has no room for all of their curves, in words.
-
-    Parameters
-    ----------
-    runs
-        The results.
-
-    Returns
-    -------
-    list
-        A sentence, or none.
-    """
+    """Return whether a report of some results has no room for all of their curves, in words."""
     first = [one for one, _ in runs.values()]
     room = max(_MOST_CURVES // len(runs), 1)
     probes = {name for one in first for name in scalars(one.outline) if _moves(first, name)}
@@ -183,18 +140,7 @@ def left_over(runs: Runs) -> list[str]:
 
 
 def scalars(outline: Outline) -> list[str]:
-    """Return the names of all scalar probes of a run.
-
-    Parameters
-    ----------
-    outline
-        Of the run.
-
-    Returns
-    -------
-    list
-        Such as ``valve`` and ``cam.uy``.
-    """
+    """Return the names of all scalar probes of a run."""
     return [
         name if len(components) == 1 else f"{name}.{one}" for name, components in outline.probes for one in components
     ]

@@ -52,29 +52,7 @@ class Extra:
 
 
 def extras(case: Case, probe: str, asked: Asked) -> list[Extra]:
-    """Return what runs of a case tell.
-
-    Parameters
-    ----------
-    case
-        The case.
-    probe
-        Whose motion counts.
-    asked
-        What is to be told; errors are where the case asks for them, too.
-
-    Returns
-    -------
-    list
-        In the order of a report.
-
-    Raises
-    ------
-    InputError
-        If the case cannot be asked that.
-    RunFailedError
-        If a run ends early.
-    """
+    """Return what runs of a case tell."""
     found: list[Extra] = []
     if asked.errors or case.record.fidelity.estimate:
         found.append(_errors(case, probe))

@@ -30,18 +30,7 @@ _ESCAPED = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028",
 
 
 def page(report: Report) -> str:
-    """Return a report as HTML.
-
-    Parameters
-    ----------
-    report
-        From `flexcam.report.report_of`.
-
-    Returns
-    -------
-    str
-        A whole document, some 5 MB of which are plotly.js.
-    """
+    """Return a report as HTML."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -56,23 +45,7 @@ def page(report: Report) -> str:
 
 
 def embedded(content: object) -> str:
-    r"""Return a value as JSON that can stand inside a script element, whatever its strings are.
-
-    Parameters
-    ----------
-    content
-        What `json` can write.
-
-    Returns
-    -------
-    str
-        JSON without any character that ends a script or an entity.
-
-    Examples
-    --------
-    >>> embedded({"name": "</script>"})
-    '{"name": "\\u003c/script\\u003e"}'
-    """
+    r"""Return a value as JSON that can stand inside a script element, whatever its strings are."""
     text = json.dumps(content, allow_nan=False)
     for character, escape in _ESCAPED.items():
         text = text.replace(character, escape)

@@ -49,20 +49,7 @@ class _Lines:
 
 
 def scene(about: Subject, share: int = 1) -> Scene | None:
-    """Return the members of a result and how they move.
-
-    Parameters
-    ----------
-    about
-        The result.
-    share
-        Of how many results the page is.
-
-    Returns
-    -------
-    Scene
-        The modes, and the last revolution of the run; None where nothing can be drawn.
-    """
+    """Return the members of a result and how they move."""
     mesh = about.result.mesh
     ends = mesh.elements()
     if not len(ends):

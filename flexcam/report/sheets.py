@@ -22,18 +22,7 @@ _NUMBER = 24
 
 
 def sheet(table: Table) -> Sheet:
-    """Return a table of the terminal as a value.
-
-    Parameters
-    ----------
-    table
-        From `flexcam.console`.
-
-    Returns
-    -------
-    Sheet
-        Its title, heads and cells as text.
-    """
+    """Return a table of the terminal as a value."""
     heads = tuple(str(column.header) for column in table.columns) if table.show_header else ()
     columns = [[str(cell) for cell in column.cells] for column in table.columns]
     cells = tuple(zip(*columns, strict=True))
@@ -46,22 +35,7 @@ def sheet(table: Table) -> Sheet:
 
 
 def sheets(about: Subject, compared: Comparison | None, figures: list[Figure]) -> list[Sheet]:
-    """Return the tables about a result.
-
-    Parameters
-    ----------
-    about
-        The result.
-    compared
-        It against the rigid train; None where that cannot be.
-    figures
-        What the train did in the last revolution.
-
-    Returns
-    -------
-    list
-        Those that its case allows.
-    """
+    """Return the tables about a result."""
     response, known = about.result.response, about.known
     turns = 1.0 if known is None else known.case.turns
     found = [sheet(comparison_table(compared, turns))] if compared is not None else []
@@ -78,18 +52,7 @@ def sheets(about: Subject, compared: Comparison | None, figures: list[Figure]) -
 
 
 def energy_sheet(response: Response) -> Sheet:
-    """Return the energies of a run.
-
-    Parameters
-    ----------
-    response
-        Of the run, of one instant at least.
-
-    Returns
-    -------
-    Sheet
-        A row per part that is not zero throughout.
-    """
+    """Return the energies of a run."""
     parts = {name.removeprefix("energy."): v for name, v in response.channels.items() if name.startswith("energy.")}
     rows = [
         (name, *(f"{value:.4g}" for value in (values.min(), values.max(), values[-1])))
@@ -100,17 +63,6 @@ def energy_sheet(response: Response) -> Sheet:
 
 
 def origin(about: Subject) -> Sheet:
-    """Return where a result comes from.
-
-    Parameters
-    ----------
-    about
-        The result.
-
-    Returns
-    -------
-    Sheet
-        How the run ended, what was saved, what computed it.
-    """
+    """Return where a result comes from."""
     result = about.result if about.known is None else replace(about.result, response=about.known.response)
     return replace(sheet(info_table(result)), title="The result file")

@@ -75,23 +75,7 @@ class Subject:
 
 
 def subject(path: Path) -> Subject:
-    """Return a result with everything its case tells.
-
-    Parameters
-    ----------
-    path
-        The result file, complete or partial.
-
-    Returns
-    -------
-    Subject
-        What cannot be had is told in `lacking`.
-
-    Raises
-    ------
-    InputError
-        If it is no result.
-    """
+    """Return a result with everything its case tells."""
     result = read_result(path)
     try:
         case = recalled_case(result)

@@ -25,20 +25,7 @@ _MODELS = {
 
 
 def modelled(about: Subject, known: Known, figures: Sequence[Figure] = ()) -> list[str]:
-    """Return what was modelled, and what was left out of the run.
-
-    Parameters
-    ----------
-    about, known
-        The result and its case.
-    figures
-        What the train did.
-
-    Returns
-    -------
-    list
-        Sentences.
-    """
+    """Return what was modelled, and what was left out of the run."""
     case, ready, response = known.case, known.ready, about.result.response
     record = case.record
     kind = _MODELS.get(record.fidelity.model, record.fidelity.model)
@@ -72,18 +59,7 @@ def _count(number: int, word: str) -> str:
 
 
 def verdict(compared: Comparison) -> list[str]:
-    """Return whether a rigid train would have told the same.
-
-    Parameters
-    ----------
-    compared
-        The flexible train against the rigid one.
-
-    Returns
-    -------
-    list
-        A verdict, and the numbers it rests on.
-    """
+    """Return whether a rigid train would have told the same."""
     off, ratio = compared.peak_deviation, compared.peak_acceleration_ratio
     same = off <= _SAME_LIFT and abs(ratio - 1.0) <= _SAME_ACCELERATION
     bounds = f"{100 * _SAME_LIFT:g} % of the lift, {100 * _SAME_ACCELERATION:g} % of the largest acceleration"
@@ -92,20 +68,7 @@ def verdict(compared: Comparison) -> list[str]:
 
 
 def left_in_hand(margins: Margins, turns: float) -> list[str]:
-    """Return what the train has in hand at its speed.
-
-    Parameters
-    ----------
-    margins
-        From `flexcam.limits.margins`.
-    turns
-        Of the shaft whose speed is told, per turn of the camshaft: 2 for the crankshaft.
-
-    Returns
-    -------
-    list
-        Sentences.
-    """
+    """Return what the train has in hand at its speed."""
     said: list[str] = []
     if margins.rigid_rpm is not None and margins.spring is not None:
         said.append(

@@ -29,33 +29,7 @@ from flexcam.untold import shared
 
 
 def report_of(subjects: Sequence[Subject], *, probe: str | None = None, asked: Asked | None = None) -> Report:
-    """Return a report on results.
-
-    Parameters
-    ----------
-    subjects
-        One or more, from `flexcam.report.subject`.
-    probe
-        Whose motion comes first; the valve by default.
-    asked
-        What runs of the case are to be done for it; none by default.
-
-    Returns
-    -------
-    Report
-        For `flexcam.report.page`.
-
-    Raises
-    ------
-    InputError
-        If a result has no such probe, or its case cannot be asked what is asked.
-    RunFailedError
-        If a run that is asked for ends early.
-
-    Examples
-    --------
-    ``page(report_of([subject(Path("results/model-3-shm.vtkhdf"))]))`` is the text of a page.
-    """
+    """Return a report on results."""
     names = _names(subjects)
     mains = [_main(one, probe) for one in subjects]
     chapters = tuple(

@@ -14,26 +14,7 @@ Thing = TypeVar("Thing")
 
 
 def counted(things: Iterable[Thing], advance: Advance | None) -> Iterator[Thing]:
-    """Yield things one after the other, and tell after each that one more is finished.
-
-    Parameters
-    ----------
-    things
-        Any.
-    advance
-        Is told; None for nobody.
-
-    Yields
-    ------
-    object
-        The things.
-
-    Examples
-    --------
-    >>> told = []
-    >>> [2 * one for one in counted([1, 2], told.append)], told
-    ([2, 4], [1, 1])
-    """
+    """Yield things one after the other, and tell after each that one more is finished."""
     for one in things:
         yield one
         if advance is not None:

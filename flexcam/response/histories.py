@@ -40,13 +40,7 @@ class Outline:
     channels: tuple[tuple[str, str], ...]
 
     def columns(self, name: str) -> slice:
-        """Return the columns of a probe, or of one component of it given as ``probe.component``.
-
-        Raises
-        ------
-        InputError
-            If nothing of that name was saved.
-        """
+        """Return the columns of a probe, or of one component of it given as ``probe.component``."""
         first = 0
         known: list[str] = []
         for probe, components in self.probes:

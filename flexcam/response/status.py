@@ -137,17 +137,6 @@ class Stats:
 
 
 def heed(status: Status) -> None:
-    """Go on being interrupted: one of many runs was stopped, and what asked for them all stops as well.
-
-    Parameters
-    ----------
-    status
-        Of the run.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If the user stopped it.
-    """
+    """Go on being interrupted: one of many runs was stopped, and what asked for them all stops as well."""
     if status.cause is Cause.INTERRUPTED:
         raise KeyboardInterrupt

@@ -41,27 +41,7 @@ class NotPositiveError(RunFailedError):
 
 
 def gives_way(names: Sequence[str], motion: FloatArray, parts: Iterable[tuple[str, Triplets]] = ()) -> Status:
-    """Return how a computation ends whose stiffness is not positive.
-
-    Parameters
-    ----------
-    names
-        Of the unknowns, n of them.
-    motion
-        Along which the whole stiffness is negative, shape (n,).
-    parts
-        Name and stiffness, n x n, of everything that may be negative: those that are along the motion are to blame.
-
-    Returns
-    -------
-    Status
-        With what gives way, and along which unknowns.
-
-    Examples
-    --------
-    >>> gives_way(["x"], np.ones(1), [("rockers.arm.to", Triplets.from_dense([[-2.0]]))]).text
-    'the stiffness is not positive: what gives way is rockers.arm.to, along x'
-    """
+    """Return how a computation ends whose stiffness is not positive."""
     sizes = np.abs(motion) / max(float(np.abs(motion).max(initial=0.0)), np.finfo(float).tiny)
     order: list[int] = np.argsort(-np.round(sizes, _DIGITS), kind="stable").tolist()
     along = f"along {', '.join(names[i] for i in order[:_NAMED])}"

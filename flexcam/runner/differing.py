@@ -19,24 +19,7 @@ _NONE = "nothing"
 
 
 def differing(now: Mapping[str, str], then: Mapping[str, str]) -> list[Fault]:
-    """Return by what a run differs from one that is to go on.
-
-    Parameters
-    ----------
-    now, then
-        The texts kept with a result: of this run, and of the one that broke off.
-
-    Returns
-    -------
-    list
-        A fault per difference that decides about numbers, with what stands in both; none where there is none.
-
-    Examples
-    --------
-    >>> print(differing({"numpy": "2.4.0"}, {"numpy": "2.3.1"})[0])
-    --resume: numpy: given 2.4.0; allowed: 2.3.1; a run goes on only as it began; restore it, or run the case again \
-with --overwrite
-    """
+    """Return by what a run differs from one that is to go on."""
     return [
         difference(f"{what}{place}", given, allowed)
         for key, (what, parts) in _DECISIVE.items()
@@ -46,20 +29,7 @@ with --overwrite
 
 
 def difference(what: str, given: str = "another one", allowed: str = "the one it began with") -> Fault:
-    """Return a difference as a fault.
-
-    Parameters
-    ----------
-    what
-        That differs.
-    given, allowed
-        What it is now, and what it was.
-
-    Returns
-    -------
-    Fault
-        With what to do.
-    """
+    """Return a difference as a fault."""
     return Fault(f"--resume: {what}", _short(given), _short(allowed), _WHY, _REMEDY)
 
 

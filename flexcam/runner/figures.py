@@ -15,25 +15,7 @@ _CAMSHAFT = ("cams.", "supports.")
 
 
 def figures_of(ready: Prepared, response: Response) -> list[Figure]:
-    """Return what a train did in the last revolution of a run, without what its model does not hold.
-
-    Parameters
-    ----------
-    ready
-        A case made ready to run.
-    response
-        Of its run.
-
-    Returns
-    -------
-    list
-        As from `flexcam.train.operation`; of few masses that hold no camshaft, not its twist, deflection and torque,
-        which would stand still.
-
-    Examples
-    --------
-    ``figures_of(ready, solve(ready.problem, ready.scheme))[0].name``
-    """
+    """Return what a train did in the last revolution of a run, without what its model does not hold."""
     found = operation(ready.model, response, ready.revolution)
     if ready.case.record.fidelity.model not in _FEW:
         return found

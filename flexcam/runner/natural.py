@@ -61,27 +61,7 @@ def modes(
 
 
 def mode_likeness(case: Case, found: ModelModes, other: Case, others: ModelModes) -> tuple[FloatArray, int]:
-    """Compare the modes of two cases by the modal assurance criterion.
-
-    Parameters
-    ----------
-    case, found
-        A case and its modes.
-    other, others
-        Another case and its modes; translations are compared at the nodes that lie at the same places in both.
-
-    Returns
-    -------
-    likeness
-        Shape (modes of `case`, modes of `other`), 0 to 1.
-    nodes
-        How many of the nodes compared move in a shape of `case`.
-
-    Raises
-    ------
-    InputError
-        If no node of the one lies where a node of the other lies.
-    """
+    """Compare the modes of two cases by the modal assurance criterion."""
     shapes: list[dict[tuple[float, ...], FloatArray]] = []
     for one, its in ((case, found), (other, others)):
         structure = build_structure(build_model(one))

@@ -121,25 +121,7 @@ def prepare(
 
 
 def standing(case: Case) -> Prepared:
-    """Build what a case describes; from equilibrium where it asks for a periodic state, which takes time to find.
-
-    Parameters
-    ----------
-    case
-        A checked case.
-
-    Returns
-    -------
-    Prepared
-        As from `prepare`, of the case as it is.
-
-    Raises
-    ------
-    InputError
-        If parts do not fit together, or no periodic state fits the steps.
-    RunFailedError
-        If the start has no balance.
-    """
+    """Build what a case describes; from equilibrium where it asks for a periodic state, which takes time to find."""
     if case.record.run.start != "periodic":
         return prepare(case)
     ready = replace(prepare(case.with_run({"start": "equilibrium"})), case=case)
@@ -153,27 +135,7 @@ def standing(case: Case) -> Prepared:
 def described(
     case: Case, *, rigid: bool = False, model: Model | None = None, allow_large: bool = False
 ) -> tuple[Model, System]:  # fmt: skip
-    """Return the model of a case and its equations, before any start is looked for.
-
-    Parameters
-    ----------
-    case, rigid, model, allow_large
-        As for `prepare`.
-
-    Returns
-    -------
-    tuple
-        Model and system.
-
-    Raises
-    ------
-    InputError
-        If parts do not fit together.
-
-    Examples
-    --------
-    ``described(case)[1].names`` are the unknowns of a case.
-    """
+    """Return the model of a case and its equations, before any start is looked for."""
     return _described(case, model, _kind(case, rigid=rigid), allow_large=allow_large)[:2]
 
 

@@ -12,27 +12,7 @@ from flexcam.train import ANY_SPEED, build_rigid
 
 
 def scalar_probe(ready: Prepared) -> str:
-    """Return the probe that stands for a case: a rocker's point, else the first that a cam moves, else the first.
-
-    Parameters
-    ----------
-    ready
-        A case made ready to run.
-
-    Returns
-    -------
-    str
-        Such as ``"valve"``; of a probe with several components that which the cam moves most: ``"tappet.uy"``.
-
-    Raises
-    ------
-    InputError
-        If the case has no probe.
-
-    Examples
-    --------
-    ``scalar_probe(prepare(case))`` is where `flexcam compare` looks, unless it is told another place.
-    """
+    """Return the probe that stands for a case: a rocker's point, else the first that a cam moves, else the first."""
     points = [rocker.point for rocker in ready.model.rockers.values()]
     probes = [probe for probe in ready.problem.system.probes if probe.name in ready.model.probes]
     if not probes:

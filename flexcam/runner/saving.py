@@ -29,18 +29,7 @@ from flexcam.train import (
 
 
 def geometry_of(model: Model) -> Geometry:
-    """Return what the results of a model are drawn on.
-
-    Parameters
-    ----------
-    model
-        The model.
-
-    Returns
-    -------
-    Geometry
-        For the result files.
-    """
+    """Return what the results of a model are drawn on."""
     structure = build_structure(model)
     sections = {name: member.section for name, member in model.members.items()}
     return Geometry(model.mesh, structure.dofs, structure.beams, sections, element_loads(structure))
@@ -50,31 +39,7 @@ def result_file(
     ready: Prepared, folder: str | Path, *, overwrite: bool = False, resume: Unfinished | None = None,
     warnings: Callable[[Stats], Sequence[str]] | None = None,
 ) -> ResultFile:  # fmt: skip
-    """Open the result file of a run, to be given to `solve` as a sink.
-
-    Parameters
-    ----------
-    ready
-        From `prepare`.
-    folder
-        Where it goes, made if it does not exist; the file is named after the case.
-    overwrite
-        Whether an existing result may be replaced once the new one is complete.
-    resume
-        What an earlier run finished, from `unfinished`, to be given to `solve` as well.
-    warnings
-        Asked at the end for what is doubtful about the run, to be kept with its status; None for nothing.
-
-    Returns
-    -------
-    ResultFile
-        The sink; its `path` is the file.
-
-    Raises
-    ------
-    InputError
-        If the result exists and may not be replaced, another process is writing it, or the folder cannot be made.
-    """
+    """Open the result file of a run, to be given to `solve` as a sink."""
     if ready.case.name.endswith(_PARTIAL):
         why = f"the partial result of {ready.case.name.removesuffix(_PARTIAL)}.toml has the name of this one's result"
         raise refuse("case file", ready.case.path.name, f"a name that does not end in {_PARTIAL}", why, "rename it")
@@ -87,33 +52,7 @@ def result_file(
 
 
 def unfinished(ready: Prepared, folder: str | Path) -> Unfinished:
-    """Open what a run of a case finished before it was stopped, cut off or killed.
-
-    Parameters
-    ----------
-    ready
-        From `prepare`; the case must be the one the run was made of.
-    folder
-        Of the results.
-
-    Returns
-    -------
-    Unfinished
-        For `result_file` and `solve`: the run goes on from its last checkpoint, with the same bits as if it had never
-        broken off.
-
-    Raises
-    ------
-    InputError
-        If there is nothing to go on from, it is damaged, or the case, flexcam or what it computes with is another.
-
-    Examples
-    --------
-    >>> def resumed(ready, folder):
-    ...     earlier = unfinished(ready, folder)
-    ...     file = result_file(ready, folder, resume=earlier)
-    ...     return solve(ready.problem, ready.scheme, save=ready.save, sinks=[file], resume=earlier)
-    """
+    """Open what a run of a case finished before it was stopped, cut off or killed."""
     path = Path(folder) / f"{ready.case.name}.vtkhdf"
     if not partial_of(path).exists():
         why = f"{path} is complete" if path.exists() else "there is no such file"

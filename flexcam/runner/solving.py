@@ -19,41 +19,12 @@ from flexcam.runner.prepared import Prepared, prepare
 
 
 def recent(ready: Prepared) -> Recent:
-    """Return what keeps no more of a run in memory than its summary needs.
-
-    Parameters
-    ----------
-    ready
-        From `prepare`.
-
-    Returns
-    -------
-    Recent
-        For `flexcam.solve`: the histories of the last revolution and the last field.
-
-    Examples
-    --------
-    ``flexcam.solve(ready.problem, ready.scheme, sinks=[file], memory=recent(ready))`` takes as much memory for a
-    thousand revolutions as for two.
-    """
+    """Return what keeps no more of a run in memory than its summary needs."""
     return Recent(outline(ready.problem.system, channels=ready.save.channels), ready.revolution)
 
 
 def budget_of(ready: Prepared, keep: Literal["all", "revolution"] = "all") -> Budget:
-    """Return what a run takes of memory and disk.
-
-    Parameters
-    ----------
-    ready
-        From `prepare`.
-    keep
-        As in `run`.
-
-    Returns
-    -------
-    Budget
-        Estimated, in bytes.
-    """
+    """Return what a run takes of memory and disk."""
     kept = None if keep == "all" else round(ready.revolution / ready.problem.step)
     return budget(ready.problem, ready.model.mesh, ready.save, kept=kept)
 

@@ -35,10 +35,6 @@ class Mechanism:
         Of the model.
     layout
         Places and sizes of what the mesh does not hold.
-
-    Examples
-    --------
-    ``mechanism(build_structure(model)).solids(instant)`` are the parts at an instant.
     """
 
     structure: Structure
@@ -61,18 +57,7 @@ class Mechanism:
         return self.layout.cams[0].frame.axis if self.layout.cams else across(self.upwards)[1]
 
     def solids(self, instant: Instant) -> list[Solid]:
-        """Return all parts at an instant.
-
-        Parameters
-        ----------
-        instant
-            As drawn.
-
-        Returns
-        -------
-        list
-            Solids; as many, of the same kinds, at every instant.
-        """
+        """Return all parts at an instant."""
         layout = self.layout
         return [
             *self._members(instant),
@@ -140,20 +125,5 @@ def _skinned(kind: str, rings: list[FloatArray], values: FloatArray | None) -> S
 
 
 def mechanism(structure: Structure) -> Mechanism:
-    """Lay out what a model looks like.
-
-    Parameters
-    ----------
-    structure
-        From `flexcam.train.build_structure`.
-
-    Returns
-    -------
-    Mechanism
-        Ready to be drawn.
-
-    Examples
-    --------
-    ``mechanism(build_structure(build_model(read_case("case.toml")))).notes`` says which sizes the case does not give.
-    """
+    """Lay out what a model looks like."""
     return Mechanism(structure, laid_out(structure))

@@ -34,30 +34,7 @@ class CentreLine:
 
 
 def centre_line(beams: Beams, elements: slice, nodes: FloatArray, nodal: FloatArray, parts: int = PARTS) -> CentreLine:
-    """Return the deformed centre line of a chain of elements.
-
-    Parameters
-    ----------
-    beams
-        All elements.
-    elements
-        Those of the member, in order.
-    nodes
-        Coordinates of all nodes, m, shape (nodes, 3).
-    nodal
-        Their displacements as drawn, shape (nodes, 6), global axes, m and rad.
-    parts
-        Stations per element.
-
-    Returns
-    -------
-    CentreLine
-        With ``parts`` times the elements, plus one, stations.
-
-    Examples
-    --------
-    `flexcam.scene.assembly` draws every member so.
-    """
+    """Return the deformed centre line of a chain of elements."""
     ends, triads = beams.nodes[elements], beams.triads[elements]
     bent = deflection(beams, nodal, parts, elements)
     moved, rotated = np.hsplit(np.concatenate([bent[:, :-1].reshape(-1, 6), bent[-1, -1:]]), 2)
@@ -74,23 +51,7 @@ def centre_line(beams: Beams, elements: slice, nodes: FloatArray, nodal: FloatAr
 
 
 def turn(vectors: FloatArray) -> FloatArray:
-    """Return rotations by vectors, by Rodrigues' formula: rows of the result are the turned axes.
-
-    Parameters
-    ----------
-    vectors
-        Axis times angle, rad, shape (n, 3).
-
-    Returns
-    -------
-    ndarray
-        Shape (n, 3, 3); ``rows @ turn(v)`` turns row vectors.
-
-    Examples
-    --------
-    >>> (np.array([1.0, 0.0, 0.0]) @ turn(np.array([[0.0, 0.0, np.pi / 2.0]]))[0]).round(12) + 0.0
-    array([0., 1., 0.])
-    """
+    """Return rotations by vectors, by Rodrigues' formula: rows of the result are the turned axes."""
     angle = np.linalg.norm(vectors, axis=1)[:, None, None]
     x, y, z = vectors.T
     nothing = np.zeros_like(x)
@@ -99,18 +60,5 @@ def turn(vectors: FloatArray) -> FloatArray:
 
 
 def swept(outline: FloatArray, line: CentreLine) -> FloatArray:
-    """Return the rings of an outline that is carried along a centre line.
-
-    Parameters
-    ----------
-    outline
-        In local y and z, m, shape (k, 2).
-    line
-        The centre line.
-
-    Returns
-    -------
-    ndarray
-        Shape (m, k, 3), m.
-    """
+    """Return the rings of an outline that is carried along a centre line."""
     return line.points[:, None] + outline @ line.triads[:, 1:]

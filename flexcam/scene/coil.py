@@ -18,26 +18,7 @@ _DEAD = 1.0
 
 
 def coil(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: FloatArray, length: float) -> Solid:
-    """Return a coil spring.
-
-    Parameters
-    ----------
-    sizes
-        Diameters and coils.
-    start
-        Its fixed end as installed, m, shape (3,).
-    axis
-        Unit vector from there to its other end, shape (3,).
-    moved
-        Displacements of the borders of its parts along `axis`, from the fixed end to the other, m, shape (parts + 1,).
-    length
-        As installed, m.
-
-    Returns
-    -------
-    Solid
-        Of kind ``spring``.
-    """
+    """Return a coil spring."""
     turns = sizes.coils + 2.0 * _DEAD
     angle = np.linspace(0.0, 2.0 * math.pi * turns, round(_PER_COIL * turns) + 1)
     place = _rise(angle / (2.0 * math.pi), turns, sizes, length)

@@ -15,20 +15,7 @@ if TYPE_CHECKING:
 
 
 def follower(place: CamPlace, instant: Instant) -> list[Solid]:
-    """Return what touches a cam.
-
-    Parameters
-    ----------
-    place
-        The cam and its follower.
-    instant
-        As drawn.
-
-    Returns
-    -------
-    list
-        Solids of kinds ``follower`` and ``roller``.
-    """
+    """Return what touches a cam."""
     moved = instant.at(place.contact.follower, place.lift)
     if np.isinf(place.frame.follower.roller_radius):
         return _face(place, moved)

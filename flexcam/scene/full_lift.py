@@ -11,26 +11,7 @@ from flexcam.response import Response
 
 
 def full_lift(case: Case, response: Response, angle: FloatArray) -> int:
-    """Return the instant at which the valve is farthest from where it was installed.
-
-    Parameters
-    ----------
-    case
-        The case of the result: what its rockers move counts before all other probes.
-    response
-        Its histories.
-    angle
-        Cam angles of the instants to choose from, rad, ascending, shape (f,), f at least 1.
-
-    Returns
-    -------
-    int
-        The instant; the last where no probe moves.
-
-    Examples
-    --------
-    ``full_lift(case, result.response, motion.angle)`` is the frame that `flexcam view` saves.
-    """
+    """Return the instant at which the valve is farthest from where it was installed."""
     at = np.minimum(np.searchsorted(response.angle, angle - 1e-9), len(response.angle) - 1)
     points = {rocker.to for rocker in case.record.rockers.values()}
     names = [name for name, _ in response.outline.probes]

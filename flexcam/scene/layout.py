@@ -75,18 +75,7 @@ class Layout:
 
 
 def laid_out(structure: Structure) -> Layout:
-    """Return the layout of a model.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-
-    Returns
-    -------
-    Layout
-        Everything that stays the same from instant to instant.
-    """
+    """Return the layout of a model."""
     model, notes = structure.model, Notes()
     head = 4.0 * sizes.valve_lift(model)  # the curtain then has the area of the port
     cams = tuple(_cams(model, notes))

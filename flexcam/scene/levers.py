@@ -57,43 +57,13 @@ class LeverFrame:
 
 
 def lever_frame(rocker: Rocker, end: FloatArray, plane: FloatArray, side: int) -> LeverFrame:
-    """Return the frame of a rocker whose driven end lies at a place.
-
-    Parameters
-    ----------
-    rocker
-        The rocker.
-    end
-        Its driven end as installed, m, shape (3,).
-    plane, side
-        As for `LeverFrame`.
-
-    Returns
-    -------
-    LeverFrame
-        The frame.
-    """
+    """Return the frame of a rocker whose driven end lies at a place."""
     driven = LeverFrame(rocker, np.zeros(3), plane, side).ends(0.0)[0]
     return LeverFrame(rocker, end - np.array([driven.real, driven.imag]) @ plane, plane, side)
 
 
 def lever(frame: LeverFrame, path: float, thick: float) -> list[Solid]:
-    """Return the body of a rocker and its pivot.
-
-    Parameters
-    ----------
-    frame
-        Of the rocker.
-    path
-        Of its driven end, m.
-    thick
-        Thickness of its ends, m.
-
-    Returns
-    -------
-    list
-        Solids of kinds ``rocker`` and ``pivot``.
-    """
+    """Return the body of a rocker and its pivot."""
     bend, radii, pivot = _outline(frame, path, thick)
     links = zip(bend[:-1], bend[1:], radii[:-1], radii[1:], strict=True)
     body = [prism("rocker", capsule(a, b, (r, s)), frame.plane, frame.pivot, thick) for a, b, r, s in links]

@@ -77,46 +77,14 @@ class CamFrame:
 def cam_frame(
     cam: Cam, follower: Follower, centre: FloatArray, lift: FloatArray, axis: FloatArray, width: float
 ) -> CamFrame:
-    """Return the frame of a cam.
-
-    Parameters
-    ----------
-    cam, follower
-        The cam and what it is drawn for.
-    centre
-        m, shape (3,).
-    lift, axis
-        Unit vectors of the lift and of rotation, shape (3,).
-    width
-        m.
-
-    Returns
-    -------
-    CamFrame
-        The frame.
-    """
+    """Return the frame of a cam."""
     right = cam.turn * np.cross(lift, axis)
     made = cam_profile(cam.event, follower, count=POINTS, turn=cam.turn)
     return CamFrame(made, centre, np.array([right, lift]), axis, width)
 
 
 def lobe(frame: CamFrame, angle: float, moved: FloatArray) -> Solid:
-    """Return a lobe.
-
-    Parameters
-    ----------
-    frame
-        Of the cam.
-    angle
-        Cam angle, rad.
-    moved
-        Displacement of its node as drawn, m and rad, shape (6,).
-
-    Returns
-    -------
-    Solid
-        Of kind ``lobe``.
-    """
+    """Return a lobe."""
     outline = frame.contour(angle)
     flat = np.column_stack([outline.real, outline.imag])
     plane = frame.plane @ turn(moved[None, 3:])[0]

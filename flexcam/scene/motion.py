@@ -42,10 +42,6 @@ class Motion:
         Colours at the points of the members' polylines, shape (f, points); None for none.
     label
         What the colours are, with their unit.
-
-    Examples
-    --------
-    ``motion.instant(0, scale=100.0)`` shows the bending a hundred times as large, and the lift as it is.
     """
 
     structure: Structure
@@ -85,29 +81,7 @@ class Motion:
 
 
 def result_motion(structure: Structure, result: Result, speed: float, colour: str | None = None) -> Motion:
-    """Return the motion of a result at its saved fields.
-
-    Parameters
-    ----------
-    structure
-        Of the model it was computed with.
-    result
-        The result.
-    speed
-        Camshaft speed, rad/s.
-    colour
-        Name of a saved field or recovered stress; the length of a vector is shown.
-
-    Returns
-    -------
-    Motion
-        Of the whole run.
-
-    Raises
-    ------
-    InputError
-        If the field does not exist, or nothing was saved.
-    """
+    """Return the motion of a result at its saved fields."""
     response = result.response
     if not len(response.field_time):
         raise refuse("result", "no saved field", "at least one", "", "run the case again")
@@ -118,29 +92,7 @@ def result_motion(structure: Structure, result: Result, speed: float, colour: st
 
 
 def case_motion(structure: Structure, speed: float, colour: str | None = None, count: int = 180) -> Motion:
-    """Return the motion of the rigid mechanism over a revolution.
-
-    Parameters
-    ----------
-    structure
-        Of the model.
-    speed
-        Camshaft speed, rad/s.
-    colour
-        ``displacement``, ``velocity`` or ``acceleration``; None for none.
-    count
-        Instants.
-
-    Returns
-    -------
-    Motion
-        With no elastic part.
-
-    Raises
-    ------
-    InputError
-        If the colour is another.
-    """
+    """Return the motion of the rigid mechanism over a revolution."""
     angle = np.linspace(0.0, REVOLUTION, count, endpoint=False)
     series = dict(zip(("displacement", "velocity", "acceleration"), carried(structure, angle, speed), strict=True))
     rigid = series["displacement"]
@@ -155,24 +107,7 @@ def case_motion(structure: Structure, speed: float, colour: str | None = None, c
 
 
 def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = False, count: int = 24) -> Motion:
-    """Return one swing of a mode about the mechanism as installed.
-
-    Parameters
-    ----------
-    structure
-        Of the model.
-    shape
-        Over the unknowns, shape (n,); any size.
-    coloured
-        Whether members are coloured by the length of their displacement, as a part of the largest one.
-    count
-        Instants of the swing.
-
-    Returns
-    -------
-    Motion
-        Scaled so that the largest translation is 5 % of the model's size.
-    """
+    """Return one swing of a mode about the mechanism as installed."""
     moved = np.linalg.norm(structure.dofs.nodal(shape)[:, :3], axis=1).max(initial=0.0)
     others = np.abs(shape[int((structure.dofs.numbers >= 0).sum()) :]).max(initial=0.0)
     largest = float(max(moved, others)) or 1.0
@@ -186,22 +121,7 @@ def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = Fal
 
 
 def carried(structure: Structure, angle: FloatArray, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return displacement, velocity and acceleration of the rigid mechanism at constant speed.
-
-    Parameters
-    ----------
-    structure
-        Of the model.
-    angle
-        Cam angles, rad, shape (f,).
-    speed
-        Camshaft speed, rad/s.
-
-    Returns
-    -------
-    tuple
-        Three arrays of shape (f, n), over the structure's unknowns; zeros where no cam moves anything.
-    """
+    """Return displacement, velocity and acceleration of the rigid mechanism at constant speed."""
     shown = build_rigid(structure.model, speed).carried
     if shown is None:
         nothing = np.zeros((len(angle), structure.dofs.size))

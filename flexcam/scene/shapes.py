@@ -17,42 +17,13 @@ AROUND = 32
 
 
 def circle(radius: float, count: int = AROUND) -> FloatArray:
-    """Return points of a circle about the origin, counterclockwise.
-
-    Parameters
-    ----------
-    radius
-        m.
-    count
-        How many.
-
-    Returns
-    -------
-    ndarray
-        Shape (count, 2).
-    """
+    """Return points of a circle about the origin, counterclockwise."""
     turn = 2.0 * math.pi * np.arange(count) / count
     return radius * np.column_stack([np.cos(turn), np.sin(turn)])
 
 
 def section_outlines(section: Section) -> list[FloatArray]:
-    """Return the outline of a cross-section in its local y and z axes, and that of its hole.
-
-    Parameters
-    ----------
-    section
-        The section. One given by its properties is drawn as the rectangle of its area and its ratio of second moments.
-
-    Returns
-    -------
-    list
-        Arrays of shape (k, 2), m: one for a solid section, two of as many points for a tube.
-
-    Examples
-    --------
-    >>> np.ptp(section_outlines(Section.rectangle(0.02, 0.01))[0], axis=0).round(12)
-    array([0.02, 0.01])
-    """
+    """Return the outline of a cross-section in its local y and z axes, and that of its hole."""
     if section.round:
         inner = math.sqrt(max(section.radius**2 - section.A / math.pi, 0.0))
         hollow = inner > 1e-6 * section.radius
@@ -63,20 +34,7 @@ def section_outlines(section: Section) -> list[FloatArray]:
 
 
 def capsule(start: complex, end: complex, radii: tuple[float, float]) -> FloatArray:
-    """Return the outline around two circles and their outer tangents, counterclockwise.
-
-    Parameters
-    ----------
-    start, end
-        Centres, m.
-    radii
-        Of both, m; neither circle lies inside the other.
-
-    Returns
-    -------
-    ndarray
-        Shape (AROUND, 2), m.
-    """
+    """Return the outline around two circles and their outer tangents, counterclockwise."""
     span = end - start
     open_by = math.acos(max(-1.0, min(1.0, (radii[0] - radii[1]) / abs(span))))
     half = AROUND // 2
@@ -88,18 +46,7 @@ def capsule(start: complex, end: complex, radii: tuple[float, float]) -> FloatAr
 
 
 def across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two unit vectors that make a right-handed triad with an axis, the axis last.
-
-    Parameters
-    ----------
-    axis
-        Unit vector, shape (3,).
-
-    Returns
-    -------
-    tuple
-        Two arrays of shape (3,).
-    """
+    """Return two unit vectors that make a right-handed triad with an axis, the axis last."""
     near = default_orientation(axis)
     first = near - (near @ axis) * axis
     first = first / np.linalg.norm(first)
@@ -107,68 +54,21 @@ def across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def turned(kind: str, centre: FloatArray, axis: FloatArray, profile: Sequence[tuple[float, float]]) -> Solid:
-    """Return a body of revolution.
-
-    Parameters
-    ----------
-    kind
-        As for `Solid`.
-    centre, axis
-        Origin and unit vector of its axis, shape (3,).
-    profile
-        Pairs of place along the axis and radius there, m, in the order of the axis.
-
-    Returns
-    -------
-    Solid
-        Closed by discs at both ends.
-    """
+    """Return a body of revolution."""
     first, second = across(axis)
     ring = circle(1.0) @ np.array([first, second])
     return loft(kind, np.array([centre + x * axis + radius * ring for x, radius in profile]))
 
 
 def cylinder(kind: str, start: FloatArray, end: FloatArray, radius: float) -> Solid:
-    """Return a round bar between two points.
-
-    Parameters
-    ----------
-    kind
-        As for `Solid`.
-    start, end
-        Centres of its end faces, m, shape (3,).
-    radius
-        m.
-
-    Returns
-    -------
-    Solid
-        The bar.
-    """
+    """Return a round bar between two points."""
     span = end - start
     length = float(np.linalg.norm(span))
     return turned(kind, start, span / length, [(0.0, radius), (length, radius)])
 
 
 def ring(kind: str, centre: FloatArray, axis: FloatArray, radii: tuple[float, float], width: float) -> Solid:
-    """Return a ring of rectangular section.
-
-    Parameters
-    ----------
-    kind
-        As for `Solid`.
-    centre, axis
-        Its middle and the unit vector of its axis, shape (3,).
-    radii
-        Inner and outer radius, m.
-    width
-        Along the axis, m.
-
-    Returns
-    -------
-    Solid
-        The ring.
-    """
+    """Return a ring of rectangular section."""
     first, second = across(axis)
     spokes = circle(1.0) @ np.array([first, second])
     inner, outer = radii
@@ -178,47 +78,13 @@ def ring(kind: str, centre: FloatArray, axis: FloatArray, radii: tuple[float, fl
 
 
 def ball(kind: str, centre: FloatArray, radius: float) -> Solid:
-    """Return a ball.
-
-    Parameters
-    ----------
-    kind
-        As for `Solid`.
-    centre
-        m, shape (3,).
-    radius
-        m.
-
-    Returns
-    -------
-    Solid
-        Its poles are cut by a hundredth of its radius.
-    """
+    """Return a ball."""
     tilt = np.linspace(0.05, math.pi - 0.05, 17)
     pairs = zip((-radius * np.cos(tilt)).tolist(), (radius * np.sin(tilt)).tolist(), strict=True)
     return turned(kind, centre, np.array([0.0, 1.0, 0.0]), list(pairs))
 
 
 def prism(kind: str, outline: FloatArray, plane: FloatArray, centre: FloatArray, width: float) -> Solid:
-    """Return an outline with thickness.
-
-    Parameters
-    ----------
-    kind
-        As for `Solid`.
-    outline
-        Counterclockwise about its centre, m, shape (k, 2); every point is seen from the mean of all.
-    plane
-        Unit vectors of the outline's axes, shape (2, 3), square to each other.
-    centre
-        Where the outline's origin lies, m, shape (3,).
-    width
-        Across the plane, m, half on either side.
-
-    Returns
-    -------
-    Solid
-        The prism.
-    """
+    """Return an outline with thickness."""
     flat, normal = centre + outline @ plane, np.cross(plane[0], plane[1])
     return loft(kind, np.array([flat - 0.5 * width * normal, flat + 0.5 * width * normal]))

@@ -35,55 +35,18 @@ class Notes:
 
 
 def model_size(model: Model) -> float:
-    """Return the diagonal of the box around all nodes, m.
-
-    Parameters
-    ----------
-    model
-        The model.
-
-    Returns
-    -------
-    float
-        A decimetre where all lie at one place.
-    """
+    """Return the diagonal of the box around all nodes, m."""
     return model.mesh.extent or 0.1
 
 
 def valve_lift(model: Model) -> float:
-    """Return the largest lift of a valve of the rigid train, m; a tenth of the model's size where no cam lifts one.
-
-    Parameters
-    ----------
-    model
-        The model.
-
-    Returns
-    -------
-    float
-        m.
-    """
+    """Return the largest lift of a valve of the rigid train, m; a tenth of the model's size where no cam lifts one."""
     lifts = [abs(cam.event.height * valve_ratio(model, name)) for name, cam in model.cams.items()]
     return max(lifts, default=0.0) or 0.1 * model_size(model)
 
 
 def drawn_follower(name: str, cam: Cam, distance: float, notes: Notes) -> Follower:
-    """Return the follower that a cam is drawn for.
-
-    Parameters
-    ----------
-    name, cam
-        The cam.
-    distance
-        From the cam's centre to its follower's node along the lift, m.
-    notes
-        Where a chosen one is named.
-
-    Returns
-    -------
-    Follower
-        The case's own; a flat face on a base circle that reaches to the node where it gives none.
-    """
+    """Return the follower that a cam is drawn for."""
     if cam.follower is not None:
         return cam.follower
     base = distance if distance > 0.0 else 3.0 * cam.event.height
@@ -91,38 +54,14 @@ def drawn_follower(name: str, cam: Cam, distance: float, notes: Notes) -> Follow
 
 
 def lobe_width(name: str, cam: Cam, follower: Follower, notes: Notes) -> float:
-    """Return the width of a lobe, m.
-
-    Parameters
-    ----------
-    name, cam, follower
-        The cam and its follower.
-    notes
-        Where a chosen one is named.
-
-    Returns
-    -------
-    float
-        The case's own, or 0.7 base radii.
-    """
+    """Return the width of a lobe, m."""
     if cam.width is not None:
         return cam.width
     return notes.say("width of cam", name, 0.7 * follower.base_radius, "0.7 of its base radius")
 
 
 def face_radius(cam: Cam, follower: Follower, width: float) -> float:
-    """Return the radius of a flat face on which the whole contact lies, with a tenth to spare, m.
-
-    Parameters
-    ----------
-    cam, follower, width
-        The cam, its follower and its width, m.
-
-    Returns
-    -------
-    float
-        m; half the base radius at least.
-    """
+    """Return the radius of a flat face on which the whole contact lies, with a tenth to spare, m."""
     away = float(np.abs(cam_profile(cam.event, follower, turn=cam.turn).offset).max())
     return max(1.1 * math.hypot(away, 0.5 * width), 0.5 * follower.base_radius)
 
@@ -138,24 +77,7 @@ class CoilSizes:
 
 
 def coil_sizes(name: str, spring: Spring, diameter: float, travel: float, notes: Notes) -> CoilSizes:
-    """Return the sizes a spring is drawn with.
-
-    Parameters
-    ----------
-    name, spring
-        The spring.
-    diameter
-        Of its coil where no wire is given, m.
-    travel
-        By which it is compressed, m.
-    notes
-        Where chosen ones are named.
-
-    Returns
-    -------
-    CoilSizes
-        Its own wire where it is given. Coils follow from the rate; the installed length leaves the travel to clash.
-    """
+    """Return the sizes a spring is drawn with."""
     if spring.wire is not None:
         D, d = spring.wire.coil_diameter, spring.wire.diameter
         coils = SHEAR_MODULUS * d**4 / (8.0 * D**3 * spring.stiffness) if spring.stiffness > 0.0 else _COILS

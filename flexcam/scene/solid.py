@@ -25,10 +25,6 @@ class Solid:
         Point numbers of the triangles, counterclockwise seen from outside, shape (t, 3).
     values
         What it is coloured by, per point, shape (n,); None where nothing is known there.
-
-    Examples
-    --------
-    `loft` makes one.
     """
 
     kind: str
@@ -51,31 +47,7 @@ class Solid:
 
 
 def loft(kind: str, rings: FloatArray, *, cyclic: bool = False, values: FloatArray | None = None) -> Solid:
-    """Return the solid that rings of points span.
-
-    Parameters
-    ----------
-    kind
-        As for `Solid`.
-    rings
-        Points of the rings, counterclockwise seen from where the last ring lies, m, shape (m, k, 3). The end rings are
-        closed by triangles about their centres.
-    cyclic
-        Whether the last ring joins the first, as around a torus: then nothing is closed at the ends.
-    values
-        One per ring, shape (m,).
-
-    Returns
-    -------
-    Solid
-        With the points ring after ring, and then the centres of the first and the last ring where they are closed.
-
-    Examples
-    --------
-    >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-    >>> round(loft("cube", np.array([square, square + [0, 0, 1]])).volume, 12)
-    1.0
-    """
+    """Return the solid that rings of points span."""
     count, around = rings.shape[:2]
     points = rings.reshape(-1, 3)
     spread = None if values is None else np.repeat(values, around)
@@ -102,18 +74,7 @@ def _skin(count: int, around: int, cyclic: bool) -> IntArray:
 
 
 def merged(solids: Sequence[Solid]) -> Solid:
-    """Return several solids as one surface.
-
-    Parameters
-    ----------
-    solids
-        One or more; where one has no values, none are kept.
-
-    Returns
-    -------
-    Solid
-        Of the kind of the first.
-    """
+    """Return several solids as one surface."""
     starts = np.cumsum([0, *(len(one.points) for one in solids)])[:-1].tolist()
     values = [one.values for one in solids if one.values is not None]
     return Solid(

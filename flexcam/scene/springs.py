@@ -43,20 +43,7 @@ class CoilPlace:
 
 
 def drawn(place: CoilPlace, instant: Instant) -> list[Solid]:
-    """Return a spring.
-
-    Parameters
-    ----------
-    place
-        Where it is.
-    instant
-        As drawn.
-
-    Returns
-    -------
-    list
-        Solids of kinds ``spring``, ``retainer`` and ``ground``.
-    """
+    """Return a spring."""
     moved = place.sense * (place.borders @ instant.unknowns)
     size, axis = place.sizes, place.axis
     made = [coil(size, place.start, axis, moved, size.length)]

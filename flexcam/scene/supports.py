@@ -22,21 +22,7 @@ _TEETH = 20
 
 
 def drawn(model: Model, layout: Layout, instant: Instant) -> Iterator[Solid]:
-    """Yield the symbols of supports.
-
-    Parameters
-    ----------
-    model, layout
-        The model and its layout.
-    instant
-        As drawn.
-
-    Returns
-    -------
-    Iterator
-        Solids of kinds ``bearing`` (elastic, or a guide that holds its member from two sides), ``ground`` (a wall that
-        clamps it) and ``drive`` (a wheel where the turning of a shaft is given).
-    """
+    """Yield the symbols of supports."""
     bearings = {model.mesh.node(one.at) for one in model.springs.values() if is_bearing(model, one)}
     held = _held(model)
     turning = shafts(model)

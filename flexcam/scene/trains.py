@@ -9,50 +9,17 @@ from flexcam.train import Model, Seat, Spring
 
 
 def unit(vector: FloatArray) -> FloatArray:
-    """Return a vector's direction in space.
-
-    Parameters
-    ----------
-    vector
-        Shape (3,), or (6,) of which the translation counts; not zero.
-
-    Returns
-    -------
-    ndarray
-        Shape (3,), of length 1.
-    """
+    """Return a vector's direction in space."""
     return vector[:3] / np.linalg.norm(vector[:3])
 
 
 def seat_at(model: Model, point: str) -> Seat | None:
-    """Return the seat at a point, or None.
-
-    Parameters
-    ----------
-    model, point
-        The model and the name of the point.
-
-    Returns
-    -------
-    Seat or None
-        The first one.
-    """
+    """Return the seat at a point, or None."""
     return next((one for one in model.contacts.values() if isinstance(one, Seat) and one.at == point), None)
 
 
 def closing_spring(model: Model, nodes: set[int]) -> Spring | None:
-    """Return the stiffest spring from some nodes to ground that is no bearing, or None.
-
-    Parameters
-    ----------
-    model, nodes
-        The model and node numbers.
-
-    Returns
-    -------
-    Spring or None
-        The spring.
-    """
+    """Return the stiffest spring from some nodes to ground that is no bearing, or None."""
     own = [
         one
         for one in model.springs.values()
@@ -62,67 +29,23 @@ def closing_spring(model: Model, nodes: set[int]) -> Spring | None:
 
 
 def is_coil(model: Model, spring: Spring) -> bool:
-    """Tell whether a spring is drawn as a coil: it acts along a line, and is no bearing of a shaft.
-
-    Parameters
-    ----------
-    model, spring
-        The model and the spring.
-
-    Returns
-    -------
-    bool
-        A spring to ground from a node of a cam's shaft is a bearing.
-    """
+    """Tell whether a spring is drawn as a coil: it acts along a line, and is no bearing of a shaft."""
     return bool(spring.direction[:3].any()) and not is_bearing(model, spring)
 
 
 def is_bearing(model: Model, spring: Spring) -> bool:
-    """Tell whether a spring is drawn as a bearing: from a node of a cam's shaft to ground.
-
-    Parameters
-    ----------
-    model, spring
-        The model and the spring.
-
-    Returns
-    -------
-    bool
-        Whether it is.
-    """
+    """Tell whether a spring is drawn as a bearing: from a node of a cam's shaft to ground."""
     if spring.to is not None or spring.at not in model.mesh.points:
         return False
     return model.mesh.node(spring.at) in shaft_nodes(model)
 
 
 def shaft_nodes(model: Model) -> set[int]:
-    """Return the nodes of the members that carry cams.
-
-    Parameters
-    ----------
-    model
-        The model.
-
-    Returns
-    -------
-    set
-        Node numbers.
-    """
+    """Return the nodes of the members that carry cams."""
     return {node for name in shafts(model) for node in model.mesh.lines[name].tolist()}
 
 
 def shafts(model: Model) -> list[str]:
-    """Return the names of the members that carry cams.
-
-    Parameters
-    ----------
-    model
-        The model.
-
-    Returns
-    -------
-    list
-        In the order of the mesh.
-    """
+    """Return the names of the members that carry cams."""
     cams = {model.mesh.node(cam.at) for cam in model.cams.values()}
     return [name for name, line in model.mesh.lines.items() if cams.intersection(line.tolist())]

@@ -45,22 +45,7 @@ class ValvePlace:
 
 
 def valve(place: ValvePlace, moved: FloatArray, head: float) -> list[Solid]:
-    """Return a valve, and its seat where the model has one.
-
-    Parameters
-    ----------
-    place
-        Where it is.
-    moved
-        Displacement of its point as drawn, m, shape (3,).
-    head
-        Diameter of its head, m.
-
-    Returns
-    -------
-    list
-        Solids of kinds ``valve`` and ``seat``.
-    """
+    """Return a valve, and its seat where the model has one."""
     length, away = (LENGTH * head if place.stem else 0.0), place.away
     tip, stem = place.tip + moved, 0.5 * STEM * head
     profile = [(length + x * head, radius * head) for x, radius in _TULIP]

@@ -16,17 +16,7 @@ __all__ = ["Check", "checks", "installed"]
 
 
 def checks() -> Iterator[Check]:
-    """Yield all checks, each as it is computed.
-
-    Yields
-    ------
-    Check
-        Whether it passes or not.
-
-    Examples
-    --------
-    ``all(one.passed for one in checks())`` of a sound installation, after some seconds.
-    """
+    """Yield all checks, each as it is computed."""
     yield from structures()
     yield from oscillators()
     yield from trains()

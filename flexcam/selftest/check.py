@@ -21,11 +21,6 @@ class Check:
         Largest error that passes, as a part of the reference; absolute where that is zero.
     unit
         Of both numbers.
-
-    Examples
-    --------
-    >>> Check("pi", "Archimedes", 3.14159265, 22 / 7, 1e-3).passed
-    True
     """
 
     quantity: str

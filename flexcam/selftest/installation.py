@@ -20,18 +20,7 @@ _EXTRAS = {
 
 
 def installed() -> dict[str, str]:
-    """Return what this installation consists of.
-
-    Returns
-    -------
-    dict
-        Name to version or to what can be done with it, in words.
-
-    Examples
-    --------
-    >>> "numpy" in installed()
-    True
-    """
+    """Return what this installation consists of."""
     versions = {name: _version(name) for name in _PACKAGES}
     extras = {f"extra {name}": _usable(name, modules) for name, modules in _EXTRAS.items()}
     return {

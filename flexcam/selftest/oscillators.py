@@ -22,13 +22,7 @@ _PROBE = Probe("x", ("x",), np.eye(1), (None,))
 
 
 def oscillators() -> Iterator[Check]:
-    """Yield what one mass must do, and the peaks of motion laws.
-
-    Yields
-    ------
-    Check
-        Whether it passes or not.
-    """
+    """Yield what one mass must do, and the peaks of motion laws."""
     yield _late()
     yield from _bounced()
     yield from _laws()

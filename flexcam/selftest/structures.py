@@ -55,13 +55,7 @@ class _Beam:
 
 
 def structures() -> Iterator[Check]:
-    """Yield what beams must do.
-
-    Yields
-    ------
-    Check
-        Whether it passes or not.
-    """
+    """Yield what beams must do."""
     yield from _pushed()
     yield from _vibrating()
     source = "Timoshenko and Gere, Theory of Elastic Stability, ch. 2"

@@ -22,13 +22,7 @@ _PAPER = "Tayeb and Sliman: unstable near 4000 rpm"
 
 
 def trains() -> Iterator[Check]:
-    """Yield what the published train must do: the starter case of that name.
-
-    Yields
-    ------
-    Check
-        Whether it passes or not.
-    """
+    """Yield what the published train must do: the starter case of that name."""
     with scratch() as folder:
         case = read_case(new_case("published-model", folder / "case.toml")[0])
         yield Check(

@@ -94,39 +94,7 @@ def campbell(
     case: Case, speeds: Sequence[float], *, orders: Sequence[int], modes: int = 8, contact: str | None = None,
     advance: Advance | None = None,
 ) -> Campbell:  # fmt: skip
-    """Return natural frequencies over speed, and where orders of a cam meet them.
-
-    Parameters
-    ----------
-    case
-        The case; its own speed does not count.
-    speeds
-        Of the camshaft, rad/s, rising.
-    orders
-        Harmonics of the camshaft's rotation; those that the lift hardly has (below a thousandth of its largest) are
-        left out.
-    modes
-        How many of the lowest that are no free motions.
-    contact
-        Name of the contact; the first one by default.
-    advance
-        Told after each speed that one more is finished.
-
-    Returns
-    -------
-    Campbell
-        Modes are followed over speed by their shapes. Between speeds frequencies and amplitudes of the force are
-        straight lines.
-
-    Raises
-    ------
-    InputError
-        If speeds, orders or modes are out of order, or the case has no such contact.
-
-    Examples
-    --------
-    ``campbell(case, [200.0, 300.0, 400.0], orders=range(1, 13)).crossings``
-    """
+    """Return natural frequencies over speed, and where orders of a cam meet them."""
     name, cam = _checked(case, speeds, orders, modes, contact)
     rpm = np.array(speeds) / RPM
     sizes = lift_harmonics(build_model(case).cams[cam].event, max(orders))

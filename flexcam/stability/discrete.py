@@ -70,22 +70,7 @@ class _Swings:
 
 
 def discrete(ready: Prepared, method: Method, response: Response) -> Discrete:
-    """Return which mode the time integration endangers most.
-
-    Parameters
-    ----------
-    ready
-        A case, prepared.
-    method
-        Of the time integration.
-    response
-        Of the case's run: the system is linearized about it.
-
-    Returns
-    -------
-    Discrete
-        At the instant and the mode of the largest spectral radius; of equals, that of the highest frequency.
-    """
+    """Return which mode the time integration endangers most."""
     step, names = ready.problem.step, ready.problem.system.names
     if ready.problem.system.size > MOST:
         return _of_the_highest(ready, method)

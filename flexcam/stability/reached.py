@@ -14,29 +14,7 @@ from flexcam.train import ReachedModes, Structure, contact_modes, holding
 
 
 def reached_modes(ready: Prepared, response: Response, contact: str, structure: Structure) -> ReachedModes:
-    """Return the modes of a train on the lift of a cam.
-
-    Parameters
-    ----------
-    ready
-        A case, prepared.
-    response
-        Of its run: contacts hold as they do at the saved instant of the largest lift in its last revolution.
-    contact
-        Name of the contact.
-    structure
-        Of the case's model.
-
-    Returns
-    -------
-    ReachedModes
-        All that can be computed.
-
-    Raises
-    ------
-    RunFailedError
-        If the train has no modes there: a member or a lever gives way, which is named.
-    """
+    """Return the modes of a train on the lift of a cam."""
     cam = ready.model.cams[ready.model.driven[contact].cam]
     return contact_modes(structure, contact, _held(ready, response, cam.event))
 
@@ -53,23 +31,7 @@ def _held(ready: Prepared, response: Response, event: Event) -> list[tuple[str, 
 
 
 def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
-    """Return the amplitudes of the harmonics of a contact's force in the last revolution of a run.
-
-    Parameters
-    ----------
-    response
-        The run.
-    contact
-        Name of the contact.
-    count
-        Highest harmonic.
-
-    Returns
-    -------
-    ndarray
-        N, from the first, shape (count,); NaN for those that the steps of the last revolution are too few for, and for
-        all of a run shorter than one.
-    """
+    """Return the amplitudes of the harmonics of a contact's force in the last revolution of a run."""
     force, told = response.channels.get(f"contacts.{contact}.force"), min(count, highest_order(response))
     if force is None or not told:
         return np.full(count, np.nan)

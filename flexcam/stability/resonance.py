@@ -58,25 +58,7 @@ class Resonance:
 
 
 def resonances(ready: Prepared, response: Response) -> tuple[Resonance, ...]:
-    """Return where the harmonics of the cams meet the modes.
-
-    Parameters
-    ----------
-    ready
-        A case, prepared.
-    response
-        Of its run.
-
-    Returns
-    -------
-    tuple
-        Nearest to the case's speed first.
-
-    Raises
-    ------
-    RunFailedError
-        If the train has no modes at full lift: a member or a lever gives way.
-    """
+    """Return where the harmonics of the cams meet the modes."""
     met: list[Resonance] = []
     structure = build_structure(ready.model)
     for name, contact in ready.model.driven.items():
@@ -93,19 +75,6 @@ def resonances(ready: Prepared, response: Response) -> tuple[Resonance, ...]:
 
 
 def lift_harmonics(event: Event, count: int) -> dict[int, float]:
-    """Return the harmonics of a lift that are worth looking at.
-
-    Parameters
-    ----------
-    event
-        The lift.
-    count
-        Highest harmonic.
-
-    Returns
-    -------
-    dict
-        Harmonic to amplitude, m; those below a thousandth of the largest are left out.
-    """
+    """Return the harmonics of a lift that are worth looking at."""
     sizes = np.abs(harmonics(event, count))[1:]
     return {n: float(size) for n, size in enumerate(sizes, start=1) if size >= _SMALL * sizes.max()}

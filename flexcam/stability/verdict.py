@@ -119,26 +119,7 @@ class Stability:
 
 
 def stability(case: Case) -> Stability:
-    """Return what endangers a case at its speed.
-
-    Parameters
-    ----------
-    case
-        The case.
-
-    Returns
-    -------
-    Stability
-        Each cause by a test of its own: the spectral radius of the discrete system, the Floquet multipliers of the
-        periodic motion, the cam's harmonics against the modes, and the contact force of a run.
-
-    Raises
-    ------
-    InputError
-        If parts do not fit together.
-    RunFailedError
-        If the run cannot even start.
-    """
+    """Return what endangers a case at its speed."""
     method = case.record.run.integrator.made()
     limited = method.stable_to() < math.inf
     ready = prepare(case.with_average_acceleration() if limited else case)

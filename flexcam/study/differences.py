@@ -45,27 +45,6 @@ def central(middle: float, beside: FloatArray, step: float) -> Derivative:
     """Return the derivative of a function from values beside a point.
 
     Exact for polynomials of up to the fourth degree. L. F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307.
-
-    Parameters
-    ----------
-    middle
-        Value at the point.
-    beside
-        Values at the point plus `STEPS` times the step, shape (4,).
-    step
-        The step.
-
-    Returns
-    -------
-    Derivative
-        A function that is not smooth is known by slopes on both sides that differ as much at half the step as at the
-        whole one, or by an error that is a good part of the derivative.
-
-    Examples
-    --------
-    >>> found = central(1.0, (1.0 + 0.1 * np.array(STEPS)) ** 4, 0.1)
-    >>> round(found.value, 12), found.smooth
-    (4.0, True)
     """
     far_below, below, above, far_above = (float(one) for one in beside)
     whole, half = (far_above - far_below) / (2.0 * step), (above - below) / step
@@ -79,23 +58,5 @@ def central(middle: float, beside: FloatArray, step: float) -> Derivative:
 
 
 def logarithmic(derivative: float, parameter: float, value: float) -> float:
-    """Return by how many percent a value changes if a parameter grows by one percent.
-
-    Parameters
-    ----------
-    derivative
-        Of the value by the parameter.
-    parameter, value
-        Both.
-
-    Returns
-    -------
-    float
-        ``p/s ds/dp``; NaN where the value is zero.
-
-    Examples
-    --------
-    >>> logarithmic(0.5, 2.0, 4.0)
-    0.25
-    """
+    """Return by how many percent a value changes if a parameter grows by one percent."""
     return parameter * derivative / value if value != 0.0 else math.nan

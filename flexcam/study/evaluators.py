@@ -32,37 +32,7 @@ def evaluators(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
     *, workers: int = 1, runs: int = 1, advance: Advance | None = None,
 ) -> Generator[Runs]:  # fmt: skip
-    """Give what evaluates variants, for as long as a study goes on.
-
-    Parameters
-    ----------
-    file
-        The case file.
-    fixed
-        Values laid over every variant.
-    names
-        The quantities asked for (`flexcam.study.quantities`).
-    search
-        Where limits are looked for.
-    workers
-        Processes; with one, this process does it.
-    runs
-        About how many variants there will be in all: of many short runs, machine code pays from the first.
-    advance
-        Told after each variant that one more is finished.
-
-    Yields
-    ------
-    Callable
-        The rows are the same for every number of workers.
-
-    Raises
-    ------
-    InputError
-        If there are no workers.
-    RunFailedError
-        If one of them is killed.
-    """
+    """Give what evaluates variants, for as long as a study goes on."""
     if workers < 1:
         raise refuse("--workers", workers, "a whole number from 1")
     if workers == 1:

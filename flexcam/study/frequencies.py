@@ -50,37 +50,6 @@ def frequency_derivatives(
     J. 6 (1968) 2426. Where frequencies are the same, the derivatives are the eigenvalues of that matrix on their
     shapes. Derivatives of the matrices are by differences, exact where entries are polynomials of up to the fourth
     degree in the parameter, as most are.
-
-    Parameters
-    ----------
-    middle
-        Mass and stiffness.
-    beside
-        Those with the parameter changed by `flexcam.study.differences.STEPS` times the step.
-    step
-        The step, in the parameter's unit.
-    count
-        How many frequencies.
-    free
-        Motions without stiffness, shape (n, r); None to find them numerically.
-
-    Returns
-    -------
-    FrequencyDerivative
-        Fewer where the model has fewer modes.
-
-    Raises
-    ------
-    RunFailedError
-        If the modes cannot be computed.
-
-    Examples
-    --------
-    >>> from flexcam.study.differences import STEPS
-    >>> pair = lambda k: (Triplets.from_dense([[2.0]]), Triplets.from_dense([[k]]))
-    >>> found = frequency_derivatives(pair(8.0), [pair(8.0 + 0.01 * s) for s in STEPS], 0.01, 1)
-    >>> bool(np.isclose(2 * np.pi * found.values[0], 2.0 / (2 * 8.0)))  # omega / (2 k)
-    True
     """
     found = _modes(middle, count, free)
     omegas, shapes = found.omegas[found.rigid :], found.shapes[:, found.rigid :]

@@ -23,10 +23,6 @@ class Kept:
     ----------
     done, asked
         Variants finished, and asked for.
-
-    Examples
-    --------
-    ``limit_map(plan, names, Kept(runs))`` has gaps where it was stopped.
     """
 
     def __init__(self, runs: Runs) -> None:

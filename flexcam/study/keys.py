@@ -32,31 +32,7 @@ class Number:
 
 
 def number_of(case: Case, key: str, where: str) -> Number:
-    """Return a number of a case.
-
-    Parameters
-    ----------
-    case
-        The case.
-    key
-        Its key, as for ``--set``.
-    where
-        What asks for it, for the message.
-
-    Returns
-    -------
-    Number
-        SI.
-
-    Raises
-    ------
-    InputError
-        If there is no such key, or what stands there is no number that could be a little larger.
-
-    Examples
-    --------
-    ``number_of(case, "springs.valve.stiffness", "--to").value`` is 50000.0.
-    """
+    """Return a number of a case."""
     known = dict(_leaves(case.record.model_dump(mode="json", by_alias=True), ""))
     numbers = [name for name, value in known.items() if isinstance(value, float)]
     if key not in known:
@@ -90,24 +66,7 @@ def _leaves(value: object, path: str) -> Iterator[tuple[str, object]]:
 
 
 def overrides_of(case: Case, values: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the overrides that put values into a case; a list is written as a whole, with its other numbers.
-
-    Parameters
-    ----------
-    case
-        The case.
-    values
-        Key to text, such as ``45kN/m``, or a number, taken as SI.
-
-    Returns
-    -------
-    tuple
-        ``key=value`` each, for `flexcam.read_case`.
-
-    Examples
-    --------
-    ``overrides_of(case, {"rockers.rocker.arms.1": "41 mm"})`` is ``('rockers.rocker.arms=[0.025, "41 mm"]',)``.
-    """
+    """Return the overrides that put values into a case; a list is written as a whole, with its other numbers."""
     record = case.record.model_dump(mode="json", by_alias=True)
     lists: dict[str, list[Any]] = {}
     found: dict[str, str] = {}

@@ -47,25 +47,7 @@ def _with_unit(axis: Axis, case: Case) -> Axis:
 
 
 def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
-    """Return the grid of two axes.
-
-    Parameters
-    ----------
-    first, second
-        Of several numbers each.
-    fixed
-        What is laid over every variant, as ``key=value``.
-
-    Returns
-    -------
-    Plan
-        The second axis runs fastest.
-
-    Raises
-    ------
-    InputError
-        If they are not two axes of numbers, or leave points to be chosen.
-    """
+    """Return the grid of two axes."""
     for one in (first, second):
         if not one.varies or not one.numeric:
             raise refuse(one.where, f"{len(one.values)} values", "several numbers", "a map is drawn over them")
@@ -77,27 +59,7 @@ def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
 
 
 def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
-    """Return limits over a grid.
-
-    Parameters
-    ----------
-    plan
-        From `grid_plan`.
-    names
-        Of the limits (`flexcam.limits.LIMITS`).
-    runs
-        Evaluates variants, asked for ``limits.NAME`` of each.
-
-    Returns
-    -------
-    LimitMap
-        A variant that fails leaves a gap.
-
-    Raises
-    ------
-    InputError
-        If every variant is refused: the case cannot be asked this.
-    """
+    """Return limits over a grid."""
     rows = list(runs(plan.variants))
     if all(row.status.cause is Cause.REFUSED for row in rows):
         complete(rows[0])

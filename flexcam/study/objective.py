@@ -63,12 +63,6 @@ class Constraint:
         Whether the bound is the largest or the least value allowed.
     text
         The bound as written; a bare number is in the quantity's own unit.
-
-    Examples
-    --------
-    >>> one = constraint("contacts.intake.open_on_the_lift <= 0.5 deg")
-    >>> round(one.bound("rad"), 6), one.violation(0.0, "rad") < 0.0
-    (0.008727, True)
     """
 
     name: str
@@ -81,13 +75,7 @@ class Constraint:
         return f"{self.name} {self.relation} {self.text}"
 
     def bound(self, unit: str) -> float:
-        """Return the bound in the unit of its quantity.
-
-        Raises
-        ------
-        InputError
-            If its own unit is of another kind.
-        """
+        """Return the bound in the unit of its quantity."""
         values = _by_unit(self.text)
         if unit.endswith("rpm") and "rad/s" in values:
             return values["rad/s"] / RPM
@@ -106,23 +94,7 @@ class Constraint:
 
 
 def constraint(text: str) -> Constraint:
-    """Return the constraint of a text.
-
-    Parameters
-    ----------
-    text
-        Such as ``contacts.intake.force.largest <= 2 kN``.
-
-    Returns
-    -------
-    Constraint
-        Whether there is such a quantity is seen at the first run.
-
-    Raises
-    ------
-    InputError
-        If it is no such text.
-    """
+    """Return the constraint of a text."""
     found = _CONSTRAINT.match(text)
     if found is None:
         raise refuse(
@@ -133,23 +105,7 @@ def constraint(text: str) -> Constraint:
 
 
 def constraints_of(texts: Sequence[str]) -> tuple[Constraint, ...]:
-    """Return the constraints of several texts.
-
-    Parameters
-    ----------
-    texts
-        As for `constraint`.
-
-    Returns
-    -------
-    tuple
-        In their order.
-
-    Raises
-    ------
-    InputError
-        With all faults at once.
-    """
+    """Return the constraints of several texts."""
     found, faults = gathered(constraint, texts)
     if faults:
         raise InputError(faults)
@@ -174,61 +130,20 @@ def _by_unit(text: str, where: str = "") -> dict[str, float]:
 
 
 def value_of(row: Row, name: str) -> float:
-    """Return a quantity of a row; a limit that is not met lies beyond every speed, other gaps are NaN.
-
-    Parameters
-    ----------
-    row
-        Of a variant.
-    name
-        Of the quantity.
-
-    Returns
-    -------
-    float
-        In its unit.
-    """
+    """Return a quantity of a row; a limit that is not met lies beyond every speed, other gaps are NaN."""
     missing = math.inf if name.startswith("limits.") and row.status.ok else math.nan
     return row.scalars.get(name, missing)
 
 
 def costs(rows: Sequence[Row], goals: Sequence[Goal]) -> FloatArray:
-    """Return what is to be small of several variants.
-
-    Parameters
-    ----------
-    rows
-        Of the variants.
-    goals
-        What is asked.
-
-    Returns
-    -------
-    ndarray
-        Shape (m, goals), with the other sign where most is asked; infinite where there is no number.
-    """
+    """Return what is to be small of several variants."""
     values = np.array([[value_of(row, goal.name) for goal in goals] for row in rows], dtype=float)
     signed = values * np.array([-1.0 if goal.most else 1.0 for goal in goals])
     return np.where(np.isnan(signed), math.inf, signed)
 
 
 def violations(rows: Sequence[Row], bounds: Sequence[Constraint], goals: Sequence[Goal]) -> FloatArray:
-    """Return by how much variants pass bounds, as parts of them.
-
-    Parameters
-    ----------
-    rows
-        Of the variants.
-    bounds
-        The constraints.
-    goals
-        Whose numbers must exist too.
-
-    Returns
-    -------
-    ndarray
-        Shape (m, bounds + 1), zero or less inside; the last column is that of variants without a number.
-    """
+    """Return by how much variants pass bounds, as parts of them."""
     found = np.full((len(rows), len(bounds) + 1), _FAILED)
     for i, row in enumerate(rows):
         values = [value_of(row, one.name) for one in bounds]
@@ -240,32 +155,10 @@ def violations(rows: Sequence[Row], bounds: Sequence[Constraint], goals: Sequenc
 
 
 def feasible(passed: FloatArray) -> NDArray[np.bool_]:
-    """Return which variants are within all bounds.
-
-    Parameters
-    ----------
-    passed
-        From `violations`, shape (m, bounds + 1).
-
-    Returns
-    -------
-    ndarray
-        Shape (m,), bool.
-    """
+    """Return which variants are within all bounds."""
     return np.asarray((passed <= _ROUNDING).all(axis=1))
 
 
 def active(passed: float) -> bool:
-    """Tell whether a bound decides: a value lies at it within a hundredth.
-
-    Parameters
-    ----------
-    passed
-        Of one bound, from `violations`.
-
-    Returns
-    -------
-    bool
-        Also where it is passed.
-    """
+    """Tell whether a bound decides: a value lies at it within a hundredth."""
     return passed >= -_ACTIVE

@@ -165,13 +165,7 @@ class Judge:
         return Evaluations(points, self._design.parts(points), rows, np.array(cost), np.array(passed))
 
     def after(self, search: Callable[[], None]) -> Evaluations:
-        """Return everything that was evaluated once a search has ended, also by a Ctrl-C.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            If nothing had been evaluated by then.
-        """
+        """Return everything that was evaluated once a search has ended, also by a Ctrl-C."""
         try:
             search()
         except KeyboardInterrupt:
@@ -187,30 +181,6 @@ def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evalua
     Differential evolution (R. Storn and K. Price, J. Global Optim. 11 (1997) 341) evaluates whole generations, with the
     bounds before the goal: J. Lampinen, Proc. CEC (2002) 1468. Then COBYQA, a trust region of quadratic models without
     derivatives (T. M. Ragonneau and Z. Zhang, 2024), closes in on the best.
-
-    Parameters
-    ----------
-    design
-        The question, with one goal.
-    evaluations
-        About how many variants may be evaluated.
-    seed
-        The same seed gives the same variants.
-
-    Returns
-    -------
-    Evaluations
-        All of them; a variant whose run fails counts as outside every bound. What is best is the best of those that
-        were evaluated: no proof that there is no better one. After a Ctrl-C, those that were evaluated by then.
-
-    Raises
-    ------
-    InputError
-        If there is more than one goal, hardly any evaluations, or a seed below zero.
-
-    Examples
-    --------
-    ``optimize(Design(points, (Goal("springs.valve.force.largest"),), bounds)).best``
     """
     if len(design.goals) != 1:
         raise refuse("goals", len(design.goals), "one", "of several there is a front")
@@ -230,18 +200,7 @@ def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evalua
 
 
 def generation_size(variables: int) -> int:
-    """Return the points of a generation.
-
-    Parameters
-    ----------
-    variables
-        How many are varied.
-
-    Returns
-    -------
-    int
-        Points.
-    """
+    """Return the points of a generation."""
     return min(max(_PER_VARIABLE * variables, _FEWEST), _MOST)
 
 

@@ -21,25 +21,6 @@ def pareto(design: Design, *, evaluations: int = 400, seed: int = 0) -> Evaluati
     """Look for the front of two goals.
 
     NSGA-II: K. Deb et al., IEEE Trans. Evol. Comput. 6 (2002) 182, as pymoo has it.
-
-    Parameters
-    ----------
-    design
-        The question, with two goals.
-    evaluations
-        About how many variants may be evaluated.
-    seed
-        The same seed gives the same variants.
-
-    Returns
-    -------
-    Evaluations
-        All of them; `front` tells which are the front. After a Ctrl-C, those that were evaluated by then.
-
-    Raises
-    ------
-    InputError
-        If there are not two goals, pymoo is not installed, there are hardly any evaluations, or a seed below zero.
     """
     if len(design.goals) != 2:
         raise refuse("goals", len(design.goals), "two", "a front is between two")
@@ -77,22 +58,7 @@ def _evolve(judge: Judge, design: Design, size: int, generations: int, seed: int
 
 
 def front(found: Evaluations) -> list[int]:
-    """Return which variants within all bounds no other beats in both goals.
-
-    Parameters
-    ----------
-    found
-        Evaluations of two goals.
-
-    Returns
-    -------
-    list
-        Positions, by the first goal.
-
-    Examples
-    --------
-    ``[found.points[i] for i in front(found)]``
-    """
+    """Return which variants within all bounds no other beats in both goals."""
     inside = np.flatnonzero(feasible(found.violations) & np.isfinite(found.costs).all(axis=1)).tolist()
     kept = [i for i in inside if not any(_beats(found.costs[j], found.costs[i]) for j in inside)]
     first: dict[tuple[float, ...], int] = {}

@@ -34,11 +34,6 @@ class Variable:
         As written, else that of SI; empty for a plain number.
     stands
         Where the case stands, as a part of the interval; None where that is not known.
-
-    Examples
-    --------
-    >>> Variable("springs.valve.stiffness", 30.0, 60.0, "kN/m").text(45.0)
-    '45kN/m'
     """
 
     key: str
@@ -53,27 +48,7 @@ class Variable:
 
 
 def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Variable, ...]:
-    """Return the variables of several ``KEY=LOW:HIGHunit``.
-
-    Parameters
-    ----------
-    case
-        The case.
-    settings
-        Such as ``springs.valve.stiffness=30:60kN/m``.
-    option
-        That gave them, for messages.
-
-    Returns
-    -------
-    tuple
-        In the order given.
-
-    Raises
-    ------
-    InputError
-        With all faults at once: unknown keys, intervals that do not rise.
-    """
+    """Return the variables of several ``KEY=LOW:HIGHunit``."""
     found, faults = gathered(lambda setting: _variable(case, setting, f"{option} {setting}"), settings)
     faults += given_twice(option, [one.key for one in found])
     if faults:
@@ -82,25 +57,7 @@ def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Vari
 
 
 def given_twice(option: str, keys: Sequence[str]) -> list[Fault]:
-    """Return a fault for every key that stands more than once: a variant has one value of it.
-
-    Parameters
-    ----------
-    option
-        That gave them.
-    keys
-        Of numbers of the case.
-
-    Returns
-    -------
-    list
-        Empty where each stands once.
-
-    Examples
-    --------
-    >>> [fault.given for fault in given_twice("--vary", ["a", "b", "a"])]
-    ["'a'"]
-    """
+    """Return a fault for every key that stands more than once: a variant has one value of it."""
     twice = dict.fromkeys(key for key in keys if keys.count(key) > 1)
     return [Fault(option, repr(key), "every key once", "it is given twice", "") for key in twice]
 
@@ -120,33 +77,7 @@ def _variable(case: Case, setting: str, where: str) -> Variable:
 
 
 def number_at(case: Case, key: str, text: str, where: str) -> float:
-    """Return the number that a case has with a text in its place.
-
-    Parameters
-    ----------
-    case
-        The case.
-    key
-        Of the number.
-    text
-        Such as ``45kN/m``.
-    where
-        What asks for it, for the message.
-
-    Returns
-    -------
-    float
-        SI.
-
-    Raises
-    ------
-    InputError
-        If the case cannot take it.
-
-    Examples
-    --------
-    ``number_at(case, "springs.valve.stiffness", "45kN/m", "--vary")`` is 45000.0.
-    """
+    """Return the number that a case has with a text in its place."""
     try:
         there = read_case(case.path, (*case.overrides, *overrides_of(case, {key: text})))
     except InputError as refusal:
@@ -171,10 +102,6 @@ class Points:
         What is varied.
     runs
         Evaluates variants.
-
-    Examples
-    --------
-    ``Points(case, variables, serial(file, fixed, names)).rows(np.array([[45.0]]))``
     """
 
     case: Case
@@ -209,28 +136,7 @@ def serial(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
     *, runs: int = 1, advance: Advance | None = None,
 ) -> Runs:  # fmt: skip
-    """Return what evaluates variants one after the other.
-
-    Parameters
-    ----------
-    file
-        The case file.
-    fixed
-        Values laid over every variant.
-    names
-        The quantities asked for (`flexcam.study.quantities`).
-    search
-        Where limits are looked for.
-    runs
-        About how many variants there will be in all: of many short runs, machine code pays from the first.
-    advance
-        Told after each variant that one more is finished.
-
-    Returns
-    -------
-    Callable
-        A variant that the case refuses has a row with that status.
-    """
+    """Return what evaluates variants one after the other."""
 
     def run(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
         for one in counted(variants, advance):
@@ -242,22 +148,7 @@ def serial(
 def variant_row(
     file: CaseFile, overrides: Sequence[str], names: Sequence[str], search: Search | None = None, runs: int = 1
 ) -> Row:
-    """Return what is asked of one variant of a case.
-
-    Parameters
-    ----------
-    file
-        The case file.
-    overrides
-        Values laid over it.
-    names, search, runs
-        As for `serial`.
-
-    Returns
-    -------
-    Row
-        With the status of what went wrong, where something did.
-    """
+    """Return what is asked of one variant of a case."""
     try:
         case = file.read(overrides)
     except InputError as refusal:
@@ -266,18 +157,5 @@ def variant_row(
 
 
 def column(rows: Sequence[Row], name: str) -> FloatArray:
-    """Return one quantity of several rows.
-
-    Parameters
-    ----------
-    rows
-        The rows.
-    name
-        Of the quantity.
-
-    Returns
-    -------
-    ndarray
-        Shape (m,); NaN where there is none.
-    """
+    """Return one quantity of several rows."""
     return np.array([row.scalars.get(name, np.nan) for row in rows], dtype=float)

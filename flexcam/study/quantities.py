@@ -59,51 +59,13 @@ class Quantity:
 
 
 def frequency_number(name: str) -> int | None:
-    """Return which natural frequency a name means, from 1; None if it means none.
-
-    Parameters
-    ----------
-    name
-        Such as ``frequency.2``.
-
-    Returns
-    -------
-    int
-        Motions without stiffness are not counted.
-
-    Examples
-    --------
-    >>> frequency_number("frequency.2"), frequency_number("springs.valve.stiffness")
-    (2, None)
-    """
+    """Return which natural frequency a name means, from 1; None if it means none."""
     found = _FREQUENCY.match(name)
     return int(found[1]) if found else None
 
 
 def quantities(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> Row:
-    """Return what is asked of a case.
-
-    Parameters
-    ----------
-    case
-        The case.
-    names
-        As above.
-    search
-        Where limits are looked for; from half to twice the case's speed, to 10 rpm, by default.
-    runs
-        About how many variants are asked like this one: the more, the sooner machine code pays.
-
-    Returns
-    -------
-    Row
-        With the quantities asked for, or the status of what went wrong. A limit that is not met in the range is left
-        out.
-
-    Examples
-    --------
-    ``quantities(case, ["frequency.1", "contacts.intake.force.largest"]).scalars``
-    """
+    """Return what is asked of a case."""
     begun = time.perf_counter()
     try:
         found = measured(case, names, search, runs)
@@ -118,25 +80,7 @@ def quantities(case: Case, names: Sequence[str], search: Search | None = None, r
 
 
 def measured(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> dict[str, Quantity]:
-    """Return what is asked of a case, or raise.
-
-    Parameters
-    ----------
-    case, names, search, runs
-        As for `quantities`.
-
-    Returns
-    -------
-    dict
-        By name; without limits that are not met.
-
-    Raises
-    ------
-    InputError
-        If the case has nothing of a name, or cannot be run.
-    RunFailedError
-        If its run does not reach its end.
-    """
+    """Return what is asked of a case, or raise."""
     found = _frequencies(case, names) | _limits(case, names, search, runs)
     found |= _cams(case, names) | _numbers(case, names)
     of_a_run = [name for name in names if name not in found and not name.startswith(_LIMIT)]
@@ -149,26 +93,7 @@ def measured(case: Case, names: Sequence[str], search: Search | None = None, run
 
 
 def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None:
-    """Refuse what a case cannot be asked, before anything is run.
-
-    Parameters
-    ----------
-    case
-        The case.
-    names
-        As above.
-    where
-        What gave them, for messages.
-
-    Raises
-    ------
-    InputError
-        With a fault per name: one that no run of the case has, or a limit whose part it lacks.
-
-    Examples
-    --------
-    ``check_names(case, ["frequency.1", "contacts.intake.force.largest"])``
-    """
+    """Refuse what a case cannot be asked, before anything is run."""
     limits, runs = _split(name for name in names if not _known_at_once(case, name))
     known = scalar_names(case) if runs else []
     faults = [_unknown(name, known, case.record.cams) for name in runs if name not in known]
@@ -204,25 +129,7 @@ def _unknown(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
 
 
 def complete(row: Row) -> Row:
-    """Return a row, if it is complete.
-
-    Parameters
-    ----------
-    row
-        Of a case.
-
-    Returns
-    -------
-    Row
-        The same.
-
-    Raises
-    ------
-    InputError
-        If the case was refused.
-    RunFailedError
-        If its run did not reach its end.
-    """
+    """Return a row, if it is complete."""
     if row.status.cause is Cause.REFUSED:
         raise refuse("case", "as it stands", "a case that can be run", row.status.text)
     if not row.status.ok:

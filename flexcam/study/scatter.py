@@ -42,11 +42,6 @@ class Scatter:
         Middle and half width, SI.
     kind
         Even between both ends, or normal with the ends at three standard deviations.
-
-    Examples
-    --------
-    >>> Scatter("springs.valve.stiffness", 50e3, 1e3, "uniform").value(0.75)
-    50500.0
     """
 
     key: str
@@ -65,27 +60,7 @@ class Scatter:
 
 
 def scatters_of(case: Case, settings: Sequence[str], option: str = "--tolerance") -> tuple[Scatter, ...]:
-    """Return the scatter of several ``KEY=±SPEC``.
-
-    Parameters
-    ----------
-    case
-        The case: its numbers are the middles.
-    settings
-        Such as ``springs.valve.stiffness=±5%``, ``contacts.lash.gap=normal:±0.05mm``.
-    option
-        That gave them, for messages.
-
-    Returns
-    -------
-    tuple
-        In the order given.
-
-    Raises
-    ------
-    InputError
-        With all faults at once.
-    """
+    """Return the scatter of several ``KEY=±SPEC``."""
     found, faults = gathered(lambda setting: _scatter(case, setting, f"{option} {setting}"), settings)
     faults += given_twice(option, [one.key for one in found])
     if faults:
@@ -126,27 +101,7 @@ def _half(text: str, middle: float, unit: str, where: str) -> float:
 
 
 def sampled(scatters: Sequence[Scatter], count: int, seed: int = 0) -> FloatArray:
-    """Return numbers of scattered parts.
-
-    Parameters
-    ----------
-    scatters
-        How k numbers scatter, each for itself.
-    count
-        Sets of parts.
-    seed
-        The same seed gives the same parts.
-
-    Returns
-    -------
-    ndarray
-        SI, shape (count, k): a Latin hypercube, every number spread evenly over its own distribution.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than eight sets, or the seed is below zero.
-    """
+    """Return numbers of scattered parts."""
     if count < 8:
         raise refuse("--count", count, "a whole number from 8", "mean and spread mean nothing with fewer")
     from scipy.stats import qmc
@@ -182,26 +137,7 @@ class Spread:
 
 
 def spread(points: FloatArray, values: FloatArray) -> Spread:
-    """Return how a scalar scatters over sets of parts.
-
-    Parameters
-    ----------
-    points
-        Numbers of the parts, shape (m, k).
-    values
-        The scalar, shape (m,); NaN where there is none.
-
-    Returns
-    -------
-    Spread
-        Mean, standard deviation (n - 1), quantiles and rank correlations; NaN where nothing is left to tell them from.
-
-    Examples
-    --------
-    >>> found = spread(np.arange(9.0)[:, None], np.arange(9.0) ** 3)
-    >>> found.mean, float(found.ranks[0])
-    (144.0, 1.0)
-    """
+    """Return how a scalar scatters over sets of parts."""
     known = ~np.isnan(values)
     kept = values[known]
     if len(kept) < 2:

@@ -59,27 +59,7 @@ class Sensitivity:
 
 
 def numbers_of(case: Case, keys: Sequence[str], option: str = "--to") -> list[Number]:
-    """Return the numbers that derivatives are taken by.
-
-    Parameters
-    ----------
-    case
-        The case.
-    keys
-        Their keys.
-    option
-        That gave them, for messages.
-
-    Returns
-    -------
-    list
-        In their order.
-
-    Raises
-    ------
-    InputError
-        With all faults at once: unknown keys, no numbers, and zeros, of which no part can be taken.
-    """
+    """Return the numbers that derivatives are taken by."""
     found, faults = gathered(lambda key: _not_zero(number_of(case, key, option), option), dict.fromkeys(keys))
     if faults:
         raise InputError(faults)
@@ -97,35 +77,7 @@ def sensitivities(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], keys: Sequence[str], runs: Runs,
     *, relative_step: float = RELATIVE_STEP,
 ) -> list[Sensitivity]:  # fmt: skip
-    """Return the derivatives of several scalars by several numbers.
-
-    Parameters
-    ----------
-    file
-        The case file.
-    fixed
-        Values laid over it.
-    names
-        What is asked for (`flexcam.study.quantities`).
-    keys
-        Of the numbers.
-    runs
-        Evaluates variants: `flexcam.study.serial` of the same file, values and names (frequencies may be left out).
-    relative_step
-        Part of each number by which responses are differenced.
-
-    Returns
-    -------
-    list
-        Scalar by scalar, number by number.
-
-    Raises
-    ------
-    InputError
-        If keys or names are not of this case.
-    RunFailedError
-        If the case itself does not reach its end.
-    """
+    """Return the derivatives of several scalars by several numbers."""
     if not 1e-8 <= relative_step <= 0.2:
         raise refuse("--relative-step", relative_step, "1e-8 to 0.2", "a part of each number")
     case = file.read(fixed)

@@ -54,33 +54,6 @@ def sobol_indices(function: Function, dimensions: int, count: int, *, seed: int 
     Variables are taken as independent and even over their intervals. Points are those of a scrambled Sobol sequence;
     estimators and bootstrap are those of `scipy.stats.sobol_indices`: A. Saltelli et al., Comput. Phys. Commun. 181
     (2010) 259.
-
-    Parameters
-    ----------
-    function
-        What is evaluated, at ``count (dimensions + 2)`` points.
-    dimensions
-        Number of variables.
-    count
-        Base points, a power of two.
-    seed
-        The same seed gives the same points.
-
-    Returns
-    -------
-    list
-        One per scalar.
-
-    Raises
-    ------
-    InputError
-        If the count is no power of two, the seed is below zero, or too many points failed.
-
-    Examples
-    --------
-    >>> found = sobol_indices(lambda x: x[:, :1] + 2.0 * x[:, 1:2], 2, 256)[0]
-    >>> found.first.round(1)  # variances 1 : 4
-    array([0.2, 0.8])
     """
     checked_count(count)
     checked_seed(seed)
@@ -91,18 +64,7 @@ def sobol_indices(function: Function, dimensions: int, count: int, *, seed: int 
 
 
 def checked_count(count: int) -> None:
-    """Refuse a number of base points that Sobol's sequence does not have.
-
-    Parameters
-    ----------
-    count
-        Of base points.
-
-    Raises
-    ------
-    InputError
-        If it is no power of two.
-    """
+    """Refuse a number of base points that Sobol's sequence does not have."""
     if count < 2 or count & (count - 1):
         near = f"{1 << (max(count, 2).bit_length() - 1)} or {1 << max(count, 2).bit_length()}"
         raise refuse("--sobol", count, "a power of two from 2", "Sobol's sequence is even over the space there", near)

@@ -13,22 +13,7 @@ from flexcam.io import file_beside, toml_text
 
 
 def case_text(case: Case, target: Path, told: Sequence[str] = ()) -> str:
-    """Return a case with every value filled in, as TOML that is read from another folder.
-
-    Parameters
-    ----------
-    case
-        The case, with what is laid over it.
-    target
-        The file it will be; files that the case names are named from there.
-    told
-        Lines that stand above it.
-
-    Returns
-    -------
-    str
-        TOML, SI.
-    """
+    """Return a case with every value filled in, as TOML that is read from another folder."""
     moved = _named_from(filled(case.record), case.path, target.parent)
     head = "".join(f"# {line}\n" for line in told)
     return head + toml_text(cast("dict[str, Any]", moved))

@@ -15,49 +15,13 @@ from flexcam.sweep.study import Study
 
 
 def afford(asked: Study, folder: Path | None = None, *, together: int = 1) -> None:
-    """Refuse a sweep for whose first variants there is no room.
-
-    Parameters
-    ----------
-    asked
-        From `study`.
-    folder
-        Where the result files of all variants are kept; None where they are not.
-    together
-        How many run side by side on this machine.
-
-    Raises
-    ------
-    InputError
-        With what is needed and what is there.
-
-    Examples
-    --------
-    ``afford(asked, together=8)`` before `swept`.
-    """
+    """Refuse a sweep for whose first variants there is no room."""
     first = opened(asked.bundle).read(asked.plan.variants[0])
     afford_case(first, folder, runs=len(asked.plan), together=min(together, len(asked.plan)))
 
 
 def afford_case(case: Case, folder: Path | None = None, *, runs: int = 1, together: int = 1) -> None:
-    """Refuse many runs of a case for which there is no room.
-
-    Parameters
-    ----------
-    case
-        As its first run is.
-    folder
-        Where the result files of all runs are kept; None where they are not.
-    runs
-        How many there are.
-    together
-        How many run side by side on this machine.
-
-    Raises
-    ------
-    InputError
-        With what is needed and what is there.
-    """
+    """Refuse many runs of a case for which there is no room."""
     periodic = case.record.run.start == "periodic"  # that state takes many revolutions to find
     try:
         ready = prepare(case.with_run({"start": "equilibrium"}) if periodic else case)

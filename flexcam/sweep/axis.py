@@ -66,13 +66,6 @@ class Axis:
         Of the numbers, as written; empty where they are SI or the values are words.
     interval
         Whether anything between the two values may be taken.
-
-    Examples
-    --------
-    >>> axis("run.crank_speed", "1000:1100:50rpm").values[1]
-    Value(text='1050rpm', number=1050.0)
-    >>> [value.text for value in axis("run.integrator.method", "newmark,bathe").values]
-    ['newmark', 'bathe']
     """
 
     key: str
@@ -92,23 +85,7 @@ class Axis:
         return all(value.number is not None for value in self.values)
 
     def at(self, part: float) -> Value:
-        """Return the value at a part of the axis, as a sampled plan takes it.
-
-        Parameters
-        ----------
-        part
-            0 up to 1: of the interval, or of the list.
-
-        Returns
-        -------
-        Value
-            Numbers between have ten digits.
-
-        Examples
-        --------
-        >>> axis("springs.valve.stiffness", "30:60 kN/m").at(0.5).text
-        '45kN/m'
-        """
+        """Return the value at a part of the axis, as a sampled plan takes it."""
         if not self.interval:
             return self.values[min(int(part * len(self.values)), len(self.values) - 1)]
         low, high = (Decimal(repr(value.number)) for value in self.values)
@@ -116,29 +93,7 @@ class Axis:
 
 
 def axis(key: str, spec: str, *, where: str = "", limit: int = LIMIT) -> Axis:
-    """Return the axis of one key.
-
-    Parameters
-    ----------
-    key
-        Of the case; whether it exists is the case's to say.
-    spec
-        Its values, in one of the forms above.
-    where
-        What gave it, for messages; the option by default.
-    limit
-        Most values.
-
-    Returns
-    -------
-    Axis
-        With at least one value.
-
-    Raises
-    ------
-    InputError
-        If the values are none, not in such a form, or too many.
-    """
+    """Return the axis of one key."""
     place = where or f"--set {key}={spec}"
     if not spec.strip():
         raise refuse(place, repr(spec), FORMS, "the range is empty")
@@ -150,30 +105,7 @@ def axis(key: str, spec: str, *, where: str = "", limit: int = LIMIT) -> Axis:
 
 
 def axes(settings: Sequence[str], *, limit: int = LIMIT) -> tuple[Axis, ...]:
-    """Return the axes of several ``key=spec``.
-
-    Parameters
-    ----------
-    settings
-        Such as ``"run.crank_speed=1000:8000:50rpm"``.
-    limit
-        Most values of each.
-
-    Returns
-    -------
-    tuple
-        In the order given.
-
-    Raises
-    ------
-    InputError
-        With all faults at once.
-
-    Examples
-    --------
-    >>> [one.key for one in axes(["run.speed=1000,2000rpm", "run.revolutions=2"])]
-    ['run.speed', 'run.revolutions']
-    """
+    """Return the axes of several ``key=spec``."""
     found, faults = dict[str, Axis](), list[Fault]()
     for setting in settings:
         key, equals, spec = setting.partition("=")
@@ -232,22 +164,7 @@ def _stepped(where: str, start: Decimal, stop: Decimal, step: Decimal, limit: in
 
 
 def few_enough(where: str, count: int, limit: int) -> None:
-    """Refuse more runs than were meant.
-
-    Parameters
-    ----------
-    where
-        What asks for them.
-    count
-        How many.
-    limit
-        Most.
-
-    Raises
-    ------
-    InputError
-        If they are more.
-    """
+    """Refuse more runs than were meant."""
     if count > limit:
         given = f"{count} variants" if count < _MANY else "more variants than could ever be run"
         remedy = f"take fewer values, or allow them with --limit {count}" if count < _MANY else "take fewer values"

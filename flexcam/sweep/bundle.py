@@ -36,10 +36,6 @@ class Bundle:
         How many variants of it are to be run in all: the more, the sooner machine code pays.
     channels
         Whether contacts, members and energies are asked for; else runs compute the motion of the probes alone.
-
-    Examples
-    --------
-    ``bundle_of(CaseFile.opened("cases/tayeb/model-1-shm.toml")).files.keys()``
     """
 
     name: str
@@ -60,21 +56,7 @@ class Bundle:
 
 
 def bundle_of(file: CaseFile, plan: Plan | None = None) -> Bundle:
-    """Return a case as plain data.
-
-    Parameters
-    ----------
-    file
-        The case file.
-    plan
-        Whose values may name further files.
-
-    Returns
-    -------
-    Bundle
-        With every file that a text of the case names by its path from the case; files named by their whole path are
-        read where the runs are done.
-    """
+    """Return a case as plain data."""
     given = [value.text.strip("\"'") for one in plan.axes for value in one.values] if plan else []
     files = {file.path.name: file.text.encode()}
     for text in dict.fromkeys([*_texts(file.raw), *given]):
@@ -105,18 +87,7 @@ def _texts(raw: object) -> Iterator[str]:
 
 @lru_cache(maxsize=1)
 def opened(source: Bundle | Path) -> CaseFile:
-    """Return the case file of a bundle, unpacked once per process, or of a path.
-
-    Parameters
-    ----------
-    source
-        What a worker was given.
-
-    Returns
-    -------
-    CaseFile
-        In memory, with its meshes.
-    """
+    """Return the case file of a bundle, unpacked once per process, or of a path."""
     if isinstance(source, Path):
         return CaseFile.opened(source)
     return CaseFile.opened(source.unpacked(_folders.enter_context(scratch())))

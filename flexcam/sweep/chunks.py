@@ -62,46 +62,14 @@ class Outcome:
 
 
 def chunk_size(plan: Plan, case: Case) -> int:
-    """Return the variants per chunk: the same for every number of workers.
-
-    Parameters
-    ----------
-    plan
-        The plan.
-    case
-        Its first variant.
-
-    Returns
-    -------
-    int
-        From 1 to 16: fewer of long runs, and of few.
-    """
+    """Return the variants per chunk: the same for every number of workers."""
     run = case.record.run
     steps = int(run.revolutions * (run.steps_per_revolution or 3600))
     return max(1, min(_MOST, len(plan) // _MANY, _STEPS // max(steps, 1)))
 
 
 def chunks_of(plan: Plan, size: int) -> tuple[Chunk, ...]:
-    """Return the chunks of a plan.
-
-    Parameters
-    ----------
-    plan
-        The plan.
-    size
-        Variants per chunk.
-
-    Returns
-    -------
-    tuple
-        In the order of the variants.
-
-    Examples
-    --------
-    >>> from flexcam.sweep import Plan, axes
-    >>> [len(chunk.variants) for chunk in chunks_of(Plan(axes(["run.speed=1:7:1"])), 3)]
-    [3, 3, 1]
-    """
+    """Return the chunks of a plan."""
     variants = plan.variants
     starts = range(0, len(variants), size)
     return tuple(Chunk(i, first, variants[first : first + size]) for i, first in enumerate(starts))
@@ -111,32 +79,7 @@ def evaluated(
     source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, histories: bool = False, runs: int = 1,
     channels: bool = True,
 ) -> list[Outcome]:  # fmt: skip
-    """Run some variants of a case: what a worker does.
-
-    Parameters
-    ----------
-    source
-        The case, as plain data or as a file.
-    variants
-        Overrides of each.
-    histories
-        Whether their result files come back too.
-    runs
-        How many variants there are in all: the last digits of a row depend on it, and on nothing that depends on who
-        runs it.
-    channels
-        As for `evaluate`; with histories they are computed in any case.
-
-    Returns
-    -------
-    list
-        One outcome per variant.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If a run was stopped: what it has is no row.
-    """
+    """Run some variants of a case: what a worker does."""
     file = opened(source)
     cases = [_read(file, overrides) for overrides in variants]
     run = partial(_kept, runs=runs) if histories else partial(_ran, runs=runs, channels=channels)

@@ -46,13 +46,7 @@ class Cluster:
             raise refuse("--workers", self.count, "a whole number from 1", "somebody must run the variants")
 
     def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
-        """Return the workers of the cluster.
-
-        Raises
-        ------
-        InputError
-            If nothing answers, there are no workers, or they cannot run flexcam.
-        """
+        """Return the workers of the cluster."""
         return _cluster(self, bundle, histories)
 
 

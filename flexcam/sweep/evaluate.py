@@ -32,11 +32,6 @@ class Row:
         SI unit of each scalar.
     seconds
         Time it took; it stays out of the tables, which are the same on every machine.
-
-    Examples
-    --------
-    >>> Row(Status(), {"deviation.peak": 0.1}, {"deviation.peak": "1"}).status.ok
-    True
     """
 
     status: Status
@@ -48,31 +43,7 @@ class Row:
 def evaluate(
     case: Case, *, folder: Path | None = None, model: Model | None = None, runs: int = 1, channels: bool = True
 ) -> Row:
-    """Run a case and return what a sweep keeps of it.
-
-    Parameters
-    ----------
-    case
-        The case; where it asks for a tolerance, the cheapest model within it is run.
-    folder
-        Where its result file goes; None for none.
-    model
-        That of the case, where it is built already, such as for another speed.
-    runs
-        How many runs like this one there are.
-    channels
-        Whether contacts, members and energies are computed; without them, and without a result file, a run costs half
-        as much, and the row has the motion of the probes alone, equal to rounding.
-
-    Returns
-    -------
-    Row
-        With its scalars, or with the status of what went wrong: a refusal, a failed run, a fault of flexcam.
-
-    Examples
-    --------
-    ``evaluate(read_case("cases/tayeb/model-1-shm.toml")).scalars["deviation.peak"]`` is 1.238.
-    """
+    """Run a case and return what a sweep keeps of it."""
     begun = time.perf_counter()
     row = _row(case, folder, model, runs, channels)
     return Row(row.status, row.scalars, row.units, time.perf_counter() - begun)
@@ -107,20 +78,7 @@ def _row(case: Case, folder: Path | None, model: Model | None, runs: int, channe
 
 
 def row_of(ready: Prepared, response: Response) -> Row:
-    """Return the row of a run that has been solved.
-
-    Parameters
-    ----------
-    ready
-        A case made ready to run.
-    response
-        Of its run.
-
-    Returns
-    -------
-    Row
-        Without scalars if the run is not complete.
-    """
+    """Return the row of a run that has been solved."""
     if not response.status.ok:
         return Row(response.status)
     figures = scalars_of(ready, response)
@@ -129,18 +87,7 @@ def row_of(ready: Prepared, response: Response) -> Row:
 
 
 def refused(refusal: InputError) -> Row:
-    """Return the row of a variant that cannot start.
-
-    Parameters
-    ----------
-    refusal
-        With its faults.
-
-    Returns
-    -------
-    Row
-        Without scalars.
-    """
+    """Return the row of a variant that cannot start."""
     return Row(Status(Cause.REFUSED, " | ".join(map(str, refusal.faults))))
 
 

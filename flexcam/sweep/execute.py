@@ -29,29 +29,6 @@ def executed(
 
     A chunk whose worker was killed is tried again by itself, and then its variants one by one: one that kills its
     worker alone becomes a row that says so.
-
-    Parameters
-    ----------
-    bundle
-        The case.
-    chunks
-        What is to be run.
-    workers
-        Who runs it.
-    histories
-        Whether result files come back too.
-
-    Yields
-    ------
-    tuple
-        A chunk and the outcome of each of its variants.
-
-    Raises
-    ------
-    InputError
-        If there are no such workers.
-    RunFailedError
-        If the cluster was lost.
     """
     waiting, suspects = deque(chunks), deque[Chunk]()
     while waiting:

@@ -18,27 +18,7 @@ ENDINGS = (".h5", ".csv", ".parquet")
 
 
 def write_table(table: Table, path: Path, *, overwrite: bool = False) -> Path:
-    """Write a table as its name ends: ``.h5``, ``.csv`` or ``.parquet``.
-
-    Parameters
-    ----------
-    table
-        The table.
-    path
-        The file; its folder is made if it does not exist. It is complete or not there.
-    overwrite
-        Whether an existing file may be replaced.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If it exists and may not be replaced, ends otherwise, or a package is missing for it.
-    """
+    """Write a table as its name ends: ``.h5``, ``.csv`` or ``.parquet``."""
     if path.suffix not in ENDINGS:
         raise refuse("table", str(path), f"a name that ends in {', '.join(ENDINGS)}")
     if path.suffix == ".parquet":
@@ -51,13 +31,7 @@ def write_table(table: Table, path: Path, *, overwrite: bool = False) -> Path:
 
 
 def can_write_parquet() -> None:
-    """Refuse Parquet where what writes it is not installed.
-
-    Raises
-    ------
-    InputError
-        With the command that installs it.
-    """
+    """Refuse Parquet where what writes it is not installed."""
     missing = [name for name in ("pandas", "pyarrow") if find_spec(name) is None]
     if missing:
         why, remedy = f"{' and '.join(missing)} are not installed", "pip install 'flexcam[tables]'"
@@ -65,18 +39,7 @@ def can_write_parquet() -> None:
 
 
 def csv_text(table: Table) -> str:
-    """Return a table as CSV: a head with units, an empty cell where a variant has no number.
-
-    Parameters
-    ----------
-    table
-        The table.
-
-    Returns
-    -------
-    str
-        A row per variant, counted from 1.
-    """
+    """Return a table as CSV: a head with units, an empty cell where a variant has no number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     head = [_headed(one.name, one.unit) for one in table.inputs]

@@ -19,24 +19,7 @@ if TYPE_CHECKING:
 
 
 def table_frame(table: Table) -> pd.DataFrame:
-    """Return a table as a data frame.
-
-    Parameters
-    ----------
-    table
-        The table.
-
-    Returns
-    -------
-    DataFrame
-        A row per variant, counted from 1; inputs, scalars (NaN where there is none), status and message. Units by
-        column stand in ``frame.attrs["units"]``.
-
-    Raises
-    ------
-    InputError
-        If pandas is not installed.
-    """
+    """Return a table as a data frame."""
     _installed("pandas")
     import pandas as pd
 
@@ -50,24 +33,7 @@ def table_frame(table: Table) -> pd.DataFrame:
 
 
 def table_dataset(table: Table) -> xr.Dataset:
-    """Return a table as an xarray dataset: the axes of a grid are its dimensions.
-
-    Parameters
-    ----------
-    table
-        The table.
-
-    Returns
-    -------
-    Dataset
-        Scalars over the varied keys; of a sampled plan, over ``variant``, with the inputs as coordinates. Units stand
-        in the attributes, the cause in which a run ended in ``status``.
-
-    Raises
-    ------
-    InputError
-        If xarray is not installed.
-    """
+    """Return a table as an xarray dataset: the axes of a grid are its dimensions."""
     _installed("xarray")
     import xarray as xr
 
@@ -91,24 +57,7 @@ def table_dataset(table: Table) -> xr.Dataset:
 
 
 def history_frame(response: Response) -> pd.DataFrame:
-    """Return the histories of a run as a data frame.
-
-    Parameters
-    ----------
-    response
-        Of a run, or of a result file: ``read_result(path).response``.
-
-    Returns
-    -------
-    DataFrame
-        A row per instant, indexed by time, s; ``cam_angle`` in rad, ``POINT.displacement`` and its like of every probe
-        (``POINT.COMPONENT.displacement``), and the channels. Units stand in ``frame.attrs["units"]``.
-
-    Raises
-    ------
-    InputError
-        If pandas is not installed.
-    """
+    """Return the histories of a run as a data frame."""
     _installed("pandas")
     import pandas as pd
 
@@ -121,24 +70,7 @@ def history_frame(response: Response) -> pd.DataFrame:
 
 
 def history_dataset(response: Response) -> xr.Dataset:
-    """Return the histories of a run as an xarray dataset over time.
-
-    Parameters
-    ----------
-    response
-        Of a run, or of a result file: ``read_result(path).response``.
-
-    Returns
-    -------
-    Dataset
-        Over ``time``, s, with ``cam_angle``, rad, as a second coordinate; names as in `history_frame`, units in the
-        attributes.
-
-    Raises
-    ------
-    InputError
-        If xarray is not installed.
-    """
+    """Return the histories of a run as an xarray dataset over time."""
     _installed("xarray")
     import xarray as xr
 

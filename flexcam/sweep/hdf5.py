@@ -22,15 +22,7 @@ FORMAT = "2"
 
 
 def write_hdf5(table: Table, path: Path) -> None:
-    """Write a table with everything that is known of it.
-
-    Parameters
-    ----------
-    table
-        The table.
-    path
-        The file; replaced if it exists.
-    """
+    """Write a table with everything that is known of it."""
     opened: Any = h5py.File(path, "w", libver="latest", locking=False)
     with opened as file:
         about = file.create_group("about")
@@ -67,27 +59,7 @@ def _texts(group: Any, name: str, texts: Sequence[str]) -> None:  # noqa: ANN401
 
 
 def read_table(path: str | Path) -> Table:
-    """Read the table of a sweep.
-
-    Parameters
-    ----------
-    path
-        The ``.h5`` file.
-
-    Returns
-    -------
-    Table
-        As it was written.
-
-    Raises
-    ------
-    InputError
-        If it is no such file.
-
-    Examples
-    --------
-    ``read_table("results/model-1-shm.sweep.h5")["deviation.peak"]``
-    """
+    """Read the table of a sweep."""
     source = Path(path)
     with guarded(source, "table", "the HDF5 table of a sweep (.sweep.h5)") as file:
         return _table(file, source)

@@ -46,11 +46,6 @@ class Journal:
     ----------
     rows
         Chunk index to its rows, of what was found.
-
-    Raises
-    ------
-    InputError
-        If one is there and neither is asked for, it belongs to another plan, or another sweep writes it.
     """
 
     def __init__(
@@ -97,20 +92,7 @@ class Journal:
 
 
 def begun_with(path: Path, fact: str) -> bool:
-    """Tell whether a journal that is there says so of a plain fact of what it belongs to.
-
-    Parameters
-    ----------
-    path
-        The ``.jsonl`` file.
-    fact
-        Its name.
-
-    Returns
-    -------
-    bool
-        False where there is none, or it is damaged: opening it will tell.
-    """
+    """Tell whether a journal that is there says so of a plain fact of what it belongs to."""
     try:
         with path.open("rb") as file:
             return json.loads(file.readline())[fact] is True

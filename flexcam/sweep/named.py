@@ -18,20 +18,6 @@ def check_names(file: CaseFile, plan: Plan, names: Sequence[str]) -> None:
 
     What a case is made of decides which scalars it has, and numbers hardly ever do: variants are looked at only until
     every name is found, the first and the last of every axis and each of the values that are words.
-
-    Parameters
-    ----------
-    file
-        The case.
-    plan
-        The plan, whose variants can be read.
-    names
-        Of scalars, or beginnings of names.
-
-    Raises
-    ------
-    InputError
-        With a fault per name. A name that a variant can have is not refused, though its run may turn out without it.
     """
     known, left = dict[str, None](), list(names)
     for one in _told_apart(file, plan) if left else ():

@@ -28,11 +28,6 @@ class Sample:
         Of points; a power of two for Sobol's sequence, which is even over the space then.
     seed
         The same seed gives the same points.
-
-    Examples
-    --------
-    >>> sample("sobol:512")
-    Sample(kind='sobol', count=512, seed=0)
     """
 
     kind: Literal["lhs", "sobol"]
@@ -50,25 +45,7 @@ class Sample:
 
 
 def sample(text: str, seed: int = 0) -> Sample:
-    """Return a way of sampling from its text.
-
-    Parameters
-    ----------
-    text
-        ``lhs:64`` or ``sobol:512``.
-    seed
-        Whole number from 0.
-
-    Returns
-    -------
-    Sample
-        For `Plan`.
-
-    Raises
-    ------
-    InputError
-        If it is no such text, no point, or a count that Sobol's sequence does not have.
-    """
+    """Return a way of sampling from its text."""
     allowed = "lhs:N (Latin hypercube) or sobol:N (Sobol's sequence), such as sobol:512"
     match = _SAMPLE.match(text.strip())
     if match is None or match[1] not in ("lhs", "sobol"):
@@ -83,28 +60,7 @@ def sample(text: str, seed: int = 0) -> Sample:
 
 
 def checked_seed(seed: int) -> int:
-    """Return the seed of what is drawn by chance, if it can be one.
-
-    Parameters
-    ----------
-    seed
-        Whole number from 0.
-
-    Returns
-    -------
-    int
-        The same.
-
-    Raises
-    ------
-    InputError
-        If it is below zero.
-
-    Examples
-    --------
-    >>> checked_seed(7)
-    7
-    """
+    """Return the seed of what is drawn by chance, if it can be one."""
     if seed < 0:
         raise refuse("--seed", seed, "a whole number from 0", "generators of random numbers take no other")
     return seed
@@ -120,13 +76,6 @@ class Plan:
         One per key; those of one value are laid over every variant.
     sample
         None for every combination, the last axis running fastest.
-
-    Examples
-    --------
-    >>> from flexcam.sweep import axes
-    >>> plan = Plan(axes(["run.speed=1000,2000rpm", "run.revolutions=2"]))
-    >>> plan.variants
-    (('run.revolutions=2', 'run.speed=1000rpm'), ('run.revolutions=2', 'run.speed=2000rpm'))
     """
 
     axes: tuple[Axis, ...]
@@ -170,27 +119,7 @@ class Plan:
 
 
 def made_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int = LIMIT) -> Plan:
-    """Return a plan that can be run.
-
-    Parameters
-    ----------
-    axes
-        One per key.
-    sampled
-        None for every combination.
-    limit
-        Most variants.
-
-    Returns
-    -------
-    Plan
-        Its variants are not yet checked against a case.
-
-    Raises
-    ------
-    InputError
-        If nothing varies, an interval has no points, or the variants are too many.
-    """
+    """Return a plan that can be run."""
     plan = Plan(tuple(axes), sampled)
     if sampled is None and (open_ones := [one for one in axes if one.interval]):
         why, remedy = "a grid needs its points", "write start:stop:step, or sample it: --sample sobol:512"

@@ -26,24 +26,7 @@ from flexcam.units import RPM
 
 
 def scalars_of(ready: Prepared, response: Response) -> list[Figure]:
-    """Return the scalars of a run.
-
-    Parameters
-    ----------
-    ready
-        A case made ready to run.
-    response
-        Of its run; one without channels has the scalars of the probes alone.
-
-    Returns
-    -------
-    list
-        Names, values and units; a number that is not finite is left out.
-
-    Examples
-    --------
-    ``scalars_of(ready, solve(ready.problem, ready.scheme))[0].name``
-    """
+    """Return the scalars of a run."""
     figures = [
         *(figures_of(ready, response) if response.outline.channels else ()),
         *_motions(response, ready.revolution),
@@ -54,48 +37,12 @@ def scalars_of(ready: Prepared, response: Response) -> list[Figure]:
 
 
 def of_motion(names: Sequence[str]) -> bool:
-    """Tell whether scalars are all of the probes' motion, for which nothing else of a run is needed.
-
-    Parameters
-    ----------
-    names
-        Of scalars, or beginnings of names; none stand for all scalars.
-
-    Returns
-    -------
-    bool
-        Whether they are.
-
-    Examples
-    --------
-    >>> of_motion(["probes.valve", "deviation"]), of_motion(["contacts"]), of_motion([])
-    (True, False, False)
-    """
+    """Tell whether scalars are all of the probes' motion, for which nothing else of a run is needed."""
     return bool(names) and all(name.partition(".")[0] in ("probes", "deviation") for name in names)
 
 
 def scalar_names(case: Case) -> list[str]:
-    """Return the names of all scalars that a run of a case may have, without running it.
-
-    Parameters
-    ----------
-    case
-        The case.
-
-    Returns
-    -------
-    list
-        In the order of `scalars_of`, whose names are among them.
-
-    Raises
-    ------
-    InputError
-        If parts do not fit together.
-
-    Examples
-    --------
-    ``"deviation.peak" in scalar_names(case)`` is true of a case with a cam and a probe, unless its members are rigid.
-    """
+    """Return the names of all scalars that a run of a case may have, without running it."""
     model, system = described(case)
     named = outline(system)
     names = operation_names(model, [name for name, _ in named.channels])

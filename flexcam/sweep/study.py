@@ -87,37 +87,7 @@ def study(
     path: str | Path, settings: Sequence[str] = (), *, sampled: str | None = None, seed: int | None = None,
     scalars: Sequence[str] = (), limit: int = LIMIT,
 ) -> Study:  # fmt: skip
-    """Return the sweep of a case, every variant of it checked.
-
-    Parameters
-    ----------
-    path
-        The case file; what its table ``[sweep]`` says counts where nothing else is given.
-    settings
-        ``key=values`` (`flexcam.sweep.axis`), beside and over those of the case.
-    sampled
-        ``lhs:N``, ``sobol:N`` or ``grid``.
-    seed
-        Of the samples.
-    scalars
-        Which to keep, by name or beginning of a name.
-    limit
-        Most variants.
-
-    Returns
-    -------
-    Study
-        For `swept` or `sweep_files`.
-
-    Raises
-    ------
-    InputError
-        With all faults of keys and values, of the variants, or of scalars that none of them can have.
-
-    Examples
-    --------
-    ``swept(study("cases/tayeb/model-1-shm.toml", ["run.speed=1000:4000:500rpm"]))["deviation.peak"]``
-    """
+    """Return the sweep of a case, every variant of it checked."""
     file = CaseFile.opened(path)
     own = file.sweep
     if limit < 1:

@@ -61,29 +61,7 @@ class Target:
 
 
 def swept(asked: Study, workers: Workers | None = None, *, advance: Callable[[int], None] | None = None) -> Table:
-    """Run a sweep and return its table; nothing is written.
-
-    Parameters
-    ----------
-    asked
-        From `study`.
-    workers
-        Who runs it; this process by default.
-    advance
-        Told how many variants are finished, as they come.
-
-    Returns
-    -------
-    Table
-        A row per variant, the same whoever ran it, with all scalars: of the probes alone where none else is asked for.
-
-    Raises
-    ------
-    InputError
-        If there are no such workers.
-    RunFailedError
-        If the workers were lost.
-    """
+    """Run a sweep and return its table; nothing is written."""
     rows: dict[int, list[Row]] = {}
     for chunk, outcomes in executed(asked.bundle, asked.chunks, workers or Here()):
         rows[chunk.index] = [one.row for one in outcomes]
@@ -95,32 +73,7 @@ def swept(asked: Study, workers: Workers | None = None, *, advance: Callable[[in
 def sweep_files(
     asked: Study, target: Target, workers: Workers | None = None, *, advance: Callable[[int], None] | None = None
 ) -> tuple[Table, list[Path]]:
-    """Run a sweep with a journal and write its tables.
-
-    Parameters
-    ----------
-    asked
-        From `study`.
-    target
-        Where the files go.
-    workers
-        Who runs it; this process by default.
-    advance
-        Told how many variants are finished: first those of the journal, then more as they come.
-
-    Returns
-    -------
-    tuple
-        The table and the files written. A sweep that is stopped in the middle keeps its journal.
-
-    Raises
-    ------
-    InputError
-        If files are there and may not be replaced, the journal is that of another sweep, or there are no such workers
-        or scalars.
-    RunFailedError
-        If the workers were lost, or the sweep was interrupted; what is finished is kept.
-    """
+    """Run a sweep with a journal and write its tables."""
     if target.parquet:
         can_write_parquet()
     asked = _complete(asked, target)

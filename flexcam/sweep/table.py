@@ -51,10 +51,6 @@ class Table:
         Values along every axis of a grid, which runs as its rows do; empty for a sampled plan.
     about
         Case, plan and versions, as texts.
-
-    Examples
-    --------
-    ``table["deviation.peak"]`` are the deviations of all variants.
     """
 
     inputs: tuple[Column, ...]
@@ -79,45 +75,13 @@ class Table:
         return tuple(i for i, status in enumerate(self.statuses) if not status.ok)
 
     def on_grid(self, name: str) -> FloatArray:
-        """Return a scalar over the axes of a grid.
-
-        Parameters
-        ----------
-        name
-            Of the scalar.
-
-        Returns
-        -------
-        ndarray
-            Shape as the plan's; NaN where there is none.
-
-        Raises
-        ------
-        InputError
-            If there is no such scalar, or the plan was sampled.
-        """
+        """Return a scalar over the axes of a grid."""
         if not self.shape:
             raise refuse("table", "a sampled plan", "a grid", "its points lie on no axes")
         return self[name].reshape(self.shape)
 
     def keeping(self, names: Sequence[str]) -> Table:
-        """Return the table with some of its scalars.
-
-        Parameters
-        ----------
-        names
-            Of the scalars, or beginnings of names such as ``deviation``; in this order.
-
-        Returns
-        -------
-        Table
-            With the same rows.
-
-        Raises
-        ------
-        InputError
-            If there is no such scalar.
-        """
+        """Return the table with some of its scalars."""
         kept: dict[str, FloatArray] = {}
         if self.scalars and (unknown := [name for name in names if not begins_one(name, self.scalars)]):
             raise InputError(unknown_scalar(name, self.scalars) for name in unknown)
@@ -128,30 +92,7 @@ class Table:
 
 
 def tabulated(plan: Plan, rows: Sequence[Row], about: Mapping[str, str] | None = None) -> Table:
-    """Return the table of a plan.
-
-    Parameters
-    ----------
-    plan
-        The plan.
-    rows
-        One per variant, in its order.
-    about
-        Case, plan and versions, as texts.
-
-    Returns
-    -------
-    Table
-        Scalars in the order in which the variants first have them.
-
-    Examples
-    --------
-    >>> from flexcam.sweep import axes
-    >>> plan = Plan(axes(["run.speed=1000,2000rpm"]))
-    >>> table = tabulated(plan, [Row(Status(), {"peak": 0.1}, {"peak": "m"}), Row(Status())])
-    >>> table.scalars["peak"]
-    array([0.1, nan])
-    """
+    """Return the table of a plan."""
     units = {name: unit for row in reversed(rows) for name, unit in row.units.items()}
     names = list(dict.fromkeys(name for row in rows for name in row.scalars))
     scalars = {name: np.array([row.scalars.get(name, np.nan) for row in rows], dtype=float) for name in names}
@@ -174,25 +115,7 @@ def _under(name: str, asked: str) -> bool:
 
 
 def begins_one(name: str, known: Iterable[str]) -> bool:
-    """Tell whether a name is that of a scalar, or the beginning of one.
-
-    Parameters
-    ----------
-    name
-        Such as ``deviation``.
-    known
-        Names of scalars.
-
-    Returns
-    -------
-    bool
-        Whether it chooses any.
-
-    Examples
-    --------
-    >>> begins_one("deviation", ["deviation.peak"]), begins_one("dev", ["deviation.peak"])
-    (True, False)
-    """
+    """Tell whether a name is that of a scalar, or the beginning of one."""
     return any(_under(one, name) for one in known)
 
 
@@ -201,25 +124,7 @@ _LISTED = 24
 
 
 def unknown_scalar(name: str, known: Iterable[str]) -> Fault:
-    """Return the fault of a scalar that no variant can have.
-
-    Parameters
-    ----------
-    name
-        As it was asked for.
-    known
-        Names of those there are.
-
-    Returns
-    -------
-    Fault
-        With the nearest name.
-
-    Examples
-    --------
-    >>> unknown_scalar("deviaton", ["deviation.peak"]).remedy
-    "did you mean 'deviation'?"
-    """
+    """Return the fault of a scalar that no variant can have."""
     names = list(known)
     parts = [one.split(".") for one in names]
     begins = list(dict.fromkeys(".".join(part[:i]) for part in parts for i in range(1, len(part))))

@@ -27,26 +27,7 @@ class _Group:
 
 
 def validated(file: CaseFile, plan: Plan) -> Case:
-    """Check every variant of a plan.
-
-    Parameters
-    ----------
-    file
-        The case.
-    plan
-        The plan.
-
-    Returns
-    -------
-    Case
-        The first variant.
-
-    Raises
-    ------
-    InputError
-        With every fault of the variants, at the axis that gives it: what the first of them gives, and in how many
-        variants it stands.
-    """
+    """Check every variant of a plan."""
     variants = plan.variants
     if len(variants) > _MANY:  # an unknown key or a wrong unit shows before thousands of variants repeat it
         _check(file, plan, ends(plan))
@@ -63,18 +44,7 @@ def _check(file: CaseFile, plan: Plan, some: Sequence[int]) -> None:
 
 
 def ends(plan: Plan) -> list[int]:
-    """Return the variants with the first and the last value of every axis; those of a sample are its first and last.
-
-    Parameters
-    ----------
-    plan
-        The plan.
-
-    Returns
-    -------
-    list
-        Their positions, rising.
-    """
+    """Return the variants with the first and the last value of every axis; those of a sample are its first and last."""
     if plan.sample is not None:
         return sorted({0, len(plan) - 1})
     found, stride = {0}, len(plan)

@@ -138,15 +138,7 @@ def _version() -> str:
 
 
 def ended(executor: Executor, before: set[int | None]) -> None:
-    """End the processes of an executor, in the middle of a run if need be.
-
-    Parameters
-    ----------
-    executor
-        Of processes.
-    before
-        Identifiers of processes that were there before its own.
-    """
+    """End the processes of an executor, in the middle of a run if need be."""
     for process in multiprocessing.active_children():
         if process.pid not in before:
             process.terminate()
@@ -168,13 +160,7 @@ def _end_with(joined: Callable[[], None]) -> None:
 
 @contextmanager
 def one_thread() -> Generator[None]:
-    """Give the linear algebra of processes started meanwhile one thread each.
-
-    Yields
-    ------
-    None
-        What is started inside inherits it.
-    """
+    """Give the linear algebra of processes started meanwhile one thread each."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:
@@ -189,11 +175,6 @@ def pipes_may_break() -> Generator[None]:
     """Let a pipe to a process that died raise, as Python means it to, instead of ending this process.
 
     Libraries such as Gmsh's give the signal its deadly default back behind Python's back.
-
-    Yields
-    ------
-    None
-        A signal can be set by the main thread alone; elsewhere nothing changes.
     """
     if not hasattr(signal, "SIGPIPE") or threading.current_thread() is not threading.main_thread():
         yield
@@ -207,13 +188,7 @@ def pipes_may_break() -> Generator[None]:
 
 @contextmanager
 def undisturbed() -> Generator[None]:
-    """Let processes and threads started meanwhile not see a Ctrl-C: this process decides how a sweep ends.
-
-    Yields
-    ------
-    None
-        What is started inside inherits it.
-    """
+    """Let processes and threads started meanwhile not see a Ctrl-C: this process decides how a sweep ends."""
     if not hasattr(signal, "pthread_sigmask"):  # not on every system
         yield
         return

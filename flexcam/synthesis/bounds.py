@@ -14,27 +14,6 @@ def bound_over_all(weights: Mapping[str, float], limits: Mapping[str, float], *,
     C_m >= 9/4 (s'^2 rises and falls linearly). With a bound J on the jerk, C_a is at least that of the law whose
     acceleration is a trapezoid of slopes J, as bang-bang control has it; with one on C_a, C_j is. Bounds on C_v and C_a
     raise each other: no law goes farther than one whose velocity is a trapezoid, V - V^2/A = 1.
-
-    Parameters
-    ----------
-    weights
-        Of the criteria in the objective.
-    limits
-        Bounds on criteria.
-    free_ends
-        Whether the acceleration may step at the ends.
-
-    Returns
-    -------
-    float
-        None if the criteria are none of these.
-
-    Examples
-    --------
-    >>> bound_over_all({"Ca": 1.0}, {}, free_ends=False)
-    4.0
-    >>> round(bound_over_all({"Ca": 1.0}, {"Cj": 52.5}, free_ends=False), 4)
-    4.9234
     """
     least = {"Cv": 1.0, "Ca": 4.0, "Cj": 12.0 if free_ends else 32.0, "rms": math.sqrt(12.0), "Cm": 2.25}
     if "Cj" in limits:
@@ -50,25 +29,7 @@ def bound_over_all(weights: Mapping[str, float], limits: Mapping[str, float], *,
 
 
 def least_jerk(acceleration: float, *, free_ends: bool) -> float:
-    """Return the least C_j under a bound on C_a.
-
-    Parameters
-    ----------
-    acceleration
-        The bound A.
-    free_ends
-        Whether the acceleration may step at the ends, as in `least_acceleration`, which is solved for J here.
-
-    Returns
-    -------
-    float
-        Zero where the bound does not tell: at 4 and below, where no law is, and from 8 (6 with free ends) on.
-
-    Examples
-    --------
-    >>> round(least_jerk(4.9234, free_ends=False), 1), round(least_jerk(4.0317, free_ends=True), 1)
-    (52.5, 52.5)
-    """
+    """Return the least C_j under a bound on C_a."""
     if not 4.0 < acceleration < (6.0 if free_ends else 8.0):
         return 0.0
     above = acceleration - 4.0
@@ -76,26 +37,7 @@ def least_jerk(acceleration: float, *, free_ends: bool) -> float:
 
 
 def least_acceleration(jerk: float, *, free_ends: bool) -> float:
-    """Return the least C_a under a bound on the jerk.
-
-    Parameters
-    ----------
-    jerk
-        The bound J.
-    free_ends
-        Whether the acceleration may step at the ends; if not, the trapezoid rises from zero: A (1/2 - A/J) = 2, and
-        without, A/8 - A^3/(6 J^2) = 1/2.
-
-    Returns
-    -------
-    float
-        4 where nothing better is known.
-
-    Examples
-    --------
-    >>> round(least_acceleration(52.5, free_ends=False), 4), round(least_acceleration(52.5, free_ends=True), 4)
-    (4.9234, 4.0317)
-    """
+    """Return the least C_a under a bound on the jerk."""
     if not free_ends:
         return 4.0 if jerk < 32.0 else 8.0 / (1.0 + math.sqrt(1.0 - 32.0 / jerk))
     acceleration = 4.0

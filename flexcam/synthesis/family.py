@@ -56,16 +56,6 @@ class SplineFamily:
         Derivatives that vanish at both ends: 1 for the velocity, 2 for the acceleration too, and so on.
     symmetric
         Whether s(z) + s(1 - z) = 1.
-
-    Raises
-    ------
-    InputError
-        If nothing is left to choose.
-
-    Examples
-    --------
-    >>> SplineFamily(degree=7, pieces=8).size
-    4
     """
 
     degree: int = 5
@@ -147,16 +137,6 @@ class HarmonicFamily:
     ----------
     orders
         The n, two or more, distinct, from 1.
-
-    Raises
-    ------
-    InputError
-        If they are not.
-
-    Examples
-    --------
-    >>> HarmonicFamily((1, 3)).name
-    'harmonic laws of orders 1, 3'
     """
 
     orders: tuple[int, ...] = (1, 2, 3, 4, 5)

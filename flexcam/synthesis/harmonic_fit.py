@@ -46,36 +46,6 @@ def harmonic_fit(
     """Return the lift of so many harmonics with the least squared distance from a wanted one.
 
     C. Li, Cam motion simulation and optimization (2014), eqs. 5-6, with its dwells as constraints instead of weights.
-
-    Parameters
-    ----------
-    wanted
-        The lift to keep to.
-    count
-        Harmonics; take fewer than first natural frequency over camshaft speed.
-    strict
-        Cam angles, rad, between which the lift must keep to `tolerance`; None for the dwells of the wanted lift.
-    tolerance
-        m.
-    bound
-        Largest distance anywhere else, m; None for no bound.
-
-    Returns
-    -------
-    HarmonicFit
-        The lift.
-
-    Raises
-    ------
-    InputError
-        If so few harmonics cannot meet tolerance and bound; the message says what they can.
-
-    Examples
-    --------
-    >>> from flexcam.motion import LAWS, LiftEvent
-    >>> fit = harmonic_fit(LiftEvent(LAWS["3-4-5"], 0.006, 1.5, 1.5), 12, tolerance=1e-4)
-    >>> fit.strict_deviation <= 1.0001e-4
-    True
     """
     positive("tolerance", tolerance, "m")
     if not 1 <= count <= _MOST:
@@ -111,25 +81,7 @@ def harmonic_fit(
 
 
 def harmonics_below(frequency: float, speed: float) -> int:
-    """Return how many harmonics of a cam stay below a natural frequency: n < w0/w.
-
-    Parameters
-    ----------
-    frequency
-        First natural frequency, rad/s.
-    speed
-        Camshaft speed, rad/s.
-
-    Returns
-    -------
-    int
-        May be zero.
-
-    Examples
-    --------
-    >>> harmonics_below(1000.0, 200.0)
-    4
-    """
+    """Return how many harmonics of a cam stay below a natural frequency: n < w0/w."""
     return max(0, math.ceil(positive("frequency", frequency, "rad/s") / positive("speed", speed, "rad/s")) - 1)
 
 

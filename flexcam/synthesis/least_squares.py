@@ -15,24 +15,6 @@ def constrained_least_squares(E: FloatArray, f: FloatArray, G: FloatArray, h: Fl
 
     The problem is turned into one of least distance, and that into one of non-negative least squares: C. L. Lawson and
     R. J. Hanson, Solving Least Squares Problems (1974), ch. 23.
-
-    Parameters
-    ----------
-    E, f
-        Shapes (m, n) and (m,), E of full column rank.
-    G, h
-        Shapes (k, n) and (k,).
-
-    Returns
-    -------
-    ndarray
-        Shape (n,); None if the inequalities contradict each other.
-
-    Examples
-    --------
-    >>> one = np.eye(1)
-    >>> constrained_least_squares(one, np.array([1.0]), one, np.array([2.0])).round(12)
-    array([2.])
     """
     from scipy.optimize import nnls
 

@@ -82,36 +82,6 @@ def minimax(
     of least squares, beside others it is met by its tangent planes, and the bound holds either way. The operating
     moment ``Cm`` is neither: the law is then the best nearby, found by linear programs within a changing trust region
     from the laws of least acceleration and of least rms, and has no bound.
-
-    Parameters
-    ----------
-    family
-        Where to look.
-    minimize
-        Weights of the criteria ``Cv``, ``Ca``, ``Cj``, ``rms``, ``Cm``.
-    bounds
-        Largest values allowed of ``Cv``, ``Ca``, ``Cj``.
-    conditions
-        Further values the law must take: position, order, value.
-    monotone
-        Whether the velocity must not be negative.
-
-    Returns
-    -------
-    Synthesized
-        The law, and the duality gap.
-
-    Raises
-    ------
-    InputError
-        If a criterion is unknown, a weight or bound not positive, or no law of the family meets the conditions.
-
-    Examples
-    --------
-    >>> from flexcam.synthesis import HarmonicFamily
-    >>> found = minimax(HarmonicFamily((1, 3)), {"Ca": 1.0})
-    >>> round(found.objective, 4), found.gap < 1e-6
-    (5.1302, True)
     """
     weights, limits = _checked("minimize", minimize, CRITERIA), _checked("bounds", bounds or {}, ORDERS)
     if not weights:
@@ -197,36 +167,7 @@ def pareto(
     family: Family, first: str, second: str, *, count: int = 9, conditions: Sequence[Condition] = (),
     monotone: bool = True,
 ) -> list[Synthesized]:  # fmt: skip
-    """Return laws of which none is better in both of two criteria than another: a front, from end to end.
-
-    Parameters
-    ----------
-    family
-        Where to look.
-    first, second
-        Two of ``Cv``, ``Ca``, ``Cj``.
-    count
-        Laws, 3 or more.
-    conditions, monotone
-        As for `minimax`.
-
-    Returns
-    -------
-    list
-        By the second criterion, ascending; each law minimizes the first under a bound on the second.
-
-    Raises
-    ------
-    InputError
-        If the criteria are unknown or the same, or the count is too small.
-
-    Examples
-    --------
-    >>> from flexcam.synthesis import HarmonicFamily
-    >>> front = pareto(HarmonicFamily((1, 2, 3)), "Ca", "Cj", count=3)
-    >>> [round(one.criteria.Ca, 2) for one in front]
-    [6.73, 5.81, 5.13]
-    """
+    """Return laws of which none is better in both of two criteria than another: a front, from end to end."""
     if first == second or count < 3:
         raise refuse("pareto", f"{first}, {second}, {count} laws", "two different criteria and three laws or more")
 

@@ -38,11 +38,6 @@ class SingleMass:
         w0, rad/s.
     damping
         D, part of the critical damping.
-
-    Examples
-    --------
-    >>> SingleMass(100.0)(np.array([0.0])).real
-    array([1.])
     """
 
     frequency: float
@@ -81,38 +76,7 @@ class Polydyne:
 
 
 def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60) -> Polydyne:
-    """Return the cam that makes the end of a train move as wanted at a design speed.
-
-    Parameters
-    ----------
-    wanted
-        Motion of the train's end over the cam angle, m; smooth to the fourth derivative for a smooth cam.
-    transfer
-        Of the train.
-    speed
-        Design speed of the camshaft, rad/s.
-    count
-        Harmonics.
-
-    Returns
-    -------
-    Polydyne
-        The cam.
-
-    Raises
-    ------
-    InputError
-        If the train does not answer to a harmonic.
-
-    Examples
-    --------
-    >>> from flexcam.motion import LAWS, LiftEvent
-    >>> wanted = LiftEvent(LAWS["4-5-6-7"], 0.008, 1.5, 1.5)
-    >>> cam = polydyne(wanted, SingleMass(2000.0), 200.0).event
-    >>> exact = wanted(np.array([1.0])) + 0.01 * wanted(np.array([1.0]), 2)
-    >>> bool(abs(cam(np.array([1.0])) - exact) < 1e-6)
-    True
-    """
+    """Return the cam that makes the end of a train move as wanted at a design speed."""
     positive("speed", speed, "rad/s")
     if not 1 <= count <= _MOST:
         raise refuse("count", count, f"a whole number from 1 to {_MOST}")
@@ -130,36 +94,7 @@ def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60
 
 
 def motion_at(cam: Event, transfer: Transfer, speed: float, *, count: int = 60) -> HarmonicLift:
-    """Return the steady motion of the train's end on a cam at any speed.
-
-    Parameters
-    ----------
-    cam
-        Lift of the cam.
-    transfer
-        Of the train.
-    speed
-        Camshaft speed, rad/s.
-    count
-        Harmonics.
-
-    Returns
-    -------
-    HarmonicLift
-        The motion.
-
-    Raises
-    ------
-    InputError
-        If a harmonic of the cam is in resonance with an undamped train: there is no steady motion.
-
-    Examples
-    --------
-    >>> from flexcam.motion import HarmonicLift
-    >>> moved = motion_at(HarmonicLift(0.003, (-0.003,), (0.0,)), SingleMass(200.0), 100.0, count=1)
-    >>> round(moved.cosine[0], 6)  # 1/(1 - r^2) of 3 mm
-    -0.004
-    """
+    """Return the steady motion of the train's end on a cam at any speed."""
     amplitude, resonant = _moved(cam, transfer, positive("speed", speed, "rad/s"), count)
     if resonant.size:
         given = f"{_rpm(speed):g} rpm, where harmonic {resonant[0]} is in resonance"
@@ -177,30 +112,7 @@ def _moved(cam: Event, transfer: Transfer, speed: float, count: int) -> tuple[Co
 
 
 def off_design(design: Polydyne, transfer: Transfer, speeds: Sequence[float]) -> FloatArray:
-    """Return the largest distance from the wanted motion at other speeds.
-
-    Parameters
-    ----------
-    design
-        The cam.
-    transfer
-        Of the train.
-    speeds
-        Camshaft speeds, rad/s, shape (n,).
-
-    Returns
-    -------
-    ndarray
-        m, shape (n,); infinite at a speed where a harmonic of the cam is in resonance with an undamped train.
-
-    Examples
-    --------
-    >>> from flexcam.motion import LAWS, LiftEvent
-    >>> train = SingleMass(2000.0, 0.01)
-    >>> cam = polydyne(LiftEvent(LAWS["4-5-6-7"], 0.008, 1.5, 1.5), train, 200.0)
-    >>> (1e6 * off_design(cam, train, [160.0, 200.0])).round()
-    array([145.,   0.])
-    """
+    """Return the largest distance from the wanted motion at other speeds."""
     count, wanted = len(design.event.cosine), design.wanted(_GRID)
 
     def away(speed: float) -> float:

@@ -96,27 +96,7 @@ class Program:
         self, places: Mapping[int, FloatArray], cuts: Sequence[Cut] = (),
         around: tuple[FloatArray, float] | None = None,
     ) -> tuple[FloatArray, float]:  # fmt: skip
-        """Return the coefficients and the dual objective, which no law of the family beats.
-
-        Parameters
-        ----------
-        places
-            Where each derivative is looked at.
-        cuts
-            Tangent planes of the rms.
-        around
-            Coefficients and the distance within which to stay; the moment is linear about them.
-
-        Returns
-        -------
-        ndarray, float
-            Shape (size,).
-
-        Raises
-        ------
-        InputError
-            If no law meets the conditions.
-        """
+        """Return the coefficients and the dual objective, which no law of the family beats."""
         from scipy.optimize import linprog
 
         A, b = self._inequalities(places, cuts, around)
@@ -138,23 +118,7 @@ class Program:
         return np.asarray(found.x[: self.family.size], dtype=float), dual
 
     def least_rms(self, places: Mapping[int, FloatArray]) -> tuple[FloatArray, float]:
-        """Return the coefficients of least rms alone, by constrained least squares, and that rms.
-
-        Parameters
-        ----------
-        places
-            Where each derivative is looked at; no law that meets the conditions there has less.
-
-        Returns
-        -------
-        ndarray, float
-            Shape (size,).
-
-        Raises
-        ------
-        InputError
-            If no law meets the conditions.
-        """
+        """Return the coefficients of least rms alone, by constrained least squares, and that rms."""
         z, weight = (np.concatenate(parts) for parts in zip(*quadrature(()), strict=True))
         rows, offset = self.family.rows(z, 2)
         root = np.sqrt(weight)

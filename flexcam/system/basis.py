@@ -66,11 +66,6 @@ class Selection:
         Positions of the unknowns, shape (m,).
     held
         Displacement of the others, shape (n,); zero for those kept.
-
-    Examples
-    --------
-    >>> Selection(np.array([1]), np.array([0.5, 0.0])).spread(np.array([2.0]))
-    array([0., 2.])
     """
 
     kept: IntArray
@@ -132,11 +127,6 @@ class Shapes:
         A name per amount; ``shape 1`` and so on by default.
     still
         Displacement where all amounts are zero, shape (n,), uncoupled with the shapes; None for none.
-
-    Examples
-    --------
-    >>> Shapes(np.array([[1.0], [2.0]])).spread(np.array([3.0]))
-    array([3., 6.])
     """
 
     vectors: FloatArray
@@ -193,27 +183,7 @@ _PART = 1e-9
 
 
 def projected(system: System, basis: Basis) -> System:
-    """Return the equations of a system in other unknowns.
-
-    Parameters
-    ----------
-    system
-        n unknowns.
-    basis
-        How they follow from m others.
-
-    Returns
-    -------
-    System
-        m unknowns; its loads, local forces and channels keep names and order, and channels see all n unknowns.
-
-    Examples
-    --------
-    >>> pair = Triplets.from_dense([[2.0, -1.0], [-1.0, 2.0]])
-    >>> both = System(pair, Triplets.zeros(2), pair, ("x", "y"))
-    >>> projected(both, Shapes(np.array([[1.0], [1.0]]))).stiffness.dense()
-    array([[2.]])
-    """
+    """Return the equations of a system in other unknowns."""
     shown = _Shown(basis)
     return System(
         mass=basis.matrix(system.mass),

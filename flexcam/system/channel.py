@@ -125,70 +125,22 @@ class Channel:
 
 
 def load_sum(*loads: int, factor: AngleFunction | None = None) -> Observable:
-    """Return the sum of some load histories, times a function of the cam angle.
-
-    Parameters
-    ----------
-    loads
-        Their positions.
-    factor
-        None for 1.
-
-    Returns
-    -------
-    Callable
-        Of what is observed.
-    """
+    """Return the sum of some load histories, times a function of the cam angle."""
     return lambda seen: _times(seen, _sum(seen.histories, loads), factor)
 
 
 def force_sum(*scalars: int, factor: AngleFunction | None = None) -> Observable:
-    """Return the sum of some local forces, times a function of the cam angle.
-
-    Parameters
-    ----------
-    scalars
-        Their positions.
-    factor
-        None for 1.
-
-    Returns
-    -------
-    Callable
-        Of what is observed.
-    """
+    """Return the sum of some local forces, times a function of the cam angle."""
     return lambda seen: _times(seen, _sum(seen.forces, scalars), factor)
 
 
 def total(*parts: Observable) -> Observable:
-    """Return the sum of observables.
-
-    Parameters
-    ----------
-    parts
-        The observables.
-
-    Returns
-    -------
-    Callable
-        Of what is observed.
-    """
+    """Return the sum of observables."""
     return lambda seen: np.sum([part(seen) for part in parts], axis=0)
 
 
 def row_of(row: FloatArray) -> Observable:
-    """Return the displacement that a row picks.
-
-    Parameters
-    ----------
-    row
-        Shape (n,).
-
-    Returns
-    -------
-    Callable
-        Of what is observed.
-    """
+    """Return the displacement that a row picks."""
     rows = row[None]
     return lambda seen: seen.moved.picked(rows)[:, 0]
 

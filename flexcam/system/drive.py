@@ -99,17 +99,6 @@ class FluctuatingSpeed:
         k, a_k (parts of the mean speed, together below 1) and phi_k, rad; shape (m,) each.
     start
         Cam angle at time zero, rad.
-
-    Raises
-    ------
-    InputError
-        If the shaft would stop.
-
-    Examples
-    --------
-    >>> drive = FluctuatingSpeed(10.0, (2.0,), (0.1,), (0.0,))
-    >>> drive.at(np.array([0.0])).speed
-    array([11.])
     """
 
     speed: float
@@ -148,11 +137,6 @@ class SpeedByAngle:
         Cam angle, rad, and when it is passed, s.
     points
         Of the table of times that is inverted; Newton's method sharpens what it gives.
-
-    Raises
-    ------
-    InputError
-        If the shaft would stop.
     """
 
     def __init__(self, speed: AngleFunction, start: float = 0.0, time: float = 0.0, points: int = 7201) -> None:

@@ -38,12 +38,6 @@ class Evaluated:
         What is known at some of them, in order; None for nothing.
     at
         Their places, shape (len(known.angle),).
-
-    Examples
-    --------
-    >>> from flexcam.system import constant
-    >>> Evaluated(np.zeros(2))(constant(2.0), 0)
-    array([2., 2.])
     """
 
     def __init__(self, angle: FloatArray, known: Evaluated | None = None, at: IntArray | None = None) -> None:

@@ -211,42 +211,10 @@ class LocalForce:
 
 
 def constant(value: float) -> AngleFunction:
-    """Return the function of the cam angle that is `value` everywhere.
-
-    Parameters
-    ----------
-    value
-        The constant.
-
-    Returns
-    -------
-    AngleFunction
-        Its derivatives are zero.
-
-    Examples
-    --------
-    >>> constant(2.0)(np.zeros(2), 1)
-    array([0., 0.])
-    """
+    """Return the function of the cam angle that is `value` everywhere."""
     return Constant(value)
 
 
 def derivative(function: AngleFunction) -> AngleFunction:
-    """Return the derivative of a function of the cam angle.
-
-    Parameters
-    ----------
-    function
-        Such as the lift of a cam, m.
-
-    Returns
-    -------
-    AngleFunction
-        Its orders are those of the function from the first, such as m/rad and up.
-
-    Examples
-    --------
-    >>> derivative(constant(2.0))(np.zeros(2), 0)
-    array([0., 0.])
-    """
+    """Return the derivative of a function of the cam angle."""
     return Derivative(function)

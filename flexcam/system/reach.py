@@ -80,31 +80,7 @@ def reach(
     velocity: FloatArray | None = None,
     inner: FloatArray | None = None,
 ) -> Reach:
-    """Return which unknowns of a system can ever move from a start.
-
-    Parameters
-    ----------
-    system
-        The system.
-    displacement, velocity
-        Of the start, shape (n,); None for zero.
-    inner
-        Internal states of the local forces at the start; None for those at rest.
-
-    Returns
-    -------
-    Reach
-        The mask, and the groups that stay.
-
-    Examples
-    --------
-    >>> from flexcam.linalg import Triplets
-    >>> from flexcam.system import Load
-    >>> two = Triplets.from_dense([[1.0, 0.0], [0.0, 1.0]])
-    >>> push = Load("push", np.array([1.0, 0.0]), lambda motion: motion.angle)
-    >>> reach(System(two, Triplets.zeros(2), two, ("x", "y"), (push,))).moving
-    array([ True, False])
-    """
+    """Return which unknowns of a system can ever move from a start."""
     n = system.size
     d = np.zeros(n) if displacement is None else displacement
     v = np.zeros(n) if velocity is None else velocity

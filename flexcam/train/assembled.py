@@ -19,23 +19,7 @@ from flexcam.train.structure import Structure, find_node, lever_ends
 
 @lru_cache(maxsize=4)
 def build_structure(model: Model) -> Structure:
-    """Assemble the passive part of a model.
-
-    Parameters
-    ----------
-    model
-        The model.
-
-    Returns
-    -------
-    Structure
-        Its matrices.
-
-    Raises
-    ------
-    InputError
-        If a part is attached to something that does not exist.
-    """
+    """Assemble the passive part of a model."""
     inner = [inner_name(name, i) for name, spring in model.springs.items() for i in range(1, spring.elements)]
     dofs = fem.dof_map(model.mesh, model.supports.items(), _single(model))
     bare = structure_in(model, dofs.extended([*model.further_unknowns, *inner]))
@@ -44,25 +28,7 @@ def build_structure(model: Model) -> Structure:
 
 
 def structure_in(model: Model, dofs: fem.DofMap) -> Structure:
-    """Assemble the passive part of a model in given unknowns.
-
-    Parameters
-    ----------
-    model
-        The model.
-    dofs
-        Which components are free, whatever the model's supports say, and what no node has.
-
-    Returns
-    -------
-    Structure
-        Its matrices; motions that cost no strain are not looked for.
-
-    Raises
-    ------
-    InputError
-        If a part is attached to something that does not exist.
-    """
+    """Assemble the passive part of a model in given unknowns."""
     beams, nothing = fem.beams(model.mesh, model.members), Triplets.zeros(dofs.size)
     bare = Structure(model, beams, dofs, nothing, nothing, nothing, np.zeros((dofs.size, 0)))
     mass, stiffness, dampers = [fem.mass(beams, dofs), *_masses(bare)], [fem.stiffness(beams, dofs)], [nothing]
@@ -125,17 +91,6 @@ def _mass(structure: Structure, name: str, part: MassAt) -> Triplets:
 
 
 def member_masses(model: Model) -> dict[str, float]:
-    """Return the mass of every member.
-
-    Parameters
-    ----------
-    model
-        The model.
-
-    Returns
-    -------
-    dict
-        Member name to rho A L, kg.
-    """
+    """Return the mass of every member."""
     beams = fem.beams(model.mesh, model.members)
     return {n: float((beams.rho_A * beams.length)[part].sum()) for n, part in model.mesh.element_ranges().items()}

@@ -23,20 +23,6 @@ def borne(structure: Structure, contact: CamContact | PublishedLoad, node: int) 
     Mechanics: A Variational Approach (1973), ch. 3), but for what is behind a play: a finger on a stiff spring under
     its pivot turns about that, and the spring yields by its force over its stiffness. What costs none does not move.
     What supports hold along the lift itself, so that it bends, goes along it in what they leave free.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    contact
-        Of cam and follower.
-    node
-        Of the follower.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,).
     """
     numbers = structure.dofs.numbers[structure.model.mesh.connected(node)]
     fields, free = _fields(structure, contact, node), numbers >= 0

@@ -23,22 +23,6 @@ def buckling_load(structure: Structure, member: str) -> float:
     members and springs add is left out, so that the load is Euler's for a pushrod between guides. A motion that the
     supports leave free bends nothing: its ends are taken as hinged there. Elements are divided where less than four
     lie between supports, as a single one is up to half too stiff.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    member
-        Name of the member.
-
-    Returns
-    -------
-    float
-        N; infinite where the supports leave no node of the model to buckle.
-
-    Examples
-    --------
-    A pushrod guided at both ends bears ``pi^2 E I/L^2``.
     """
     own = structure.beams.part(structure.model.mesh.element_ranges()[member])
     if math.isinf(load := _load(own, structure.dofs)) or (parts := _parts(structure.model, member)) == 1:
@@ -67,22 +51,7 @@ class StiffStrut:
 
 
 def stiff_struts(model: Model) -> list[StiffStrut]:
-    """Return the members with geometric stiffness that bear more in a run than they do, as their elements are too few.
-
-    Parameters
-    ----------
-    model
-        The model.
-
-    Returns
-    -------
-    list
-        None where there are elements enough.
-
-    Examples
-    --------
-    A single element between hinges bears ``12 E I/L^2`` in a run, 22 % more than Euler's ``pi^2``.
-    """
+    """Return the members whose elements are too few for their geometric stiffness: they bear too much in a run."""
     asked = [name for name, member in model.members.items() if member.geometric_stiffness]
     return list(_stiff(build_structure(model), asked)) if asked else []
 

@@ -35,25 +35,7 @@ _MODAL_LIMIT = 2 * DENSE_LIMIT
 
 
 def build_system(model: Model, speed: float) -> System:
-    """Return the equations of the flexible mechanism.
-
-    Parameters
-    ----------
-    model
-        The model.
-    speed
-        Camshaft speed, rad/s: the preload of a published load depends on it.
-
-    Returns
-    -------
-    System
-        Everything the integrator needs.
-
-    Raises
-    ------
-    InputError
-        If a part is attached to something that does not exist, or nothing resists the lift.
-    """
+    """Return the equations of the flexible mechanism."""
     structure = build_structure(model)
     contacts = [_coupled(structure, name, contact, speed) for name, contact in model.contacts.items()]
     damping, joined, probes, ends = _at_any_speed(structure)
@@ -189,20 +171,7 @@ def _within(value: Observable, part: _Part) -> Observable:
 
 
 def probe_of(structure: Structure, point: str) -> Probe:
-    """Return what a user watches at a point: its six components, or the one motion of a rocker's point.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    point
-        A named node, or the point of a rocker.
-
-    Returns
-    -------
-    Probe
-        Named after the point.
-    """
+    """Return what a user watches at a point: its six components, or the one motion of a rocker's point."""
     if structure.model.rocker_at(point) is not None:
         return Probe(point, (point,), structure.row(point, np.zeros(6))[None, :], (None,))
     node = find_node(structure.model, point, "output.probes")

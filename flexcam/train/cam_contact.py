@@ -48,27 +48,7 @@ from flexcam.train.structure import Structure, find_node
 
 
 def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling:
-    """Return the contact of a cam and its follower.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    name
-        Of the contact.
-    contact
-        The contact.
-
-    Returns
-    -------
-    Coupling
-        A local force with the channels force, torque and gap; pressure, sliding and friction where they are known.
-
-    Raises
-    ------
-    InputError
-        If the follower cannot move, or something is asked of a profile that is not given or not possible.
-    """
+    """Return the contact of a cam and its follower."""
     cam, where = structure.model.cams[contact.cam], f"contacts.{name}"
     depth = _depth(structure, contact, cam, where)
     law = _cam_law(structure, name, contact, cam)
@@ -151,29 +131,7 @@ def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> 
 
 
 def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -> HertzLine:
-    """Return the line contact of a cam with its follower.
-
-    Parameters
-    ----------
-    structure
-        The structure: the member at the cam says the material.
-    name
-        Of the contact.
-    contact
-        The contact.
-    cam
-        Its cam, with follower, base circle and width.
-
-    Returns
-    -------
-    HertzLine
-        The law.
-
-    Raises
-    ------
-    InputError
-        If follower or width are not given, or the profile is hollow under a flat face, or hollower than its roller.
-    """
+    """Return the line contact of a cam with its follower."""
     where = f"contacts.{name}.stiffness"
     if cam.follower is None or cam.width is None:
         remedy = "give base_radius, follower and width of the cam, or a stiffness"

@@ -16,31 +16,7 @@ from flexcam.train.structure import Structure
 
 
 def rubbing(structure: Structure, name: str, contact: CamContact, cam: Cam, force: LocalForce) -> LocalForce:
-    """Return the contact with friction: a second scalar whose rate is the velocity of sliding.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    name
-        Of the contact.
-    contact
-        The contact.
-    cam
-        Its cam.
-    force
-        The contact without friction.
-
-    Returns
-    -------
-    LocalForce
-        With depth and path.
-
-    Raises
-    ------
-    InputError
-        If the cam has no profile, or its follower a roller.
-    """
+    """Return the contact with friction: a second scalar whose rate is the velocity of sliding."""
     along = rubbed(structure, name, contact, cam)
     acting = AngleVector(-along.vectors, along.functions)
     law = Sliding(force.law, contact.friction, contact.friction_speed)
@@ -57,21 +33,6 @@ def rubbed(structure: Structure, name: str, contact: CamContact, cam: Cam) -> An
     T times the path of the cam's surface less that of the face. A swinging face at the distance e from its pivot moves
     along itself by e per angle, lift by arm: that is the moment T e of friction about the pivot. With the force f along
     the lift, T is mu f over the reach, by which every path is divided here.
-
-    Parameters
-    ----------
-    structure, name, contact, cam
-        As for `rubbing`.
-
-    Returns
-    -------
-    AngleVector
-        m per m.
-
-    Raises
-    ------
-    InputError
-        If the cam has no profile, or its follower a roller.
     """
     where = f"contacts.{name}.friction"
     if cam.follower is None:

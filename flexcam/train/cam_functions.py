@@ -27,18 +27,7 @@ def _profile(cam: Cam, angle: FloatArray, motion: Motion | None = None) -> CamPr
 
 @lru_cache(maxsize=8)
 def around(cam: Cam) -> CamProfile:
-    """Return the profile at `ANGLES`, of which several things are tabled.
-
-    Parameters
-    ----------
-    cam
-        The cam.
-
-    Returns
-    -------
-    CamProfile
-        With its points at `ANGLES`.
-    """
+    """Return the profile at `ANGLES`, of which several things are tabled."""
     return _profile(cam, ANGLES)
 
 
@@ -55,20 +44,7 @@ class _OfProfile(Following):
 
 
 def touched(cam: Cam, at: Evaluated) -> CamProfile:
-    """Return the profile at cam angles, made once for all that ask.
-
-    Parameters
-    ----------
-    cam
-        The cam.
-    at
-        Cam angles.
-
-    Returns
-    -------
-    CamProfile
-        With its points at these angles.
-    """
+    """Return the profile at cam angles, made once for all that ask."""
 
     def made() -> CamProfile:
         event = cam.event
@@ -79,52 +55,19 @@ def touched(cam: Cam, at: Evaluated) -> CamProfile:
 
 @lru_cache(maxsize=8)
 def along_lift(cam: Cam) -> AngleFunction:
-    """Return the lift per motion of the cam along the lift as it begins.
-
-    Parameters
-    ----------
-    cam
-        The cam.
-
-    Returns
-    -------
-    AngleFunction
-        1.
-    """
+    """Return the lift per motion of the cam along the lift as it begins."""
     return _OfProfile(cam, lambda made: made.push.real, lambda made: made.push_rate.real)
 
 
 @lru_cache(maxsize=8)
 def beside_lift(cam: Cam) -> AngleFunction:
-    """Return the lift per motion of the cam to the right: the tangent of the pressure angle where nothing swings.
-
-    Parameters
-    ----------
-    cam
-        The cam.
-
-    Returns
-    -------
-    AngleFunction
-        1.
-    """
+    """Return the lift per motion of the cam to the right: the tangent of the pressure angle where nothing swings."""
     return _OfProfile(cam, lambda made: -made.push.imag, lambda made: -made.push_rate.imag)
 
 
 @lru_cache(maxsize=8)
 def leaning(cam: Cam) -> AngleFunction:
-    """Return the tangent of the pressure angle, from the motion of the follower where the arm has turned to.
-
-    Parameters
-    ----------
-    cam
-        The cam.
-
-    Returns
-    -------
-    AngleFunction
-        1.
-    """
+    """Return the tangent of the pressure angle, from the motion of the follower where the arm has turned to."""
     return _OfProfile(
         cam, lambda made: np.tan(made.pressure_angle), lambda made: made.pressure_rate / made.touch.reach**2
     )
@@ -132,52 +75,19 @@ def leaning(cam: Cam) -> AngleFunction:
 
 @lru_cache(maxsize=8)
 def slide(cam: Cam) -> AngleFunction:
-    """Return the path per cam angle, m, by which the cam's surface slides to the right of a flat face.
-
-    Parameters
-    ----------
-    cam
-        The cam.
-
-    Returns
-    -------
-    AngleFunction
-        m.
-    """
+    """Return the path per cam angle, m, by which the cam's surface slides to the right of a flat face."""
     return _OfProfile(cam, lambda made: made.touch.sliding, lambda made: made.touch.sliding_rate)
 
 
 @lru_cache(maxsize=8)
 def lightened(cam: Cam) -> AngleFunction:
-    """Return the force along the normal per force along the lift.
-
-    Parameters
-    ----------
-    cam
-        The cam.
-
-    Returns
-    -------
-    AngleFunction
-        1.
-    """
+    """Return the force along the normal per force along the lift."""
     return _OfProfile(cam, lambda made: 1.0 / made.touch.reach, lambda made: _by_reach_rate(made, 1.0, 0.0))
 
 
 @lru_cache(maxsize=8)
 def rub(cam: Cam) -> AngleFunction:
-    """Return the path per cam angle, m, of the cam's surface alone along a flat face, by the reach.
-
-    Parameters
-    ----------
-    cam
-        The cam.
-
-    Returns
-    -------
-    AngleFunction
-        m.
-    """
+    """Return the path per cam angle, m, of the cam's surface alone along a flat face, by the reach."""
     off = off_pivot(cam)
     return _OfProfile(
         cam,
@@ -194,36 +104,14 @@ def _by_reach_rate(made: CamProfile, value: FloatArray | float, rate: FloatArray
 
 
 def off_pivot(cam: Cam) -> float:
-    """Return the path to the right of a swinging flat face along itself, per lift.
-
-    Parameters
-    ----------
-    cam
-        The cam.
-
-    Returns
-    -------
-    float
-        1; zero for any other follower.
-    """
+    """Return the path to the right of a swinging flat face along itself, per lift."""
     one = cam.follower
     return one.side * one.face / one.arm if isinstance(one, SwingFlatFollower) else 0.0
 
 
 @lru_cache(maxsize=8)
 def travelled(cam: Cam) -> AngleFunction:
-    """Return the path that has slid past since cam angle zero, by the reach, m.
-
-    Parameters
-    ----------
-    cam
-        The cam.
-
-    Returns
-    -------
-    AngleFunction
-        m.
-    """
+    """Return the path that has slid past since cam angle zero, by the reach, m."""
     slid = _OfProfile(
         cam,
         lambda made: made.touch.sliding / made.touch.reach,
@@ -267,18 +155,7 @@ class _Travelled(Following):
 
 
 def tabled(values: FloatArray) -> AngleFunction:
-    """Return what interpolates values at `ANGLES`; its derivatives are not asked for.
-
-    Parameters
-    ----------
-    values
-        One per angle.
-
-    Returns
-    -------
-    AngleFunction
-        Linear in between.
-    """
+    """Return what interpolates values at `ANGLES`; its derivatives are not asked for."""
 
     def looked_up(angle: FloatArray, order: int) -> FloatArray:
         del order

@@ -18,80 +18,24 @@ _NEAR = 1e-2
 
 
 def turning(axis: FloatArray) -> FloatArray:
-    """Return the direction of a rotation.
-
-    Parameters
-    ----------
-    axis
-        Unit vector, shape (3,), global axes.
-
-    Returns
-    -------
-    ndarray
-        Shape (6,).
-    """
+    """Return the direction of a rotation."""
     return np.concatenate([np.zeros(3), axis])
 
 
 def to_right(contact: CamContact, cam: Cam) -> FloatArray:
-    """Return the direction to the right of the lift in the profile's drawing, shape (6,).
-
-    Parameters
-    ----------
-    contact
-        Of cam and follower.
-    cam
-        The cam.
-
-    Returns
-    -------
-    ndarray
-        Shape (6,), global axes.
-    """
+    """Return the direction to the right of the lift in the profile's drawing, shape (6,)."""
     return np.concatenate([cam.turn * np.cross(contact.direction[:3], contact.shaft_axis), np.zeros(3)])
 
 
 def sideways(structure: Structure, contact: CamContact, cam: Cam) -> FloatArray:
-    """Return the row of what the cam moves to the right of the follower, in the profile's drawing.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    contact
-        Of cam and follower.
-    cam
-        The cam.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,).
-    """
+    """Return the row of what the cam moves to the right of the follower, in the profile's drawing."""
     along = to_right(contact, cam)
     own = structure.row(contact.follower, along) if structure.is_node(contact.follower) else 0.0
     return structure.row(cam.at, along) - own
 
 
 def refuse_other_arm(structure: Structure, contact: CamContact, cam: Cam, where: str) -> None:
-    """Refuse a follower whose profile is made for another arm than that of the finger it stands for.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    contact
-        Of cam and follower.
-    cam
-        The cam.
-    where
-        The place, for the message.
-
-    Raises
-    ------
-    InputError
-        If the arm is not that of the lever, is off the member's by more than 1 %, or comes from the other side.
-    """
+    """Refuse a follower whose profile is made for another arm than that of the finger it stands for."""
     swinging = cam.follower
     if not isinstance(swinging, SwingRollerFollower | SwingFlatFollower):
         return
@@ -115,20 +59,7 @@ def refuse_other_arm(structure: Structure, contact: CamContact, cam: Cam, where:
 
 
 def pivots(structure: Structure, contact: CamContact) -> list[int]:
-    """Return the node about which the follower's member turns in the plane of the cam, if that is just one.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    contact
-        Of cam and follower, a node.
-
-    Returns
-    -------
-    list
-        Its number, or nothing.
-    """
+    """Return the node about which the follower's member turns in the plane of the cam, if that is just one."""
     mesh, vector = structure.model.mesh, structure.dofs.vector
     node = find_node(structure.model, contact.follower, "follower")
     across = np.concatenate([np.cross(contact.direction[:3], contact.shaft_axis), np.zeros(3)])

@@ -56,33 +56,7 @@ class Chain:
 
 
 def chain_of(model: Model, speed: float, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
-    """Return the train of a model as a chain of masses.
-
-    Parameters
-    ----------
-    model
-        The model; members do not bow, springs do not surge in its chain: `straight`.
-    speed
-        Of the camshaft, rad/s.
-    count
-        k, masses along the train: evenly among its nodes from the follower to the valve.
-    contact
-        Name of the cam's contact; None for the only one.
-    lumped
-        Whether the masses are uncoupled, each one number, so that the train keeps its mass when it moves as a rigid
-        body; else the condensed mass matrix, which couples neighbours, converges faster and is right with plays open.
-
-    Returns
-    -------
-    Chain
-        `Chain.system` goes wherever a `System` goes.
-
-    Raises
-    ------
-    InputError
-        If there are fewer points than masses, or more contacts than one and none is named.
-
-    """
+    """Return the train of a model as a chain of masses."""
     model = straight(model)
     structure, system = build_structure(model), build_system(model, speed)
     driven = _contact(model, contact)
@@ -108,20 +82,7 @@ def chain_of(model: Model, speed: float, count: int, *, contact: str | None = No
 
 
 def without_compression(system: System, members: Sequence[str]) -> System:
-    """Return a system that does not tell how much some members are compressed.
-
-    Parameters
-    ----------
-    system
-        The system.
-    members
-        Names.
-
-    Returns
-    -------
-    System
-        Without the channels of these members.
-    """
+    """Return a system that does not tell how much some members are compressed."""
     left = tuple(f"members.{name}." for name in members)
     return replace(system, channels=tuple(one for one in system.channels if not one.name.startswith(left)))
 
@@ -138,18 +99,7 @@ _STRETCHED = 1e-6
 
 
 def straight(model: Model) -> Model:
-    """Return a model with members that do not bow and springs of one piece.
-
-    Parameters
-    ----------
-    model
-        The model.
-
-    Returns
-    -------
-    Model
-        That a chain stands for.
-    """
+    """Return a model with members that do not bow and springs of one piece."""
     members = {n: replace(one, geometric_stiffness=False, bow=0.0) for n, one in model.members.items()}
     return replace(model, members=members, springs={n: replace(one, elements=1) for n, one in model.springs.items()})
 

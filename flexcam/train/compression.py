@@ -14,22 +14,7 @@ from flexcam.train.structure import Structure
 
 
 def compressed(model: Model) -> list[str]:
-    """Return the members whose compression is told: all that carry no cam, and those with geometric stiffness.
-
-    Parameters
-    ----------
-    model
-        The model.
-
-    Returns
-    -------
-    list
-        Names.
-
-    Examples
-    --------
-    Of an engine with a camshaft and a pushrod, ``["pushrod"]``.
-    """
+    """Return the members whose compression is told: all that carry no cam, and those with geometric stiffness."""
     shafts = {node for cam in model.cams.values() for node in model.mesh.connected(model.mesh.node(cam.at)).tolist()}
     return [
         name for name, member in model.members.items()
@@ -38,20 +23,7 @@ def compressed(model: Model) -> list[str]:
 
 
 def elements_of(structure: Structure, member: str) -> IntArray:
-    """Return the positions of a member's elements, shape (e,).
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    member
-        Name of the member.
-
-    Returns
-    -------
-    ndarray
-        In order.
-    """
+    """Return the positions of a member's elements, shape (e,)."""
     return np.arange(len(structure.beams))[structure.model.mesh.element_ranges()[member]]
 
 
@@ -65,10 +37,6 @@ class Bars:
         The structure.
     elements
         Which of its elements, shape (e,).
-
-    Examples
-    --------
-    A bar whose end moves by one along it has the tension EA/L.
     """
 
     structure: Structure
@@ -104,18 +72,7 @@ class Bars:
 
 
 def linear_compression(bars: Bars) -> Observable:
-    """Return the largest compression of some elements, N, from the motion of their ends along them.
-
-    Parameters
-    ----------
-    bars
-        The elements.
-
-    Returns
-    -------
-    Callable
-        Of what is observed.
-    """
+    """Return the largest compression of some elements, N, from the motion of their ends along them."""
     if bars.structure.dofs.size > DENSE_LIMIT:
         return lambda seen: -bars.tension(seen.displacement).min(axis=1)
     rows = bars.rows()

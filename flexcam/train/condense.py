@@ -13,25 +13,7 @@ _UNSEEN = 1e-9
 
 
 def static_shapes(system: System, rows: FloatArray) -> FloatArray:
-    """Return how everything follows when some motions are given and nothing else is loaded.
-
-    Parameters
-    ----------
-    system
-        The system; motions without strain that `rows` do not see stay at rest.
-    rows
-        What is given, shape (m, n), independent of each other.
-
-    Returns
-    -------
-    ndarray
-        Shapes with ``rows @ shapes = 1``, shape (n, m).
-
-    Raises
-    ------
-    InputError
-        If the system is too large for a dense solution.
-    """
+    """Return how everything follows when some motions are given and nothing else is loaded."""
     n, m = system.size, len(rows)
     if n > 2 * DENSE_LIMIT:
         raise refuse(
@@ -56,28 +38,7 @@ def _unseen(free: FloatArray, rows: FloatArray) -> FloatArray:
 
 
 def rigid_lumped(mass: FloatArray, moved: FloatArray, count: int) -> FloatArray:
-    """Return a mass matrix whose first unknowns have a mass each, with the same momentum in a rigid motion.
-
-    Parameters
-    ----------
-    mass
-        Shape (m, m).
-    moved
-        How the unknowns move in the rigid motion, shape (m,).
-    count
-        How many of them are lumped.
-
-    Returns
-    -------
-    ndarray
-        Shape (m, m); what couples them with the others goes to them.
-
-    Examples
-    --------
-    >>> rigid_lumped(np.array([[2.0, 1.0], [1.0, 2.0]]), np.ones(2), 2)
-    array([[3., 0.],
-           [0., 3.]])
-    """
+    """Return a mass matrix whose first unknowns have a mass each, with the same momentum in a rigid motion."""
     lump = mass.copy()
     own = moved[:count]
     lump[:count, :count] = np.diag(mass[:count, :count] @ own / own)

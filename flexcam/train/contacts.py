@@ -24,48 +24,14 @@ def conservative(
     offset: AngleFunction = _zero,
     restitution: float | None = None,
 ) -> LocalForce:
-    """Return a local force of one scalar that acts against the motion that presses its bodies together.
-
-    Parameters
-    ----------
-    name
-        For messages and results.
-    sense
-        Derivative of the depth by the unknowns.
-    law
-        Force from the depth.
-    offset
-        Prescribed part of the depth.
-    restitution
-        As in `LocalForce`.
-
-    Returns
-    -------
-    LocalForce
-        With A = -G.
-    """
+    """Return a local force of one scalar that acts against the motion that presses its bodies together."""
     switching = (0,) if isinstance(law, HuntCrossley | HertzLine | Inclined | Stop) else ()
     act = AngleVector(-sense.vectors, sense.functions)
     return LocalForce(name, (sense,), (act,), law, (offset,), switching, restitution)
 
 
 def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
-    """Return a stop.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    name
-        Of the contact.
-    seat
-        The seat.
-
-    Returns
-    -------
-    Coupling
-        A local force with its channel.
-    """
+    """Return a stop."""
     row = structure.row(seat.at, seat.direction, f"contacts.{name}.at")
     if not row.any():
         given = f"a seat at {seat.at!r} along {seat.direction.tolist()}"
@@ -83,22 +49,7 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
 
 
 def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
-    """Return the play between a rocker and its point.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    name
-        Of the contact.
-    lash
-        The play.
-
-    Returns
-    -------
-    Coupling
-        A local force with its channel.
-    """
+    """Return the play between a rocker and its point."""
     where = f"contacts.{name}"
     row, gap = play_row(structure, lash, where), constant(-lash.gap)
     law = Stop(lash.stiffness, lash.damping, lash.damping_depth)
@@ -110,22 +61,7 @@ def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
 
 
 def play_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatArray:
-    """Return the row of how far the two sides of a play have come together, shape (n,).
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    part
-        The play or the adjuster.
-    where
-        The place, for the message.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,).
-    """
+    """Return the row of how far the two sides of a play have come together, shape (n,)."""
     if part.ends is not None and part.direction is not None:
         first, second = (structure.row(end, part.direction, where) for end in part.ends)
         return first - second

@@ -23,26 +23,7 @@ _zero = constant(0.0)
 def opposed(
     name: str, rows: FloatArray, law: LocalLaw, offset: AngleFunction = _zero, switching: tuple[int, ...] = ()
 ) -> LocalForce:
-    """Return a local force that acts against the rows it senses, A = -G, none of which changes with the cam angle.
-
-    Parameters
-    ----------
-    name
-        For messages and results.
-    rows
-        Derivatives of what it senses by the unknowns, shape (c, n).
-    law
-        Forces from what it senses.
-    offset
-        Prescribed part of every scalar.
-    switching
-        As in `LocalForce`.
-
-    Returns
-    -------
-    LocalForce
-        With as many forces as rows.
-    """
+    """Return a local force that acts against the rows it senses, A = -G, none of which changes with the cam angle."""
     sense = tuple(AngleVector.constant(row) for row in rows)
     act = tuple(AngleVector.constant(-row) for row in rows)
     return LocalForce(name, sense, act, law, (offset,) * len(rows), switching)

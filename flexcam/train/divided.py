@@ -114,25 +114,7 @@ class _Joint:
 
 
 def divided(structure: Structure, motion: FloatArray) -> Divided:
-    """Divide a train where plays and levers part it.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    motion
-        Of the whole train in proportion to the lift, no play being open, shape (n,).
-
-    Returns
-    -------
-    Divided
-        Its first part is what goes with the follower.
-
-    Raises
-    ------
-    InputError
-        If a play opens as the cam lifts.
-    """
+    """Divide a train where plays and levers part it."""
     parts, bodies = [Part(motion)], [Body()]
     for joint in _outward([*_plays(structure, motion), *_rockers(structure, motion)]):
         before = next((i for i, one in enumerate(parts) if float(joint.row @ one.motion) != 0.0), 0)

@@ -10,19 +10,7 @@ Driven = PublishedLoad | CamContact
 
 
 def moved_nodes(model: Model, contact: Driven) -> list[int]:
-    """Return the nodes that a follower moves through members, links and plays.
-
-    Parameters
-    ----------
-    model, contact
-        The model and the contact of a cam.
-
-    Returns
-    -------
-    list
-        Node numbers, from the follower on, nearest first: before a play, then behind it, in whatever order the model
-        has its plays. None where a finger is the follower.
-    """
+    """Return the nodes that a follower moves through members, links and plays."""
     if contact.follower not in model.mesh.points:
         return []
     joined = _joined(model)
@@ -34,22 +22,7 @@ def moved_nodes(model: Model, contact: Driven) -> list[int]:
 
 
 def plays_before(model: Model, node: int, plays: Sequence[Play]) -> list[Play]:
-    """Return the plays between nodes that are taken up one after the other before a node moves.
-
-    Parameters
-    ----------
-    model
-        The model.
-    node
-        Its number.
-    plays
-        Of one train.
-
-    Returns
-    -------
-    list
-        From the cam on; none where no play stands before it.
-    """
+    """Return the plays between nodes that are taken up one after the other before a node moves."""
     found: list[Play] = []
     left = list(plays)
     while before := [one for one in left if model.mesh.node(one.ends[1]) in model.connected(node)]:
@@ -83,18 +56,7 @@ def _outward(joined: Mapping[int, Sequence[int]], start: int) -> list[int]:
 
 
 def rocker_of(model: Model, contact: Driven) -> Rocker | None:
-    """Return the rocker that a follower drives or is, or None.
-
-    Parameters
-    ----------
-    model, contact
-        The model and the contact of a cam.
-
-    Returns
-    -------
-    Rocker or None
-        The first one.
-    """
+    """Return the rocker that a follower drives or is, or None."""
     nodes, points = set(moved_nodes(model, contact)), model.mesh.points
     own = (
         one
@@ -105,20 +67,7 @@ def rocker_of(model: Model, contact: Driven) -> Rocker | None:
 
 
 def play_of(model: Model, cam: str) -> float:
-    """Return the largest play that a cam's lift takes up, as its follower sees it.
-
-    Parameters
-    ----------
-    model
-        The model.
-    cam
-        Name of the cam.
-
-    Returns
-    -------
-    float
-        m; a play that is in no train counts in each.
-    """
+    """Return the largest play that a cam's lift takes up, as its follower sees it."""
     gaps = [0.0]
     for play in model.contacts.values():
         if isinstance(play, Lash):

@@ -13,20 +13,7 @@ from flexcam.train.structure import Structure
 
 
 def completed(structure: Structure, motion: FloatArray) -> FloatArray:
-    """Return a motion of nodes with points and springs following: no play is open, springs stretch evenly.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    motion
-        Of its unknowns, shape (n,), m and rad.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,).
-    """
+    """Return a motion of nodes with points and springs following: no play is open, springs stretch evenly."""
     moved = motion
     for _ in [None, *structure.model.plays]:  # each pass goes on by one play at least, whatever their order
         moved = _linked(structure, _pushed_on(structure, moved))
@@ -38,20 +25,7 @@ def completed(structure: Structure, motion: FloatArray) -> FloatArray:
 
 
 def with_springs(structure: Structure, motion: FloatArray) -> FloatArray:
-    """Return a motion with the inner parts of springs evenly between their ends.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    motion
-        Of its unknowns, shape (n,), m and rad.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,).
-    """
+    """Return a motion with the inner parts of springs evenly between their ends."""
     moved = motion.copy()
     for name, spring in structure.model.springs.items():
         ends = [float(row @ motion) for row in spring_ends(structure, name, spring)]
@@ -65,20 +39,6 @@ def shifted(structure: Structure, end: str, direction: FloatArray) -> FloatArray
     """Return the motion of everything that members connect to a node, by which this goes a unit along a direction.
 
     What supports guide at an angle to the direction goes farther: the unit is its part along it.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    end
-        Name of the node.
-    direction
-        Shape (6,), global axes, of length one.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,); zeros where supports hold the node in that direction.
     """
     motion = np.zeros(structure.dofs.size)
     numbers = structure.dofs.numbers[structure.model.mesh.connected(structure.model.mesh.node(end))]

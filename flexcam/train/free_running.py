@@ -25,31 +25,7 @@ def free_running(
     start: float = 0.0,
     time: float = 0.0,
 ) -> SpeedByAngle:
-    """Return the drive of a freely running cam.
-
-    Parameters
-    ----------
-    model
-        The model.
-    speed
-        Camshaft speed that belongs to the mean inertia, rad/s.
-    cam
-        Name of the cam, with its base circle.
-    cam_mass, follower_mass
-        kg.
-    start, time
-        Cam angle, rad, and when it is passed, s.
-
-    Returns
-    -------
-    SpeedByAngle
-        Its speed over the cam angle.
-
-    Raises
-    ------
-    InputError
-        If there is no such cam, or it has no base circle.
-    """
+    """Return the drive of a freely running cam."""
     if cam not in model.cams:
         raise refuse(
             "run.free_running.cam", repr(cam), f"one of {', '.join(model.cams)}", "", did_you_mean(cam, model.cams)
@@ -63,24 +39,7 @@ def free_running(
 
 
 def free_speed(event: Event, base_radius: float, speed: float, cam_mass: float, follower_mass: float) -> AngleFunction:
-    """Return the speed of a freely running cam over its angle.
-
-    Parameters
-    ----------
-    event
-        Lift of the follower.
-    base_radius
-        Of the base circle, m.
-    speed
-        Camshaft speed that belongs to the mean inertia, rad/s.
-    cam_mass, follower_mass
-        kg.
-
-    Returns
-    -------
-    AngleFunction
-        omega, rad/s, and its first derivative by the cam angle.
-    """
+    """Return the speed of a freely running cam over its angle."""
     r0, mean = base_radius, 0.5 * cam_mass * (base_radius + event.height) ** 2
 
     def inertia(angle: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -85,18 +85,7 @@ class HeldEnd:
 
 
 def held_ends(structure: Structure) -> tuple[HeldEnd, ...]:
-    """Return every place where a shaft's rotation is held.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-
-    Returns
-    -------
-    tuple
-        In the order of the supports.
-    """
+    """Return every place where a shaft's rotation is held."""
     return tuple(_freed(structure, *end) for end in _found(structure))
 
 
@@ -125,18 +114,7 @@ def _freed(structure: Structure, name: str, node: int, along: FloatArray) -> Hel
 
 
 def missing(end: HeldEnd) -> Observable:
-    """Return what mass, damping and stiffness ask of a held rotation; modal damping, which couples all, is left out.
-
-    Parameters
-    ----------
-    end
-        The place.
-
-    Returns
-    -------
-    Callable
-        N m, of what is observed.
-    """
+    """Return what mass, damping and stiffness ask of a held rotation; modal damping, which couples all, is left out."""
     freed, damping = end.freed, end.freed.model.damping
     damped = freed.dampers + rayleigh_damping(freed.mass, freed.stiffness, damping.alpha, damping.beta)
     each = [matrix.times(end.turned)[end.kept][None] for matrix in (freed.stiffness, damped, freed.mass)]
@@ -148,20 +126,7 @@ def missing(end: HeldEnd) -> Observable:
 
 
 def taken(end: HeldEnd, loads: tuple[Load, ...], forces: tuple[LocalForce, ...]) -> Observable:
-    """Return what loads and local forces of the freed structure leave a held rotation to bear.
-
-    Parameters
-    ----------
-    end
-        The place.
-    loads, forces
-        Of one coupling.
-
-    Returns
-    -------
-    Callable
-        N m, of what is observed of that coupling.
-    """
+    """Return what loads and local forces of the freed structure leave a held rotation to bear."""
     pushed = np.array([end.turned @ load.vector for load in loads])
     acting = [one for force in forces for one in force.act]
     turning = [(i, AngleVector((one.vectors @ end.turned)[:, None], one.functions)) for i, one in enumerate(acting)]

@@ -14,20 +14,7 @@ _ALONG = 1e-6
 
 
 def left_out(structure: Structure, found: Reach) -> list[str]:
-    """Return what of a structure nothing can move.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    found
-        What can move, of the equations of the structure.
-
-    Returns
-    -------
-    list
-        A sentence per group of coupled unknowns, such as ``camshaft: bending in x-z (uz, ry): nothing loads it``.
-    """
+    """Return what of a structure nothing can move."""
     said = [f"{_place(structure, still.unknowns)}: {_reason(still)}" for still in found.still]
     return [f"{one} ({said.count(one)} times)" if said.count(one) > 1 else one for one in dict.fromkeys(said)]
 

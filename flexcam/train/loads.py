@@ -14,18 +14,7 @@ from flexcam.train.structure import Structure, find_node
 
 
 def constant_loads(structure: Structure) -> list[Load]:
-    """Return weight, springs' installed forces and given forces; the last act from the start of a run only.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-
-    Returns
-    -------
-    list
-        One load each, with a constant history.
-    """
+    """Return weight, springs' installed forces and given forces; the last act from the start of a run only."""
     model = structure.model
     loads: list[Load] = []
     for name, load in model.loads.items():
@@ -46,18 +35,7 @@ def constant_loads(structure: Structure) -> list[Load]:
 
 
 def steady_load(structure: Structure) -> FloatArray:
-    """Return the sum of all constant loads: weight, springs' installed forces and given forces.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,), N and N m.
-    """
+    """Return the sum of all constant loads: weight, springs' installed forces and given forces."""
     still = ConstantSpeed(1.0).at(np.zeros(1))
     loads = (float(load.history(still)[0]) * load.vector for load in constant_loads(structure))
     return sum(loads, np.zeros(structure.dofs.size))
@@ -71,18 +49,7 @@ def _of_a_published_load(structure: Structure, row: FloatArray) -> bool:
 
 
 def element_loads(structure: Structure) -> FloatArray:
-    """Return everything spread over the elements: given forces and weight.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-
-    Returns
-    -------
-    ndarray
-        Shape (e, 12), N and N m, local axes; section forces are what is left of the end forces without them.
-    """
+    """Return everything spread over the elements: given forces and weight."""
     total = np.zeros((len(structure.beams), 12))
     for name, load in structure.model.loads.items():
         total += _spread(structure, name) if load.member is not None else 0.0

@@ -12,28 +12,7 @@ from flexcam.system import Selection, Shapes, System, projected
 
 
 def modal_basis(problem: Problem, count: int, *, by_parts: bool = False) -> Shapes:
-    """Return the lowest modes of a problem's system, with the static answers to all that pushes or watches it.
-
-    Parameters
-    ----------
-    problem
-        The problem; of what nothing can move no mode is taken, where it is to be pruned.
-    count
-        How many modes with stiffness.
-    by_parts
-        Whether to keep every unknown that is pushed or watched, and take so many modes of each part between them, held
-        there, instead of modes of the whole: Craig and Bampton's way.
-
-    Returns
-    -------
-    Shapes
-        For `Problem.basis`.
-
-    Raises
-    ------
-    RunFailedError
-        If the modes cannot be computed.
-    """
+    """Return the lowest modes of a problem's system, with the static answers to all that pushes or watches it."""
     n = problem.system.size
     chosen = Selection(np.arange(n), np.zeros(n))
     if problem.prune:

@@ -51,30 +51,7 @@ def model_modes(
     structure: Structure, count: int | None = None, *, loaded: FloatArray | None = None,
     held: Sequence[tuple[str, Triplets]] = (),
 ) -> ModelModes:  # fmt: skip
-    """Return the lowest modes of a model.
-
-    Parameters
-    ----------
-    structure
-        The passive part of the model.
-    count
-        How many; None for all that can be computed.
-    loaded
-        Displacement of a static state, shape (n,), whose axial forces stiffen (tension) or soften (compression) the
-        members; None for the unloaded structure.
-    held
-        Name and stiffness of what is not of the structure itself, such as closed contacts, n unknowns.
-
-    Returns
-    -------
-    ModelModes
-        With effective masses and energy shares.
-
-    Raises
-    ------
-    RunFailedError
-        If a free motion has no mass, or something gives way, which is named.
-    """
+    """Return the lowest modes of a model."""
     stiffness, free = structure.stiffness, structure.free
     force = None if loaded is None else section_forces(structure.beams, structure.dofs.nodal(loaded))[:, 0, 0]
     if held:

@@ -58,26 +58,7 @@ class Seating:
 
 
 def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating | None:
-    """Return how a valve came down within one revolution.
-
-    Parameters
-    ----------
-    gap, velocity
-        Distance from the seat, m, and its rate, m/s, over one revolution, shape (m,).
-    angle
-        Cam angles, rad, shape (m,).
-
-    Returns
-    -------
-    Seating
-        None if it never opened or never touched down. A lift that the revolution's end cuts in two counts as one.
-
-    Examples
-    --------
-    >>> lift = np.array([0.0, 1.0, 2.0, 1.0, -1e-9, 0.1, -1e-9, 0.0])
-    >>> seating(lift, np.full(8, -0.5), np.arange(8.0)).bounces
-    1
-    """
+    """Return how a valve came down within one revolution."""
     top = int(np.argmax(gap))
     height, speed, at = (np.roll(one, -top) for one in (gap, velocity, angle))
     shut = np.flatnonzero(height <= 0.0)
@@ -120,22 +101,7 @@ class Figure:
 
 
 def operation(model: Model, response: Response, period: float) -> list[Figure]:
-    """Return what a train did in the last revolution of a run.
-
-    Parameters
-    ----------
-    model
-        The model.
-    response
-        Of a run of it.
-    period
-        Of a revolution, s.
-
-    Returns
-    -------
-    list
-        Largest and least values of contacts, seats, springs, members and shafts; shorter runs are taken whole.
-    """
+    """Return what a train did in the last revolution of a run."""
     if not len(response.time):
         return []
     last = response.latest(period)
@@ -161,24 +127,7 @@ def operation(model: Model, response: Response, period: float) -> list[Figure]:
 
 
 def operation_names(model: Model, channels: Iterable[str]) -> list[str]:
-    """Return the names of all figures that `operation` may give, whatever a run does.
-
-    Parameters
-    ----------
-    model
-        The model.
-    channels
-        Names of the channels of a run of it.
-
-    Returns
-    -------
-    list
-        Names; a run of which a valve never closes lacks those of its seating.
-
-    Examples
-    --------
-    ``operation_names(model, ["contacts.intake.force"])`` holds ``"contacts.intake.force.largest"``.
-    """
+    """Return the names of all figures that `operation` may give, whatever a run does."""
     known = list(channels)
     free = [name for name, one in model.driven.items() if isinstance(one, CamContact) and one.unilateral]
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat) and f"contacts.{name}.gap" in known]
@@ -224,24 +173,7 @@ def _seat(response: Response, where: str, last: Bools) -> list[Figure]:
 
 
 def separation(model: Model, response: Response, contact: str, instants: Bools) -> float:
-    """Return over how much cam angle a follower is off its cam on the main lift.
-
-    Parameters
-    ----------
-    model
-        The model.
-    response
-        Of a run of it.
-    contact
-        Name of the contact.
-    instants
-        Which instants count, shape (m,), bool.
-
-    Returns
-    -------
-    float
-        rad.
-    """
+    """Return over how much cam angle a follower is off its cam on the main lift."""
     cam = model.driven[contact].cam
     angle = response.angle[instants]
     if len(angle) < 2:
@@ -252,20 +184,7 @@ def separation(model: Model, response: Response, contact: str, instants: Bools) 
 
 
 def main_lift(model: Model, cam: str) -> float:
-    """Return the lift above which a cam has taken up ramps and play.
-
-    Parameters
-    ----------
-    model
-        The model.
-    cam
-        Name of the cam.
-
-    Returns
-    -------
-    float
-        m.
-    """
+    """Return the lift above which a cam has taken up ramps and play."""
     event = model.cams[cam].event
     ramp = getattr(event, "ramp", None)
     return _PARTED * event.height + max(play_of(model, cam), float(ramp.height) if ramp else 0.0)

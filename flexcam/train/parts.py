@@ -26,11 +26,6 @@ class Wire:
     ----------
     diameter, coil_diameter
         Of the wire and of the coil's mean circle, m.
-
-    Examples
-    --------
-    >>> round(Wire(0.004, 0.024).wahl, 4)
-    1.2525
     """
 
     diameter: float

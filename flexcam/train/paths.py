@@ -14,45 +14,12 @@ Coordinate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 
 
 def in_proportion(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the path of what the cam moves directly: the lift itself.
-
-    Parameters
-    ----------
-    lift
-        m, any shape.
-
-    Returns
-    -------
-    tuple
-        Path and its first two derivatives, of that shape: m, 1, 1/m.
-
-    Examples
-    --------
-    >>> in_proportion(np.array([0.002]))
-    (array([0.002]), array([1.]), array([0.]))
-    """
+    """Return the path of what the cam moves directly: the lift itself."""
     return lift, np.ones_like(lift), np.zeros_like(lift)
 
 
 def turned(before: Coordinate, lever: Lever, end: int, share: float) -> Coordinate:
-    """Return the path of a lever's driven end (0), or of its point (1), over the lift.
-
-    Parameters
-    ----------
-    before
-        Path of what drives it.
-    lever
-        The lever.
-    end
-        Its end.
-    share
-        Motion of what is driven per motion along that path.
-
-    Returns
-    -------
-    Callable
-        The path.
-    """
+    """Return the path of a lever's driven end (0), or of its point (1), over the lift."""
 
     def moved(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         c, c1, c2 = before(lift)
@@ -67,27 +34,7 @@ def turned(before: Coordinate, lever: Lever, end: int, share: float) -> Coordina
 
 
 def behind(before: Coordinate, gap: float, rest: float | None) -> Coordinate:
-    """Return the path behind a play: nothing moves before it is taken up.
-
-    Parameters
-    ----------
-    before
-        Path of what pushes through it, m.
-    gap
-        m.
-    rest
-        Where that which is pushed rests while the play is open, m; None where the play is closed at rest already.
-
-    Returns
-    -------
-    Callable
-        The path.
-
-    Examples
-    --------
-    >>> behind(in_proportion, 0.5, 0.0)(np.array([0.25, 2.0]))
-    (array([0. , 1.5]), array([0., 1.]), array([0., 0.]))
-    """
+    """Return the path behind a play: nothing moves before it is taken up."""
 
     def moved(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         h, h1, h2 = before(lift)

@@ -70,20 +70,6 @@ def follower_train(structure: Structure, contact: PublishedLoad | CamContact, wh
     """Return the rigid body that a follower and what hangs on it make: it moves along the lift, or turns about a pivot.
 
     Where springs bear it in place of a pivot, it moves as these are bent least.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    contact
-        The contact, for follower and direction.
-    where
-        The place, for the message.
-
-    Returns
-    -------
-    FollowerTrain
-        Its motion, mass and stiffness at the follower.
     """
     if structure.is_node(contact.follower):
         node = find_node(structure.model, contact.follower, where)
@@ -96,29 +82,7 @@ def follower_train(structure: Structure, contact: PublishedLoad | CamContact, wh
 
 
 def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -> float:
-    """Return K_KE of (22): the static stiffness at the follower along the lift, N/m.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    contact
-        The contact.
-    where
-        The place, for the message.
-
-    Returns
-    -------
-    float
-        N/m.
-
-    Raises
-    ------
-    InputError
-        If nothing resists the lift: without a spring the published load is not defined.
-    RunFailedError
-        If rounding in the stiffness spoils the answer.
-    """
+    """Return K_KE of (22): the static stiffness at the follower along the lift, N/m."""
     push = structure.dofs.vector(find_node(structure.model, contact.follower, where), contact.direction)
     if not push.any():
         given, why = f"{contact.follower!r}, held along the lift", "a follower that cannot move feels no cam"
@@ -134,27 +98,7 @@ def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -
 
 
 def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, cam: Cam, speed: float) -> float:
-    """Return the preload at the follower, N.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    contact
-        The contact.
-    train
-        The follower's train.
-    cam
-        The cam.
-    speed
-        Camshaft speed, rad/s.
-
-    Returns
-    -------
-    float
-        The springs' installed force at the follower where one states it, else the factor times the largest force
-        the rigid train's inertia needs to stay in contact.
-    """
+    """Return the preload at the follower, N."""
     if stated_forces(structure, train):
         force = stated_force(structure, train)
         if force <= 0.0:
@@ -166,55 +110,18 @@ def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, 
 
 
 def stated_force(structure: Structure, train: FollowerTrain) -> float:
-    """Return the springs' stated installed forces as felt at the follower, N; zero where none states one.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    train
-        The follower's train.
-
-    Returns
-    -------
-    float
-        N, positive where they close the contact.
-    """
+    """Return the springs' stated installed forces as felt at the follower, N; zero where none states one."""
     return sum(float(train.motion @ row) * size for size, row in stated_forces(structure, train))
 
 
 def stated_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float, FloatArray]]:
-    """Return installed force and row of the springs on a follower's train that state one.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    train
-        The follower's train.
-
-    Returns
-    -------
-    list
-        Pairs of N and shape (n,).
-    """
+    """Return installed force and row of the springs on a follower's train that state one."""
     rows = [(s.installed_force, spring_row(structure, n, s)) for n, s in structure.model.springs.items()]
     return [(size, row) for size, row in rows if size is not None and float(train.motion @ row) != 0.0]
 
 
 def steady(value: float) -> Callable[[CamMotion], FloatArray]:
-    """Return the load history that is `value` at every instant.
-
-    Parameters
-    ----------
-    value
-        N.
-
-    Returns
-    -------
-    Callable
-        Of the cam motion.
-    """
+    """Return the load history that is `value` at every instant."""
     return lambda motion: np.full_like(motion.angle, value)
 
 
@@ -226,24 +133,7 @@ def _at_any_speed(structure: Structure, name: str, contact: PublishedLoad) -> tu
 
 
 def couple(structure: Structure, name: str, contact: PublishedLoad, speed: float) -> Coupling:
-    """Return the published coupling of one cam and its follower.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    name
-        Name of the contact.
-    contact
-        The contact.
-    speed
-        Camshaft speed, rad/s; the preload depends on it.
-
-    Returns
-    -------
-    Coupling
-        Its loads, local force and channels.
-    """
+    """Return the published coupling of one cam and its follower."""
     cam = structure.model.cams[contact.cam]
     train, K = _at_any_speed(structure, name, contact)
     force = preload(structure, contact, train, cam, speed)

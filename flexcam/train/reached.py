@@ -52,27 +52,7 @@ class ReachedModes:
 
 
 def contact_modes(structure: Structure, contact: str, held: Sequence[tuple[str, Triplets]]) -> ReachedModes:
-    """Return the modes of a train, and how far a contact reaches each.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    contact
-        Name of the contact of a cam.
-    held
-        Name and stiffness of what holds beside the structure, such as closed contacts.
-
-    Returns
-    -------
-    ReachedModes
-        All that can be computed.
-
-    Raises
-    ------
-    RunFailedError
-        If the train has no modes: a member or a lever gives way, which is named.
-    """
+    """Return the modes of a train, and how far a contact reaches each."""
     part = structure.model.driven[contact]
     found = model_modes(structure, held=held)
     push = structure.row(part.follower, part.direction) - structure.row(
@@ -84,50 +64,13 @@ def contact_modes(structure: Structure, contact: str, held: Sequence[tuple[str, 
 def holding(
     system: System, motion: CamMotion, displacement: FloatArray, velocity: FloatArray, inner: FloatArray | None = None
 ) -> list[tuple[str, Triplets]]:
-    """Return the stiffness with which each local force holds at an instant.
-
-    Parameters
-    ----------
-    system
-        The system, n unknowns.
-    motion
-        Of the cam, at one instant.
-    displacement, velocity
-        Then, shape (1, n).
-    inner
-        Internal states then, shape (1, s); None for those at rest.
-
-    Returns
-    -------
-    list
-        Name and symmetric matrix.
-    """
+    """Return the stiffness with which each local force holds at an instant."""
     tangents = Tangents(system, motion, displacement, velocity, inner)
     return [(name, Triplets.from_dense(0.5 * (part + part.T))) for name, part in tangents.parts(0)]
 
 
 def modes_on_the_lift(model: Model, contact: str, speed: float) -> ReachedModes:
-    """Return the modes of a train at rest on the full lift of a cam, contacts closed as they are in balance there.
-
-    Parameters
-    ----------
-    model
-        The model.
-    contact
-        Name of the contact of the cam.
-    speed
-        Camshaft speed, rad/s; only a preload depends on it.
-
-    Returns
-    -------
-    ReachedModes
-        All that can be computed; trains above 3000 unknowns are taken without their contacts.
-
-    Raises
-    ------
-    RunFailedError
-        If nothing holds the train there, or a member gives way, which is named.
-    """
+    """Return the modes of a train at rest on the full lift of a cam, contacts closed as they are in balance there."""
     structure, system = build_structure(model), build_system(model, speed)
     if not system.local_forces or system.size > _MOST:
         return contact_modes(structure, contact, ())

@@ -38,18 +38,6 @@ def coarse_cams(model: Model, turn: float) -> list[CoarseCam]:
     """Return the cams whose lift the steps of a run do not see.
 
     A lift between two steps departs from a straight line by up to ``max |s''| turn^2/8``.
-
-    Parameters
-    ----------
-    model
-        The model.
-    turn
-        Angle of the camshaft per step, rad.
-
-    Returns
-    -------
-    list
-        Those of which more than `SEEN` of the lift is missed.
     """
     found: list[CoarseCam] = []
     for name, cam in model.cams.items():

@@ -41,26 +41,7 @@ ANY_SPEED = 1.0
 
 @lru_cache(maxsize=2)
 def build_rigid(model: Model, speed: float) -> System:
-    """Return the same mechanism with rigid members: no unknowns, the follower's train follows the lift.
-
-    Parameters
-    ----------
-    model
-        The model.
-    speed
-        Camshaft speed, rad/s.
-
-    Returns
-    -------
-    System
-        Of size zero; its probes are prescribed, its channels hold the contact force (for a train in proportion to the
-        lift ``P_pr + K s + C s' omega + M (s'' omega^2 + s' omega')``) and the torque of that force.
-
-    Raises
-    ------
-    InputError
-        As `build_system`.
-    """
+    """Return the same mechanism with rigid members: no unknowns, the follower's train follows the lift."""
     structure = build_structure(model)
     refuse_far_turns(structure)
     trains = {

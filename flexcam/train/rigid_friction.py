@@ -80,29 +80,7 @@ class RigidFriction:
 
 
 def rigid_friction(structure: Structure, name: str, contact: CamContact, moved: FloatArray) -> RigidFriction:
-    """Return the friction of a contact whose follower a rigid train moves.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    name
-        Of the contact.
-    contact
-        The contact.
-    moved
-        Of the unknowns per lift, shape (n,).
-
-    Returns
-    -------
-    RigidFriction
-        In closed form.
-
-    Raises
-    ------
-    InputError
-        As for the flexible contact: the cam has no profile, or its follower a roller. If the follower jams.
-    """
+    """Return the friction of a contact whose follower a rigid train moves."""
     cam = structure.model.cams[contact.cam]
     path = rubbed(structure, name, contact, cam)
     speed, slid = contact.friction_speed, travelled(cam)

@@ -34,20 +34,7 @@ class SpringLaw:
     offset: AngleFunction
 
     def force(self, moved: FloatArray, cam: Evaluated) -> FloatArray:
-        """Return the forces against some motions by virtual work.
-
-        Parameters
-        ----------
-        moved
-            How far the motions have gone, m, shape (m, b).
-        cam
-            Functions of the cam at these instants.
-
-        Returns
-        -------
-        ndarray
-            N, shape (m, b).
-        """
+        """Return the forces against some motions by virtual work."""
         pressed = self.pressed(moved, cam)
         return self.law.stored(pressed, np.zeros((len(pressed), 0)), cam.angle).by_gap @ self.rows
 
@@ -57,20 +44,7 @@ class SpringLaw:
 
 
 def spring_laws(structure: Structure, motions: FloatArray) -> tuple[SpringLaw, ...]:
-    """Return the laws of the springs that a train moves.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    motions
-        Of the train, shape (b, n).
-
-    Returns
-    -------
-    tuple
-        None where springs are nothing but stiff.
-    """
+    """Return the laws of the springs that a train moves."""
     found: list[SpringLaw] = []
     for one in coils(structure).forces:
         rows = np.array([sensed.vectors[0] for sensed in one.sense]) @ motions.T

@@ -13,21 +13,7 @@ from flexcam.train.rigid_train import rigid_train
 
 
 def shared_forces(model: Model, speed: float) -> dict[str, float]:
-    """Return what a cam on its base circle and a seat share by their stiffness, of which rigid members know nothing.
-
-    Parameters
-    ----------
-    model
-        The model.
-    speed
-        Camshaft speed, rad/s.
-
-    Returns
-    -------
-    dict
-        Name of the contact to the force of the springs at its follower, N, where no play parts both; without those
-        that nothing presses.
-    """
+    """Return what a cam on its base circle and a seat share by their stiffness, of which rigid members know nothing."""
     structure = build_structure(model)
     free = {name: one for name, one in model.driven.items() if isinstance(one, CamContact)}
     found = {n: rigid_train(structure, one, f"contacts.{n}.follower", speed).shared for n, one in free.items()}
@@ -35,20 +21,7 @@ def shared_forces(model: Model, speed: float) -> dict[str, float]:
 
 
 def touching_coils(model: Model, speed: float) -> dict[str, float]:
-    """Return the springs whose coils touch when rigid trains stand at full lift.
-
-    Parameters
-    ----------
-    model
-        The model.
-    speed
-        Camshaft speed, rad/s.
-
-    Returns
-    -------
-    dict
-        Name of the spring to how far it is pressed beyond where all coils touch, m.
-    """
+    """Return the springs whose coils touch when rigid trains stand at full lift."""
     structure, found = build_structure(model), dict[str, float]()
     for name, contact in model.driven.items():
         train = rigid_train(structure, contact, f"contacts.{name}.follower", speed)

@@ -86,29 +86,7 @@ _SHUT = 1e-9
 
 
 def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where: str, speed: float) -> RigidTrain:
-    """Return the rigid train of a follower.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    contact
-        The contact.
-    where
-        The place, for the message.
-    speed
-        Camshaft speed, rad/s: the preload of a published load depends on it.
-
-    Returns
-    -------
-    RigidTrain
-        Motions and what belongs to them.
-
-    Raises
-    ------
-    InputError
-        If a play opens as the cam lifts.
-    """
+    """Return the rigid train of a follower."""
     train = follower_train(structure, contact, where)
     parted = divided(structure, train.motion)
     motions, bodies = parted.motions, parted.installed

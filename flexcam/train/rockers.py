@@ -83,25 +83,7 @@ class Lever(Rocker):
         return self.arms[1] / self.arms[0] * math.cos(self.angles[1]) / driven
 
     def path_at(self, lift: FloatArray, where: str = "arms") -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the path of the driven end at a motion of what drives it, m, and its first two derivatives.
-
-        Parameters
-        ----------
-        lift
-            m, any shape; for a finger this is the path itself.
-        where
-            The place, for the message.
-
-        Returns
-        -------
-        tuple
-            Three arrays of that shape: m, 1, 1/m.
-
-        Raises
-        ------
-        InputError
-            If the arm would turn along the motion.
-        """
+        """Return the path of the driven end at a motion of what drives it, m, and its first two derivatives."""
         if self.finger:
             return lift, np.ones_like(lift), np.zeros_like(lift)
         arm, start = self.arms[0], self.angles[0]
@@ -114,20 +96,7 @@ class Lever(Rocker):
         return arm * (np.arcsin(sine) - start), 1.0 / cosine, sine / (arm * cosine**3)
 
     def reach(self, path: FloatArray, end: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the motion of an end at a path of the driven end, m, and its first two derivatives.
-
-        Parameters
-        ----------
-        path
-            m, any shape.
-        end
-            0 for the driven one, 1 for the point.
-
-        Returns
-        -------
-        tuple
-            Three arrays of that shape: m, 1, 1/m.
-        """
+        """Return the motion of an end at a path of the driven end, m, and its first two derivatives."""
         arm, start, turn = self.arms[end], self.angles[end], path / self.arms[0]
         there = start + turn
         share = arm / self.arms[0]
@@ -135,32 +104,10 @@ class Lever(Rocker):
 
 
 def path_name(lever: str) -> str:
-    """Return the name of the unknown that is the path of a lever's driven end.
-
-    Parameters
-    ----------
-    lever
-        Name of the lever.
-
-    Returns
-    -------
-    str
-        Such as ``rockers.intake``.
-    """
+    """Return the name of the unknown that is the path of a lever's driven end."""
     return f"rockers.{lever}"
 
 
 def tip_name(lever: str) -> str:
-    """Return the name of the unknown that is the tip of a lever, where play is between it and its point.
-
-    Parameters
-    ----------
-    lever
-        Name of the lever.
-
-    Returns
-    -------
-    str
-        Such as ``rockers.intake.tip``.
-    """
+    """Return the name of the unknown that is the tip of a lever, where play is between it and its point."""
     return f"rockers.{lever}.tip"

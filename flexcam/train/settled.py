@@ -69,30 +69,6 @@ def settled(bodies: Sequence[Body], stiffness: FloatArray, force: FloatArray) ->
     Forces push a body back until the play before it is closed, its seat stops it, or its springs hold it. Of all these
     ways the one is taken in which forces balance and nothing that only pushes would have to pull: the conditions of
     A. Signorini, as in P. Wriggers, Computational Contact Mechanics, 2nd ed. (2006), ch. 2.
-
-    Parameters
-    ----------
-    bodies
-        From the cam on.
-    stiffness
-        Of the springs along their motions, N/m, shape (g, g).
-    force
-        Of what is installed, N, shape (g,), positive towards the cam.
-
-    Returns
-    -------
-    Settled
-        As installed, where nothing holds a body in balance.
-
-    Examples
-    --------
-    A spring of 1 N and 10 N/m closes a play of 0.05 m; it ends before it has closed one of 0.2 m:
-
-    >>> for gap in (0.05, 0.2):
-    ...     found = settled([Body(), Body(gap=gap)], np.diag([0.0, 10.0]), np.array([0.0, 1.0]))
-    ...     print(found.places.round(9))
-    [ 0.   -0.05]
-    [ 0.  -0.1]
     """
     own = force.copy()
     for i, body in enumerate(bodies[1:], 1):

@@ -12,19 +12,7 @@ from flexcam.train.structure import Structure
 
 
 def shafts(structure: Structure) -> Coupling:
-    """Return the channels of the camshafts.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-
-    Returns
-    -------
-    Coupling
-        ``cams.NAME.twist`` (about the sense of rotation) and ``cams.NAME.deflection`` (along the lift) of every cam
-        that drives something.
-    """
+    """Return the channels of the camshafts."""
     model = structure.model
     channels: list[Channel] = []
     for contact in model.driven.values():

@@ -12,40 +12,12 @@ from flexcam.train.structure import Structure
 
 
 def inner_name(spring: str, i: int) -> str:
-    """Return the name of a spring's inner unknown, counted from the fixed end.
-
-    Parameters
-    ----------
-    spring
-        Name of the spring.
-    i
-        From 1.
-
-    Returns
-    -------
-    str
-        Such as ``springs.valve.3``.
-    """
+    """Return the name of a spring's inner unknown, counted from the fixed end."""
     return f"springs.{spring}.{i}"
 
 
 def spring_ends(structure: Structure, name: str, spring: Spring) -> tuple[FloatArray, FloatArray]:
-    """Return the rows of a spring's moving end and of its other end (zeros for ground), shape (n,) each.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    name
-        Of the spring, for the message.
-    spring
-        The spring.
-
-    Returns
-    -------
-    tuple
-        Two rows.
-    """
+    """Return the rows of a spring's moving end and of its other end (zeros for ground), shape (n,) each."""
     moving = structure.row(spring.at, spring.direction, f"springs.{name}.at")
     if spring.to is None:
         return moving, np.zeros(structure.dofs.size)
@@ -53,43 +25,13 @@ def spring_ends(structure: Structure, name: str, spring: Spring) -> tuple[FloatA
 
 
 def spring_row(structure: Structure, name: str, spring: Spring) -> FloatArray:
-    """Return the row of a spring's stretch: motion at its point less that at its other end, shape (n,).
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    name
-        Of the spring, for the message.
-    spring
-        The spring.
-
-    Returns
-    -------
-    ndarray
-        Shape (n,).
-    """
+    """Return the row of a spring's stretch: motion at its point less that at its other end, shape (n,)."""
     moving, other = spring_ends(structure, name, spring)
     return moving - other
 
 
 def spring_parts(structure: Structure, name: str, spring: Spring) -> list[tuple[FloatArray, FloatArray]]:
-    """Return the rows of the ends of each part of a spring, from its fixed to its moving end.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    name
-        Of the spring.
-    spring
-        The spring.
-
-    Returns
-    -------
-    list
-        A pair of rows per part, shape (n,) each.
-    """
+    """Return the rows of the ends of each part of a spring, from its fixed to its moving end."""
     moving, other = spring_ends(structure, name, spring)
     inner = [structure.dofs.unit(inner_name(name, i)) for i in range(1, spring.elements)]
     return list(pairwise([other, *inner, moving]))

@@ -27,10 +27,6 @@ class Structure:
         n x n, SI; `dampers` holds the discrete dampers only.
     free
         Motions that cost no strain energy, shape (n, k).
-
-    Examples
-    --------
-    `build_structure` makes one.
     """
 
     model: Model
@@ -42,28 +38,7 @@ class Structure:
     free: FloatArray
 
     def row(self, point: str, direction: FloatArray, where: str = "point") -> FloatArray:
-        """Return the row that picks the motion of a named point, shape (n,).
-
-        Parameters
-        ----------
-        point
-            A named node, or the point of a rocker.
-        direction
-            Shape (6,), global axes. A rocker's point moves along the rocker's direction only: the given one counts with
-            its share of that; zeros stand for the rocker's own.
-        where
-            The place, for the message.
-
-        Returns
-        -------
-        ndarray
-            Shape (n,).
-
-        Raises
-        ------
-        InputError
-            If there is no such point.
-        """
+        """Return the row that picks the motion of a named point, shape (n,)."""
         rocker = self.model.rocker_at(point)
         if rocker is not None:
             along = float(direction @ rocker.direction) if direction.any() else 1.0
@@ -100,20 +75,7 @@ class Structure:
 
 
 def lever_ends(structure: Structure, lever: Lever) -> dict[int, tuple[FloatArray, FloatArray]]:
-    """Return, per elastic end of a lever, the rows of its path and of what moves there, shape (n,) each.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    lever
-        The lever.
-
-    Returns
-    -------
-    dict
-        By end: 0 for the driven one where it is a node, 1 for the point.
-    """
+    """Return, per elastic end of a lever, the rows of its path and of what moves there, shape (n,) each."""
     path = structure.path(lever)
     ends = {1: (path, structure.reach(lever))}
     if not lever.finger:
@@ -122,27 +84,7 @@ def lever_ends(structure: Structure, lever: Lever) -> dict[int, tuple[FloatArray
 
 
 def find_node(model: Model, point: str, where: str) -> int:
-    """Return the node of a named point.
-
-    Parameters
-    ----------
-    model
-        The model.
-    point
-        Its name.
-    where
-        The place, for the message.
-
-    Returns
-    -------
-    int
-        Node number.
-
-    Raises
-    ------
-    InputError
-        If neither the mesh nor a rocker defines it.
-    """
+    """Return the node of a named point."""
     if point not in model.mesh.points:
         known = [*model.mesh.points, *(r.point for r in model.rockers.values())]
         raise refuse(where, repr(point), f"a point: {', '.join(known)}", remedy=did_you_mean(point, known))

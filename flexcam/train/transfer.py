@@ -22,29 +22,7 @@ _MOST = 3000
 
 
 def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Callable[[FloatArray], ComplexArray]:
-    """Return the motion of a point per lift of a cam, as a function of the circular frequency.
-
-    Parameters
-    ----------
-    model
-        The model.
-    contact
-        Name of the contact that the cam drives.
-    probe
-        Point with one component, such as a rocker's.
-    speed
-        Camshaft speed, rad/s; only a preload depends on it.
-
-    Returns
-    -------
-    Callable
-        From frequencies, rad/s, shape (n,), to complex motions, m/m.
-
-    Raises
-    ------
-    InputError
-        If there is no such contact or point, or the model is too large.
-    """
+    """Return the motion of a point per lift of a cam, as a function of the circular frequency."""
     system = build_system(model, speed)
     if contact not in model.driven:
         raise refuse("contact", repr(contact), f"one of {', '.join(model.driven)}")
@@ -81,20 +59,7 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
 
 
 def valve_ratio(model: Model, cam: str) -> float:
-    """Return how far the valve moves per lift of a cam, by the rocker on the train of its follower.
-
-    Parameters
-    ----------
-    model
-        The model.
-    cam
-        Name of the cam.
-
-    Returns
-    -------
-    float
-        1 where there is no rocker or no contact.
-    """
+    """Return how far the valve moves per lift of a cam, by the rocker on the train of its follower."""
     for contact in model.driven.values():
         if contact.cam == cam:
             finger = model.rocker_at(contact.follower)

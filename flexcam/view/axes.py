@@ -40,27 +40,7 @@ _PAPER, _INKS = 160, 64
 
 
 def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
-    """Write a figure.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    path
-        With the ending ``.svg``, ``.png`` or ``.pdf``.
-    overwrite
-        Whether an existing file may be replaced.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If the ending is another, or the file exists and may not be replaced.
-    """
+    """Write a figure."""
     free_for_picture(path, overwrite=overwrite)
     made_folder(path.parent)
     with _without_remarks(), whole(path) as draft:
@@ -77,59 +57,19 @@ def _without_remarks() -> Generator[None]:
 
 
 def titled(figure: Figure, title: str) -> Figure:
-    """Put a title above the first axes, below a legend that stands outside of them.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    title
-        Such as that of the case; nothing is written where it is empty.
-
-    Returns
-    -------
-    Figure
-        The same.
-    """
+    """Put a title above the first axes, below a legend that stands outside of them."""
     if title:
         figure.axes[0].set_title(wrapped(title), fontsize="medium", pad=_ABOVE)
     return figure
 
 
 def wrapped(title: str) -> str:
-    """Return a title in lines that fit above a picture.
-
-    Parameters
-    ----------
-    title
-        Of any length.
-
-    Returns
-    -------
-    str
-        With line ends.
-
-    Examples
-    --------
-    >>> wrapped("Finger follower")
-    'Finger follower'
-    """
+    """Return a title in lines that fit above a picture."""
     return "\n".join(textwrap.wrap(title, _LETTERS))
 
 
 def png_of(figure: Figure) -> bytes:
-    """Return a figure as a picture for paper, whose size does not grow with its curves.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-
-    Returns
-    -------
-    bytes
-        Of a PNG file.
-    """
+    """Return a figure as a picture for paper, whose size does not grow with its curves."""
     from PIL import Image
 
     drawn, written = io.BytesIO(), io.BytesIO()
@@ -141,70 +81,25 @@ def png_of(figure: Figure) -> bytes:
 
 
 def free_for_picture(path: Path, *, overwrite: bool = False) -> None:
-    """Refuse a path that a picture cannot be written to.
-
-    Parameters
-    ----------
-    path, overwrite
-        As for `save_figure`.
-
-    Raises
-    ------
-    InputError
-        If the ending is another, or the file exists and may not be replaced.
-    """
+    """Refuse a path that a picture cannot be written to."""
     if path.suffix not in _FORMATS:
         raise refuse("picture", str(path), f"a name that ends in {', '.join(_FORMATS)}")
     free_to_write("picture", path, overwrite=overwrite)
 
 
 def looks() -> Iterator[tuple[str, str]]:
-    """Return pairs of colour and dashes; seven colours and four kinds of dashes repeat after 28 curves.
-
-    Returns
-    -------
-    iterator
-        Without end.
-    """
+    """Return pairs of colour and dashes; seven colours and four kinds of dashes repeat after 28 curves."""
     return zip(cycle(COLOURS), cycle(_DASHES), strict=False)
 
 
 def stacked(labels: Sequence[str], below: str, *, height: float = 1.6) -> tuple[Figure, list[Axes]]:
-    """Return a figure with axes above each other.
-
-    Parameters
-    ----------
-    labels
-        Of the vertical axes, from above.
-    below
-        Of the horizontal axis.
-    height
-        Of each, inches.
-
-    Returns
-    -------
-    tuple
-        Figure and axes.
-    """
+    """Return a figure with axes above each other."""
     figure = Figure(figsize=(7.0, 1.2 + height * len(labels)), layout="constrained")
     return figure, stack(figure, labels, below)
 
 
 def stack(figure: FigureBase, labels: Sequence[str], below: str) -> list[Axes]:
-    """Return axes above each other, of a figure or a part of one.
-
-    Parameters
-    ----------
-    figure
-        Where they stand.
-    labels, below
-        As for `stacked`.
-
-    Returns
-    -------
-    list
-        From above.
-    """
+    """Return axes above each other, of a figure or a part of one."""
     axes = list(np.atleast_1d(np.asarray(figure.subplots(len(labels), sharex=True))))
     for one, label in zip(axes, labels, strict=True):
         one.set_ylabel(label)
@@ -215,17 +110,7 @@ def stack(figure: FigureBase, labels: Sequence[str], below: str) -> list[Axes]:
 
 
 def legend(figure: FigureBase, axes: Axes, count: int, *, columns: int = 4) -> None:
-    """Put the names of several curves above the axes, where they cover none.
-
-    Parameters
-    ----------
-    figure, axes
-        Where they are.
-    count
-        How many curves there are; one needs no name.
-    columns
-        Names beside each other, at most.
-    """
+    """Put the names of several curves above the axes, where they cover none."""
     if count > 1:
         lines, names = axes.get_legend_handles_labels()
         figure.legend(lines, names, loc="outside upper center", fontsize="small", ncols=min(count, columns))

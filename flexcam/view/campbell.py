@@ -21,23 +21,7 @@ _MET = "an order meets a mode; area: its part of the force"
 
 
 def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
-    """Return natural frequencies over speed with the orders of a cam.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.stability.campbell`.
-    scale
-        Turns of the shaft that is counted per turn of the camshaft: 2 for the crankshaft.
-    shaft
-        Whose speed it is.
-
-    Returns
-    -------
-    Figure
-        Modes that are felt at the contact in colour, others grey; circles where orders meet them, their area by the
-        order's share of the force.
-    """
+    """Return natural frequencies over speed with the orders of a cam."""
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     axes = figure.add_subplot()
     rpm = scale * found.rpm

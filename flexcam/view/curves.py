@@ -30,18 +30,7 @@ _BEFORE = 1e-6
 
 
 def law_figure(laws: Mapping[str, Law]) -> Figure:
-    """Return lift, velocity, acceleration and jerk of laws over each other.
-
-    Parameters
-    ----------
-    laws
-        By name.
-
-    Returns
-    -------
-    Figure
-        Four axes, one above the other.
-    """
+    """Return lift, velocity, acceleration and jerk of laws over each other."""
     figure, axes = stacked(LAW_LABELS, LAW_POSITION)
     draw_laws(axes, laws)
     legend(figure, axes[0], len(laws))
@@ -49,15 +38,7 @@ def law_figure(laws: Mapping[str, Law]) -> Figure:
 
 
 def draw_laws(axes: Sequence[Axes], laws: Mapping[str, Law]) -> None:
-    """Draw lift, velocity, acceleration and jerk of laws.
-
-    Parameters
-    ----------
-    axes
-        Four of them.
-    laws
-        By name.
-    """
+    """Draw lift, velocity, acceleration and jerk of laws."""
     z = np.linspace(0.0, 1.0, _POINTS)
     for (name, law), (color, dashes) in zip(laws.items(), looks(), strict=False):
         for order, one in enumerate(axes):
@@ -65,18 +46,7 @@ def draw_laws(axes: Sequence[Axes], laws: Mapping[str, Law]) -> None:
 
 
 def lift_figure(events: Mapping[str, Event]) -> Figure:
-    """Return lift, velocity, acceleration and jerk of cams over each other, over the cam angle.
-
-    Parameters
-    ----------
-    events
-        By name.
-
-    Returns
-    -------
-    Figure
-        Four axes, one above the other.
-    """
+    """Return lift, velocity, acceleration and jerk of cams over each other, over the cam angle."""
     even = np.linspace(0.0, 2.0 * math.pi, _POINTS)
     labels = ["lift\nmm", "velocity\nmm/rad", "acceleration\nmm/rad²", "jerk\nmm/rad³"]
     figure, axes = stacked(labels, "cam angle, deg")
@@ -96,18 +66,7 @@ def lift_figure(events: Mapping[str, Event]) -> Figure:
 
 
 def spectrum_figure(laws: Mapping[str, Law]) -> Figure:
-    """Return the residual vibration of laws over the rise time.
-
-    Parameters
-    ----------
-    laws
-        By name.
-
-    Returns
-    -------
-    Figure
-        One axis.
-    """
+    """Return the residual vibration of laws over the rise time."""
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.add_subplot()
     for (name, law), (color, dashes) in zip(laws.items(), looks(), strict=False):
@@ -127,20 +86,7 @@ def _only(laws: Mapping[str, Law]) -> str:
 
 
 def profile_figure(profile: CamProfile, *, angle: float = 0.0) -> Figure:
-    """Return a cam with its follower at one cam angle.
-
-    Parameters
-    ----------
-    profile
-        The profile.
-    angle
-        Cam angle, rad.
-
-    Returns
-    -------
-    Figure
-        One axis, equal scales, mm.
-    """
+    """Return a cam with its follower at one cam angle."""
     figure = Figure(figsize=(6.0, 6.0), layout="constrained")
     axes = figure.add_subplot()
     draw_profile(axes, profile, angle)
@@ -150,17 +96,7 @@ def profile_figure(profile: CamProfile, *, angle: float = 0.0) -> Figure:
 
 
 def draw_profile(axes: Axes, profile: CamProfile, angle: float) -> None:
-    """Draw a cam, turned by its angle, with its follower.
-
-    Parameters
-    ----------
-    axes
-        To draw into.
-    profile
-        The profile.
-    angle
-        Cam angle, rad.
-    """
+    """Draw a cam, turned by its angle, with its follower."""
     turned = np.exp(1j * profile.turn * angle)
     at = int(np.argmin(np.abs(np.angle(np.exp(1j * (profile.angle - angle))))))
     touch, follower = profile.touch, profile.follower
@@ -202,18 +138,7 @@ def _rotation(axes: Axes, radius: float, turn: Turn) -> None:
 
 
 def pressure_figure(profile: CamProfile) -> Figure:
-    """Return pressure angle and radius of curvature over the cam angle.
-
-    Parameters
-    ----------
-    profile
-        The profile.
-
-    Returns
-    -------
-    Figure
-        Two axes.
-    """
+    """Return pressure angle and radius of curvature over the cam angle."""
     figure, (upper, lower) = stacked(["pressure angle\ndeg", "radius of\ncurvature, mm"], "cam angle, deg")
     angle = np.degrees(profile.angle)
     upper.plot(angle, np.degrees(profile.pressure_angle), color=COLOURS[0])

@@ -53,50 +53,14 @@ class Look:
 
 
 def unit_of(component: str, series: str) -> str:
-    """Return the SI unit of a probe's motion.
-
-    Parameters
-    ----------
-    component
-        Such as ``uy`` or ``rx``, or the name of a rocker's point.
-    series
-        Of `SERIES`.
-
-    Returns
-    -------
-    str
-        Such as ``m/s^2`` or ``rad``.
-    """
+    """Return the SI unit of a probe's motion."""
     return ("rad" if component.rpartition(".")[2] in ROTATIONS else "m") + SERIES[series]
 
 
 def draw_motion(
     axes: Sequence[Axes], response: Response, probe: str, *, over: Over = "angle", look: Look | None = None
 ) -> None:
-    """Draw displacement, velocity and acceleration of a probe.
-
-    Parameters
-    ----------
-    axes
-        One to three, for the displacement, the velocity and the acceleration.
-    response
-        Of a run.
-    probe
-        Of one scalar, such as ``valve`` or ``cam.uy``.
-    over
-        Cam angle or time.
-    look
-        Of the curves.
-
-    Raises
-    ------
-    InputError
-        If the run saved no such probe, or it has several components.
-
-    Examples
-    --------
-    ``draw_motion([axes], flexcam.run(case), "valve")`` draws the lift of the valve alone.
-    """
+    """Draw displacement, velocity and acceleration of a probe."""
     history = response[probe]
     if history.displacement.ndim != 1:
         allowed = "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components)
@@ -109,50 +73,13 @@ def draw_motion(
 def draw_channel(
     axes: Axes, response: Response, channel: str, *, over: Over = "angle", look: Look | None = None
 ) -> None:
-    """Draw a channel, such as a contact force.
-
-    Parameters
-    ----------
-    axes
-        To draw into.
-    response
-        Of a run.
-    channel
-        Such as ``contacts.intake.force``.
-    over
-        Cam angle or time.
-    look
-        Of the curve.
-
-    Raises
-    ------
-    InputError
-        If the run has no such channel.
-    """
+    """Draw a channel, such as a contact force."""
     factor, _ = shown(unit_of_channel(response, channel))
     _draw(axes, response, factor * response.channels[channel], over, look)
 
 
 def unit_of_channel(response: Response, channel: str) -> str:
-    """Return the SI unit of a channel.
-
-    Parameters
-    ----------
-    response
-        Of a run.
-    channel
-        Its name.
-
-    Returns
-    -------
-    str
-        Such as ``N``.
-
-    Raises
-    ------
-    InputError
-        If the run has no such channel.
-    """
+    """Return the SI unit of a channel."""
     known = dict(response.outline.channels)
     if channel not in known:
         allowed = ", ".join(known) or "(no channel was saved)"
@@ -161,18 +88,7 @@ def unit_of_channel(response: Response, channel: str) -> str:
 
 
 def contact_forces(response: Response) -> list[str]:
-    """Return the channels that are forces of contacts.
-
-    Parameters
-    ----------
-    response
-        Of a run.
-
-    Returns
-    -------
-    list
-        Names, in the order of the run.
-    """
+    """Return the channels that are forces of contacts."""
     return [name for name, _ in response.outline.channels if name.startswith("contacts.") and name.endswith(_FORCES)]
 
 
@@ -180,33 +96,7 @@ def motion_figure(
     responses: Mapping[str, Response], probe: str, channels: Sequence[str] = (), *,
     rigid: Mapping[str, Response] | None = None, over: Over = "angle", title: str = "",
 ) -> Figure:  # fmt: skip
-    """Return the motion of a probe in several runs over each other, and channels below it.
-
-    Parameters
-    ----------
-    responses
-        By what they are called.
-    probe
-        Of one scalar.
-    channels
-        Axes of their own below the motion.
-    rigid
-        The same runs with rigid members, by the same names, drawn dotted.
-    over
-        Cam angle or time.
-    title
-        Above everything.
-
-    Returns
-    -------
-    Figure
-        Three axes and one per channel, above each other.
-
-    Raises
-    ------
-    InputError
-        If a run has no such probe or channel.
-    """
+    """Return the motion of a probe in several runs over each other, and channels below it."""
     first = next(iter(responses.values()))
     motions = [axis_label(series, unit_of(probe, series)) for series in SERIES]
     called = [axis_label(short_name(name), unit_of_channel(first, name)) for name in channels]
@@ -221,27 +111,7 @@ def channel_figure(
     responses: Mapping[str, Response], channels: Sequence[str], *, rigid: Mapping[str, Response] | None = None,
     over: Over = "angle", title: str = "",
 ) -> Figure:  # fmt: skip
-    """Return channels of several runs over each other.
-
-    Parameters
-    ----------
-    responses
-        By what they are called.
-    channels
-        An axis each.
-    rigid, over, title
-        As for `motion_figure`.
-
-    Returns
-    -------
-    Figure
-        An axis per channel, above each other.
-
-    Raises
-    ------
-    InputError
-        If a run has no such channel.
-    """
+    """Return channels of several runs over each other."""
     first = next(iter(responses.values()))
     figure, axes = stacked(
         [axis_label(short_name(name), unit_of_channel(first, name)) for name in channels], _BELOW[over]
@@ -265,17 +135,7 @@ def _draw_channels(
 
 
 def draw_energy(axes: Axes, response: Response, *, over: Over = "angle") -> None:
-    """Draw the energies of a run, and what of them does not add up.
-
-    Parameters
-    ----------
-    axes
-        To draw into.
-    response
-        Of a run.
-    over
-        Cam angle or time.
-    """
+    """Draw the energies of a run, and what of them does not add up."""
     parts = [name for name in response.channels if name.startswith("energy.")]
     for name, (colour, dashes) in zip(parts, looks(), strict=False):
         if response.channels[name].any():
@@ -283,18 +143,7 @@ def draw_energy(axes: Axes, response: Response, *, over: Over = "angle") -> None
 
 
 def energy_figure(responses: Mapping[str, Response], *, over: Over = "angle", title: str = "") -> Figure:
-    """Return the energies of runs.
-
-    Parameters
-    ----------
-    responses, over, title
-        As for `motion_figure`.
-
-    Returns
-    -------
-    Figure
-        An axis per run, above each other.
-    """
+    """Return the energies of runs."""
     labels = ["energy, J" if len(responses) == 1 else f"{name}\nenergy, J" for name in responses]
     figure, axes = stacked(labels, _BELOW[over], height=3.0)
     for one, response in zip(axes, responses.values(), strict=True):
@@ -321,47 +170,13 @@ def _looked(responses: Mapping[str, Response], rigid: Mapping[str, Response]) ->
 
 
 def axis_label(name: str, unit: str) -> str:
-    r"""Return a name with its unit below it.
-
-    Parameters
-    ----------
-    name
-        What is drawn.
-    unit
-        SI.
-
-    Returns
-    -------
-    str
-        With the unit it is shown in, see `flexcam.units.shown`; a bare number has none.
-
-    Examples
-    --------
-    >>> axis_label("acceleration", "m/s^2")
-    'acceleration\nm/s²'
-    """
+    r"""Return a name with its unit below it."""
     _, symbol = shown(unit)
     return f"{name}\n{symbol}" if symbol else name
 
 
 def short_name(channel: str) -> str:
-    """Return a channel as an axis is called after it.
-
-    Parameters
-    ----------
-    channel
-        Its name.
-
-    Returns
-    -------
-    str
-        Without the kind of part.
-
-    Examples
-    --------
-    >>> short_name("contacts.intake.force")
-    'intake force'
-    """
+    """Return a channel as an axis is called after it."""
     return " ".join(channel.split(".")[1:]).replace("_", " ")
 
 

@@ -27,20 +27,7 @@ _UNIT = "lift 1 over angle 1"
 
 
 def law_front_figure(front: Sequence[Synthesized], first: str, second: str) -> Figure:
-    """Return a front of laws and the laws beside it, which bear the same numbers and colours.
-
-    Parameters
-    ----------
-    front
-        From `flexcam.synthesis.pareto`.
-    first, second
-        The criteria it is a front of, ``Cv``, ``Ca`` or ``Cj``.
-
-    Returns
-    -------
-    Figure
-        Five axes: that of the front, then lift, velocity, acceleration and jerk.
-    """
+    """Return a front of laws and the laws beside it, which bear the same numbers and colours."""
     figure = Figure(figsize=(12.0, 7.6), layout="constrained")
     halves = figure.add_gridspec(1, 2)
     axes, right = figure.add_subfigure(halves[0]).add_subplot(), figure.add_subfigure(halves[1])
@@ -57,17 +44,7 @@ def law_front_figure(front: Sequence[Synthesized], first: str, second: str) -> F
 
 
 def draw_front(axes: Axes, values: FloatArray, converged: Sequence[bool]) -> None:
-    """Draw two criteria against each other, numbered from 1 in the colours of the laws.
-
-    Parameters
-    ----------
-    axes
-        To draw into.
-    values
-        Shape (m, 2), from end to end; not finite where a criterion has no bound.
-    converged
-        Whether each law is proved to be the best; others are open rings.
-    """
+    """Draw two criteria against each other, numbered from 1 in the colours of the laws."""
     axes.plot(*values.T, color="0.65", linewidth=1.2, zorder=1)
     named: dict[tuple[str, str], str] = {}
     for i, ((x, y), whole, (color, _)) in enumerate(zip(values.tolist(), converged, looks(), strict=False), start=1):

@@ -19,20 +19,7 @@ _STEPS = np.geomspace(1e-2, 1e3, 301)
 
 
 def method_figure(methods: Mapping[str, Method], damping: float = 0.0) -> Figure:
-    """Return spectral radius, period error and damping of integrators.
-
-    Parameters
-    ----------
-    methods
-        Label to integrator, from `flexcam.integrate.newmark` and its like.
-    damping
-        Damping ratio of the mode.
-
-    Returns
-    -------
-    Figure
-        Three axes above each other; curves end where a method grows or a mode no longer swings.
-    """
+    """Return spectral radius, period error and damping of integrators."""
     labels = ("spectral radius", "period error, %", "damping ratio, %")
     figure, (radius, period, ratio) = stacked(labels, "angular frequency times step")
     for (name, method), (colour, dashes) in zip(methods.items(), looks(), strict=False):

@@ -29,21 +29,7 @@ _WIDE = 58
 
 
 def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, size: float) -> None:
-    """Draw how a member moves in a mode, over the place along it.
-
-    Parameters
-    ----------
-    axes
-        To draw into.
-    structure
-        The structure.
-    member
-        Name of the member.
-    nodal
-        The mode at the nodes, shape (nodes, 6), global axes.
-    size
-        What is drawn as one; the twist is multiplied by the radius of the section to be of the kind of the others.
-    """
+    """Draw how a member moves in a mode, over the place along it."""
     part = structure.model.mesh.element_ranges()[member]
     moved = deflection(structure.beams, nodal, _PARTS, part)[..., :4]
     begin = np.cumsum(structure.beams.length[part]) - structure.beams.length[part]
@@ -59,27 +45,7 @@ def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, 
 
 
 def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> Figure:
-    """Return modes along the members.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    found
-        Its modes, each of which gets a row.
-    title
-        Above everything.
-
-    Returns
-    -------
-    Figure
-        A row per mode, a column per member; the largest motion of a mode is one.
-
-    Raises
-    ------
-    InputError
-        If the structure has no member.
-    """
+    """Return modes along the members."""
     members = list(structure.model.mesh.lines)
     if not members:
         why = "shapes are drawn along members; flexcam modes says what moves in a train of masses"

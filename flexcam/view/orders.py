@@ -20,22 +20,7 @@ _DECADES = 3.0
 
 
 def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Figure:
-    """Return orders over speed as colours, a picture per history above each other.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.orders.waterfall`.
-    scale
-        Turns of the shaft that is counted per turn of the camshaft: 2 for the crankshaft.
-    shaft
-        Whose speed it is.
-
-    Returns
-    -------
-    Figure
-        One axis per history; amplitudes are logarithmic, dark is small. What a run did not reach is left white.
-    """
+    """Return orders over speed as colours, a picture per history above each other."""
     figure = Figure(figsize=(7.0, 0.8 + 2.8 * len(found)), layout="constrained")
     axes = list(np.atleast_1d(np.asarray(figure.subplots(len(found), sharex=True))))
     for axis, one in zip(axes, found, strict=True):

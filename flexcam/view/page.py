@@ -20,17 +20,7 @@ from typing import Any
 
 
 def write_page(window: Any, path: Path, title: str) -> None:  # noqa: ANN401 - a window of VTK
-    """Write what a window shows as a page.
-
-    Parameters
-    ----------
-    window
-        A render window of VTK, drawn once.
-    path
-        The ``.html`` file.
-    title
-        Of the page.
-    """
+    """Write what a window shows as a page."""
     from trame_vtk.tools.vtksz2html import write_html
 
     packed, page = io.BytesIO(), io.StringIO()

@@ -39,20 +39,7 @@ _REMEDY = (
 
 
 def ready_to_render(*, off_screen: bool) -> None:
-    """Find a way of drawing that works, by drawing a ball in a process of its own, and choose it for this one.
-
-    Parameters
-    ----------
-    off_screen
-        Whether no window is needed.
-
-    Raises
-    ------
-    InputError
-        If a window is needed and there is no display.
-    RunFailedError
-        If nothing can be drawn; it says which packages are missing.
-    """
+    """Find a way of drawing that works, by drawing a ball in a process of its own, and choose it for this one."""
     display = sys.platform != "linux" or bool(os.environ.get("DISPLAY"))
     if not display and not off_screen:
         why, remedy = "there is no display for a window", "add --save picture.png (or .gif, .mp4, .html)"

@@ -33,22 +33,7 @@ _PER_SECOND = 24
 
 
 def free_to_save(path: Path, size: tuple[int, int], *, overwrite: bool = False) -> None:
-    """Refuse a file that cannot be written, before anything is drawn.
-
-    Parameters
-    ----------
-    path
-        With the ending ``.png``, ``.gif``, ``.mp4`` or ``.html``.
-    size
-        Pixels.
-    overwrite
-        Whether an existing file may be replaced.
-
-    Raises
-    ------
-    InputError
-        If the ending is another, an extra is not installed, a movie has odd sides, or the file exists.
-    """
+    """Refuse a file that cannot be written, before anything is drawn."""
     if path.suffix not in NEEDS:
         raise refuse("--save", str(path), f"a name that ends in {', '.join(NEEDS)}")
     extra, modules = NEEDS[path.suffix]
@@ -63,19 +48,7 @@ def free_to_save(path: Path, size: tuple[int, int], *, overwrite: bool = False) 
 
 
 def save(stage: Stage, path: Path, frames: Sequence[int], still: int) -> None:
-    """Write a picture or page of one instant, or a movie of many.
-
-    Parameters
-    ----------
-    stage
-        Off-screen.
-    path
-        As `free_to_save` takes it.
-    frames
-        Instants of a movie.
-    still
-        Instant of a picture or page.
-    """
+    """Write a picture or page of one instant, or a movie of many."""
     made_folder(path.parent)
     with whole(path) as draft:
         _save(stage, draft, frames, still)

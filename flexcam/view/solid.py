@@ -197,17 +197,7 @@ def _angle_words(angle: FloatArray, i: int) -> str:
 
 
 def show(stage: Stage, still: int, *, swings: bool) -> None:
-    """Open the window: with a slider over the cam angle, or with a mode that swings until it is closed.
-
-    Parameters
-    ----------
-    stage
-        With a window.
-    still
-        The instant it begins with.
-    swings
-        Whether it shows a mode.
-    """
+    """Open the window: with a slider over the cam angle, or with a mode that swings until it is closed."""
     stage.show(still)
     if swings:
         stage.swing()

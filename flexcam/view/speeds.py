@@ -19,22 +19,7 @@ _SLOW = 1.0
 
 
 def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatArray]], shaft: str) -> Figure:
-    """Return largest and least contact force over speed.
-
-    Parameters
-    ----------
-    rpm
-        Speeds, shape (m,).
-    forces
-        Least and largest force by model, N, shape (m,) each; NaN where there is none.
-    shaft
-        Whose speed it is.
-
-    Returns
-    -------
-    Figure
-        Two axes above each other.
-    """
+    """Return largest and least contact force over speed."""
     figure, (upper, lower) = stacked(("largest force, N", "least force, N"), f"{shaft} speed, rpm")
     for (name, (least, largest)), (colour, dashes) in zip(forces.items(), looks(), strict=False):
         upper.plot(rpm, largest, label=name, color=colour, linestyle=dashes, marker="o", markersize=3)
@@ -45,24 +30,7 @@ def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatAr
 
 
 def growth_figure(rpm: FloatArray, growth: FloatArray, dangers: Mapping[str, NDArray[np.bool_]], shaft: str) -> Figure:
-    """Return the growth rate of disturbances over speed, and which cause endangers which speed.
-
-    Parameters
-    ----------
-    rpm
-        Speeds, shape (m,).
-    growth
-        Of the largest disturbance of the periodic motion, 1/s, shape (m,); NaN where there is none.
-    dangers
-        By cause, whether a speed is endangered, shape (m,).
-    shaft
-        Whose speed it is.
-
-    Returns
-    -------
-    Figure
-        Two axes above each other.
-    """
+    """Return the growth rate of disturbances over speed, and which cause endangers which speed."""
     figure, (upper, lower) = stacked(("growth, 1/s", "endangered by"), f"{shaft} speed, rpm")
     upper.plot(rpm, growth, color="black", marker="o", markersize=3)
     upper.set_yscale("symlog", linthresh=_SLOW)

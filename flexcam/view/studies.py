@@ -19,22 +19,7 @@ _LEVELS = 10
 def bars_figure(
     groups: Mapping[str, Mapping[str, float]], label: str, ends: Mapping[str, FloatArray] | None = None
 ) -> Figure:
-    """Return bars by key, a picture per scalar above each other.
-
-    Parameters
-    ----------
-    groups
-        Per scalar a number by key.
-    label
-        What the numbers are.
-    ends
-        Per scalar the ends of intervals, shape (2, keys); None without.
-
-    Returns
-    -------
-    Figure
-        The largest on top.
-    """
+    """Return bars by key, a picture per scalar above each other."""
     keys = max(len(one) for one in groups.values())
     figure = Figure(figsize=(7.0, 0.8 + len(groups) * (0.5 + 0.35 * keys)), layout="constrained")
     axes = list(np.atleast_1d(np.asarray(figure.subplots(len(groups)))))
@@ -51,22 +36,7 @@ def bars_figure(
 
 
 def scatter_figure(values: Mapping[str, FloatArray], units: Mapping[str, str], middle: Mapping[str, float]) -> Figure:
-    """Return histograms of scalars, a picture per scalar above each other.
-
-    Parameters
-    ----------
-    values
-        By scalar, shape (m,), numbers only.
-    units
-        By scalar.
-    middle
-        Their values for the case as it stands, where there is one.
-
-    Returns
-    -------
-    Figure
-        With the case as it stands as a line, and the 5 % and 95 % quantiles dashed.
-    """
+    """Return histograms of scalars, a picture per scalar above each other."""
     figure = Figure(figsize=(7.0, 0.8 + 2.4 * len(values)), layout="constrained")
     axes = list(np.atleast_1d(np.asarray(figure.subplots(len(values)))))
     for axis, (name, of) in zip(axes, values.items(), strict=True):
@@ -84,24 +54,7 @@ def scatter_figure(values: Mapping[str, FloatArray], units: Mapping[str, str], m
 
 
 def progress_figure(costs: FloatArray, inside: np.ndarray, best: FloatArray, label: str) -> Figure:
-    """Return a goal over the evaluations of a search.
-
-    Parameters
-    ----------
-    costs
-        The goal at every evaluation, shape (m,).
-    inside
-        Whether it is within all bounds, shape (m,), bool.
-    best
-        The best so far, shape (m,); NaN until there is one.
-    label
-        Of the goal.
-
-    Returns
-    -------
-    Figure
-        Dots within the bounds are full, others open.
-    """
+    """Return a goal over the evaluations of a search."""
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.add_subplot()
     at = np.arange(1, len(costs) + 1)
@@ -119,24 +72,7 @@ def progress_figure(costs: FloatArray, inside: np.ndarray, best: FloatArray, lab
 
 
 def front_figure(values: FloatArray, inside: np.ndarray, front: Sequence[int], labels: tuple[str, str]) -> Figure:
-    """Return two goals against each other with their front.
-
-    Parameters
-    ----------
-    values
-        Shape (m, 2); not finite where there is none.
-    inside
-        Whether a variant is within all bounds, shape (m,), bool.
-    front
-        Positions of those of which none is better in both.
-    labels
-        Of the goals.
-
-    Returns
-    -------
-    Figure
-        The front as full dots on a line, others small.
-    """
+    """Return two goals against each other with their front."""
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
     axes = figure.add_subplot()
     known = np.isfinite(values).all(axis=1) & inside
@@ -152,24 +88,7 @@ def front_figure(values: FloatArray, inside: np.ndarray, front: Sequence[int], l
 def map_figure(
     along: FloatArray, down: FloatArray, rpm: Mapping[str, FloatArray], labels: tuple[str, str], shaft: str
 ) -> Figure:
-    """Return limits over two numbers as filled contours, a picture per limit above each other.
-
-    Parameters
-    ----------
-    along, down
-        The numbers, shape (n,) and (m,).
-    rpm
-        By limit, shape (m, n); NaN where it is not met.
-    labels
-        Of both numbers.
-    shaft
-        Whose speed it is.
-
-    Returns
-    -------
-    Figure
-        With lines between the levels, for print without colour; where nothing is met the picture is hatched.
-    """
+    """Return limits over two numbers as filled contours, a picture per limit above each other."""
     figure = Figure(figsize=(7.0, 0.8 + 4.0 * len(rpm)), layout="constrained")
     axes = list(np.atleast_1d(np.asarray(figure.subplots(len(rpm), sharex=True))))
     for axis, (name, speeds) in zip(axes, rpm.items(), strict=True):

@@ -17,18 +17,7 @@ _KINDS = ("lift", "acceleration")
 
 
 def work_precision_figure(found: Sequence[Traded]) -> Figure:
-    """Return the error of models over the work they take, both logarithmic.
-
-    Parameters
-    ----------
-    found
-        From `flexcam.fidelity.trade`; a rigid model takes no work and stands at one.
-
-    Returns
-    -------
-    Figure
-        Lift above, acceleration below; the models that no other beats are marked.
-    """
+    """Return the error of models over the work they take, both logarithmic."""
     figure, axes = stacked(tuple(f"error of {kind}, %" for kind in _KINDS), "unknowns times steps")
     runs = sorted((one for one in found if one.errors), key=lambda one: (one.rung, one.steps))
     names = 0

@@ -36,18 +36,7 @@ _OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": _FAST, "_nrt": Fa
 
 
 def compiled(function: F) -> F:
-    """Return a function in machine code; sums may be taken in any order, what is not a number stays so.
-
-    Parameters
-    ----------
-    function
-        Of numbers and arrays.
-
-    Returns
-    -------
-    Callable
-        Compiled at its first call, or fetched if it is kept.
-    """
+    """Return a function in machine code; sums may be taken in any order, what is not a number stays so."""
     with keeping() as kept:
         made = njit(cache=kept, **_OPTIONS)(function)
         return cast("F", sealed(made) if kept else made)
@@ -57,16 +46,6 @@ def inner(function: F) -> F:
     """Return the same for machine code alone to call: it is neither kept by itself nor made for calls from Python.
 
     Such calls would end the process.
-
-    Parameters
-    ----------
-    function
-        Of numbers and arrays.
-
-    Returns
-    -------
-    Callable
-        Compiled with what calls it.
     """
     made = njit(pipeline_class=Inner, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
     return cast("F", made(function))

@@ -43,49 +43,25 @@ def _folder() -> Path | None:
 
 @lru_cache
 def folder() -> Path | None:
-    """Return where machine code is kept.
-
-    Returns
-    -------
-    Path or None
-        None where nothing can be written.
-    """
+    """Return where machine code is kept."""
     return _folder()
 
 
 @lru_cache
 def available() -> bool:
-    """Tell whether there is a compiler.
-
-    Returns
-    -------
-    bool
-        Whether numba is installed.
-    """
+    """Tell whether there is a compiler."""
     return find_spec("numba") is not None
 
 
 def machine_code() -> Callable[..., int]:
-    """Return the compiled march.
-
-    Returns
-    -------
-    Callable
-        As `flexcam.integrate.compiled.march.march`; compiled at its first call if it is not kept.
-    """
+    """Return the compiled march."""
     from flexcam.integrate.compiled.march import march
 
     return march
 
 
 def gliding_code() -> Callable[..., None]:
-    """Return the compiled march without local forces.
-
-    Returns
-    -------
-    Callable
-        As `flexcam.integrate.compiled.glide.glide`; compiled at its first call if it is not kept.
-    """
+    """Return the compiled march without local forces."""
     from flexcam.integrate.compiled.glide import glide
 
     return glide
@@ -93,13 +69,7 @@ def gliding_code() -> Callable[..., None]:
 
 @contextmanager
 def keeping() -> Generator[bool]:
-    """Let the compiler keep what is declared meanwhile in `folder`, whoever imports it first.
-
-    Yields
-    ------
-    bool
-        Whether it can be kept.
-    """
+    """Let the compiler keep what is declared meanwhile in `folder`, whoever imports it first."""
     settings: Any = import_module("numba.core.config")
     before = settings.CACHE_DIR
     settings.CACHE_DIR = str(folder() or "")

@@ -53,18 +53,7 @@ def _opened(data: bytes) -> Any:  # noqa: ANN401
 
 
 def sealed(function: Any) -> Any:  # noqa: ANN401 - the compiler has no types
-    """Return a compiled function that keeps its code under a checksum.
-
-    Parameters
-    ----------
-    function
-        What the compiler makes of a function that is to be kept.
-
-    Returns
-    -------
-    Callable
-        The same.
-    """
+    """Return a compiled function that keeps its code under a checksum."""
     cache = function._cache
     cache._cache_file = SealedFile(cache._cache_path, cache._impl.filename_base, cache._impl.locator.get_source_stamp())
     return function

@@ -96,11 +96,5 @@ class Windows:
 
 
 def points() -> FloatArray:
-    """Return the points of a step for machine code.
-
-    Returns
-    -------
-    ndarray
-        Points, their weights in the barycentric formula, and a row to work in, shape (3, 6).
-    """
+    """Return the points of a step for machine code."""
     return np.array([_NODES, _WEIGHTS, np.zeros(len(_NODES))])
