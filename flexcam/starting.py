@@ -141,7 +141,7 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
         raise refuse(where, name, "a result of the same supports", "it moves where this model is held")
     beside = _beside_nodes(response, system.names[int(free.sum()) :], where, name)
     moved, moving, pushed = (np.concatenate([one[free], more]) for one, more in zip(nodal, beside, strict=True))
-    inner, states = response.inner, sum(len(force.law.start_state) for force in system.local_forces)
+    inner, states = response.inner, sum(force.states for force in system.local_forces)
     if len(inner) != states:
         raise refuse(where, name, "a result of the same contacts", f"it holds {len(inner)} of {states} internal states")
     return State(moved, moving, time, inner if states else None, acceleration=pushed), angle

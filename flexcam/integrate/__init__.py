@@ -9,11 +9,12 @@ from flexcam.integrate.composite import Bathe, bathe
 from flexcam.integrate.exact import Exact, exact
 from flexcam.integrate.fingerprint import fingerprint
 from flexcam.integrate.floquet import Floquet, floquet
+from flexcam.integrate.generalized_alpha import Scheme, generalized_alpha, hht, newmark
 from flexcam.integrate.method import Method
 from flexcam.integrate.outside import Outside, dop853, radau
 from flexcam.integrate.periodic import periodic
 from flexcam.integrate.problem import Adaptive, Path, Problem, State
-from flexcam.integrate.scheme import Scheme, generalized_alpha, hht, newmark
+from flexcam.integrate.reach import Reach, Still, reach
 from flexcam.integrate.solve import carried_by_cam, outline, solve
 from flexcam.integrate.statics import carried_equilibrium, equilibrium, rest, static_displacement
 from flexcam.integrate.tangent import Tangents
@@ -30,9 +31,11 @@ __all__ = [
     "Outside",
     "Path",
     "Problem",
+    "Reach",
     "SaveAt",
     "Scheme",
     "State",
+    "Still",
     "Tangents",
     "basis_of",
     "bathe",
@@ -52,6 +55,7 @@ __all__ = [
     "outline",
     "periodic",
     "radau",
+    "reach",
     "reached",
     "refused",
     "rest",

@@ -136,8 +136,7 @@ class _Potential:
 
     system: System
     forces: LocalForces
-    angle: FloatArray
-    offset: FloatArray
+    schedule: Schedule
     act: FloatArray
     sense: FloatArray
     touching: tuple[_Touching, ...]
@@ -149,10 +148,10 @@ class _Potential:
         act = schedule.acting(0) @ forces.act.vectors
         sense = schedule.sensing(0) @ forces.sense.vectors
         each: list[_Touching] = []
-        for one, (_, part, _) in zip(system.local_forces, forces.laws, strict=True):
+        for one, part, _ in forces.parts:
             at = np.flatnonzero((act[part] != 0.0).any(axis=0) | (sense[part] != 0.0).any(axis=0))
             each.append(_Touching(one.name, part, at, act[part, at], sense[part, at]))
-        return cls(system, forces, schedule.angle, schedule.offset[0], act, sense, tuple(each), load)
+        return cls(system, forces, schedule, act, sense, tuple(each), load)
 
     def at(self, u: FloatArray) -> tuple[FloatArray, float, Triplets]:
         """Return the forces out of balance (n,), the size of the forces, and the tangent."""
@@ -170,10 +169,10 @@ class _Potential:
 
     def _reaction(self, u: FloatArray) -> Reaction:
         still, states = np.zeros(self.forces.count), self.forces.start_state
-        return self.forces.respond(self._gap(u), still, states, float(self.angle[0]))
+        return self.forces.respond(self._gap(u), still, states, self.schedule)
 
     def _gap(self, u: FloatArray) -> FloatArray:
-        return self.sense @ u + self.offset
+        return self.sense @ u + self.schedule.offset[0]
 
     def rounding(self, u: FloatArray) -> float:
         """Return what is left out of balance in the best of cases, the strain forces being sums of large parts."""
@@ -184,7 +183,7 @@ class _Potential:
     def energy(self, u: FloatArray) -> float:
         """Return the potential energy; laws that store none count with nothing."""
         state = self.forces.start_state[None]
-        stored = float(self.forces.stores.energy(self._gap(u)[None], state, self.angle)[0])
+        stored = float(self.forces.stored_energy().at(self._gap(u)[None], state, self.schedule.angle)[0][0])
         return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
 
     def shortened(

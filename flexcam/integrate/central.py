@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexcam.checks import InputError, refuse
+from flexcam.integrate.generalized_alpha import family_matrix
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.massless import Massless
 from flexcam.integrate.method import At, Method, Stepper
 from flexcam.integrate.moment import Instant, Moment
-from flexcam.integrate.scheme import family_matrix
 from flexcam.integrate.stage import Predicted, Stage
 from flexcam.linalg import DENSE_LIMIT, FloatArray
 from flexcam.system import System

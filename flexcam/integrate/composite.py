@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flexcam.integrate.generalized_alpha import newmark
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import At, Method, Stepper
 from flexcam.integrate.moment import Instant, Moment
-from flexcam.integrate.scheme import newmark
 from flexcam.integrate.stage import Predicted, Stage
 from flexcam.linalg import FloatArray
 from flexcam.system import System

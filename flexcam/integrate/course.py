@@ -10,9 +10,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from flexcam.integrate.family import Motions, Steps
+from flexcam.integrate.generalized_alpha import Scheme
 from flexcam.integrate.moment import Track
 from flexcam.integrate.problem import Problem
-from flexcam.integrate.scheme import Scheme
 from flexcam.integrate.strides import USUAL, Stride, alive, stride_length
 from flexcam.integrate.uncoupled import Natural
 from flexcam.linalg import FloatArray

@@ -80,12 +80,12 @@ class EnergyAccount:
         self._system, self._forces = system, forces
         self._M, self._C, self._K = (_Form(m) for m in (system.mass, system.damping, system.stiffness))
         self._damped = bool(system.damping.values.any())
-        smooth = np.zeros(forces.count, dtype=bool)
-        for _, part in forces.smooth:
-            smooth[part] = True
+        smooth = forces.polynomial
         rough = np.flatnonzero(~smooth)
         self._rough = rough if smooth.any() else slice(None)
-        self._stores, self._others = forces.stores.among(rough), np.flatnonzero(~forces.opposed[rough])
+        self._smooth = forces.stored_energy(np.flatnonzero(smooth)) if smooth.any() else None
+        self._smooth_scalars = np.flatnonzero(smooth)
+        self._stores, self._others = forces.stored_energy(rough), np.flatnonzero(~forces.opposed[rough])
         self._storing = forces.storing[rough]
         self._strikes = not np.isnan(forces.restitution).all()
         # Vectors of the contacts that are not opposed, and whose force acts along each.
@@ -137,7 +137,7 @@ class EnergyAccount:
         crushed -= 0.5 * _dot(added("by_state"), passed("states"))
         # What the mean force does beyond the curved one, by Simpson's rule.
         half = 0.5 * added("gap"), 0.5 * added("states"), 0.5 * added("angle")
-        curved = 2.0 / 3.0 * _dot(0.5 * still - self._stores.stored(*half).by_gap, deepened)
+        curved = 2.0 / 3.0 * _dot(0.5 * still - self._stores.at(*half)[1], deepened)
         impulse = new.impulse if last else new.impulse[1:]
         struck, impact_lost = (0.5 * _dot(impulse, added(one)) for one in ("carried", "rate"))
         numerical = given - taken - passed("kinetic") - passed("elastic") - damped + (struck - impact_lost) + curved
@@ -148,24 +148,26 @@ class EnergyAccount:
         """Return what the cam's turning stores in contacts whose law changes with its angle, as with its curvature."""
         begin = 0 if last else 1
         before = _before(new.gap, last and last.gap), _before(new.states, last and last.states)
-        later = self._stores.changing(*before, new.angle[begin:])
+        later = self._stores.varying(*before, new.angle[begin:])
         angle, changing = _before(new.angle, last and last.angle), _before(new.changing, last and last.changing)
-        earlier = self._stores.changing(new.gap[begin:], new.states[begin:], angle)
+        earlier = self._stores.varying(new.gap[begin:], new.states[begin:], angle)
         return 0.5 * (later - changing + new.changing[begin:] - earlier)
 
     def _held(self, track: Track, seen: Observed, carried: FloatArray, schedule: Schedule) -> _Held:
         gaps, forces, d = seen.gaps[:, self._rough], seen.forces[:, self._rough], track.d
-        kept = self._stores.stored(gaps, seen.states, schedule.angle)
-        changing = self._stores.changing(gaps, seen.states, schedule.angle)
-        smooth = sum((law.energy(seen.gaps[:, part]) for law, part in self._forces.smooth), np.zeros(len(d)))
+        stored, elastic, by_state = self._stores.at(gaps, seen.states, schedule.angle)
+        changing = self._stores.varying(gaps, seen.states, schedule.angle)
+        smooth = np.zeros(len(d))
+        if self._smooth is not None:
+            smooth = self._smooth.at(seen.gaps[:, self._smooth_scalars], seen.states, schedule.angle)[0]
         strain, nothing = 0.5 * self._K.twice(d) + self._system.stored, np.zeros((len(d), 0))
         struck = (seen.rates[:, self._rough], carried[:, self._rough], track.impulse[:, self._rough])
-        acted = seen.forces[:, self._acted] * schedule.acted.columns(self._acting)
+        acted = seen.forces[:, self._acted] * schedule.acted[:, self._acting]
         return _Held(
-            schedule.angle, 0.5 * self._M.twice(track.v), strain, strain + smooth, kept.energy + smooth,
+            schedule.angle, 0.5 * self._M.twice(track.v), strain, strain + smooth, stored + smooth,
             *((d, self._C.times(track.v)) if self._damped else (nothing, nothing)),
             np.hstack([seen.histories, acted]), (self._pushed @ d.T).T,
-            forces if self._storing.all() else forces * self._storing, kept.by_gap, gaps, seen.states, kept.by_state,
+            forces if self._storing.all() else forces * self._storing, elastic, gaps, seen.states, by_state,
             changing, *(struck if self._strikes else (nothing,) * 3),
         )  # fmt: skip
 

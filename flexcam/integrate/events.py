@@ -19,7 +19,7 @@ from flexcam.integrate.first import Starter
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import At, Stepper
 from flexcam.integrate.moment import Instant, Moment
-from flexcam.integrate.settle import NoConvergenceError
+from flexcam.integrate.stage import NoConvergenceError
 from flexcam.linalg import FloatArray
 
 _MOST_HALVINGS = 6

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexcam.integrate.generalized_alpha import Scheme, predict
 from flexcam.integrate.led import BETA, GAMMA
 from flexcam.integrate.problem import Problem
-from flexcam.integrate.scheme import Scheme
 from flexcam.linalg import FloatArray, IntArray, LongArray
 
 
@@ -96,14 +96,11 @@ class Steps:
         state = np.array(begin, order="C")
         q, v, a = state
         slow, stiff = (np.broadcast_to(one, q.shape).copy() for one in (self.slow, self.stiff))
-        moved, moving, pull = (np.empty_like(q) for _ in range(3))
+        pull = np.empty_like(q)
         damped, looks_back, lag = bool(np.any(slow)), bool(self.scheme.alpha_m or old), bool(len(self.slowed))
         for k, push in enumerate(pushed):
             right = push - old * (stiff * q + slow * v) - self.heavy * a if looks_back else push
-            np.add(q, v, out=moved)
-            moved += np.multiply(0.5 - self.beta, a, out=pull)
-            np.multiply(1.0 - self.gamma, a, out=moving)
-            moving += v
+            moved, moving = predict(q, v, a, 1.0, self.beta, self.gamma)
             np.multiply(stiff, moved, out=pull)
             if damped:
                 pull += slow * moving
@@ -128,7 +125,9 @@ class Steps:
         one, no = np.ones_like(stiff), np.zeros_like(stiff)
         by_a = heavy + new * ((0.5 - self.beta) * stiff + (1.0 - self.gamma) * slow)
         a = np.array([-stiff, -(new * stiff + slow), -by_a, one])
-        drift = [no, one, (0.5 - self.beta) * one, no], [no, no, (1.0 - self.gamma) * one, no], [no, no, -one, no]
+        unit = np.array([[one, no, no, no], [no, one, no, no], [no, no, one, no]])
+        there, moving = predict(*unit, 1.0, self.beta, self.gamma)
+        drift = [there - unit[0], moving - unit[1], -unit[2]]
         change = np.array([self.beta * a, self.gamma * a, a]) + np.array(drift)
         change[2][:, self.slowed] = (change[1] + np.array([no, no, -one, no]))[:, self.slowed]
         return change

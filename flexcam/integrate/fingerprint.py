@@ -10,21 +10,12 @@ from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import Method
 from flexcam.integrate.problem import Problem
 from flexcam.response import SaveAt
-from flexcam.system import System
-from flexcam.system.formula import Formulated
 
 _INSTANTS = 64
 """Of the run, at which loads and what the local forces sense are looked at."""
 
 _BEGINNING, _APART = 8192, 13
 """Steps of its beginning, and every which of them is looked at too: those of the whole may stand at one cam angle."""
-
-
-def _constants(system: System) -> list[tuple[float, ...]]:
-    """Return the constants of the laws that can be written as formulas."""
-    laws = [(force.law, len(force.sense)) for force in system.local_forces]
-    written = [law.formulas(count) or () for law, count in laws if isinstance(law, Formulated)]
-    return [(float(one.kind), *one.constants, *(one.friction or ())) for formulas in written for one in formulas]
 
 
 def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
@@ -40,12 +31,12 @@ def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
     motion = problem.drive.at(problem.times(steps))
     schedule = forces.schedule(motion)
     parts = [motion.angle, motion.speed, system.load_vectors(), system.load_histories(motion), forces.act.vectors]
-    parts += [forces.sense.vectors, schedule.sensed.whole, schedule.acted.whole, schedule.offset, forces.start_state]
+    parts += [forces.sense.vectors, schedule.rows, forces.table.laws, forces.table.constants]
     for matrix in (system.mass, system.damping, system.stiffness):
         parts += [matrix.rows, matrix.cols, matrix.values]
     parts += [probe.rows for probe in system.probes]
     told = (method, save, problem.step, problem.steps, problem.adaptive, problem.prune, problem.path, system.names)
-    digest = sha256(repr((*told, forces.names, _constants(system))).encode())
+    digest = sha256(repr((*told, forces.names)).encode())
     for part in parts:
         digest.update(repr(part.shape).encode() + np.ascontiguousarray(part).tobytes())
     return digest.hexdigest()

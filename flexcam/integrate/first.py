@@ -12,7 +12,6 @@ from flexcam.integrate.massless import TOUCHED, Massless
 from flexcam.integrate.moment import Instant, Moment
 from flexcam.integrate.problem import State
 from flexcam.integrate.schedule import Schedule
-from flexcam.integrate.settle import Inner
 from flexcam.linalg import Factor, FloatArray
 from flexcam.system import System
 
@@ -50,7 +49,7 @@ class Starter:
 
     def resumed(self, moment: Moment, to: Instant) -> Moment:
         """Return an instant as a run that begins there has it: forces anew from the motion, bit by bit."""
-        same = self.answered(moment.d, moment.v, moment.inner.state, to)
+        same = self.answered(moment.d, moment.v, moment.inner, to)
         kept = {name: getattr(moment, name) for name in ("a", "impulse", "iterations", "stride")}
         return replace(same, **kept)
 
@@ -76,18 +75,16 @@ class Starter:
         size = np.asarray(np.linalg.solve(sense @ gained, turned), dtype=float)
         impulse = np.zeros(forces.count)
         impulse[which] = np.maximum(size, 0.0)
-        after = self.answered(moment.d, moment.v + gained @ impulse[which], moment.inner.state, to)
+        after = self.answered(moment.d, moment.v + gained @ impulse[which], moment.inner, to)
         return replace(self.restarted(after), impulse=impulse)
 
     def answered(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: Instant) -> Moment:
         """Return an instant with the forces that its motion causes, and no acceleration yet."""
         forces = self._forces
         gap, rate, _ = (one[0] for one in forces.sensed(d[None], v[None], _only(to)))
-        answer = forces.respond(gap, rate, inner, to.angle)
+        answer = forces.respond(gap, rate, inner, to.schedule, to.row)
         applied = to.load + (answer.force @ to.schedule.acting(to.row)) @ forces.act.vectors
-        return Moment(
-            to.time, d, v, np.zeros(len(d)), applied, answer.force, gap, rate, Inner(inner, answer.state_rate)
-        )
+        return Moment(to.time, d, v, np.zeros(len(d)), applied, answer.force, gap, rate, inner)
 
     def _accelerated(self, right: FloatArray) -> FloatArray:
         return self._accelerated_all(right[:, None])[:, 0]

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.checks import refuse
+from flexcam.integrate.generalized_alpha import newmark
 from flexcam.integrate.massless import massless
 from flexcam.integrate.method import Method
 from flexcam.integrate.problem import Problem
-from flexcam.integrate.scheme import newmark
 from flexcam.integrate.solve import solve
 from flexcam.integrate.tangent import Tangents
 from flexcam.linalg import ComplexArray, FloatArray
@@ -75,7 +75,7 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
     system, n = problem.system, problem.system.size
     if not 0 < n <= _MOST:
         raise refuse("system", f"{n} unknowns", f"1 to {_MOST}", "a basis of disturbances is carried along")
-    if any(len(force.law.start_state) for force in system.local_forces):
+    if any(force.states for force in system.local_forces):
         raise refuse("system", "local forces with internal states", "none", "their disturbances are not followed")
     response = solve(problem, method or newmark(), save=SaveAt(field_every=1))
     if not response.status.ok:

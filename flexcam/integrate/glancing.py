@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from flexcam.integrate.course import Course, Stretch
 from flexcam.integrate.engine import STOPPED, all_within
+from flexcam.integrate.generalized_alpha import Scheme
 from flexcam.integrate.moment import Glance
 from flexcam.integrate.problem import Problem
-from flexcam.integrate.scheme import Scheme
 from flexcam.integrate.superposed import Superposed
 from flexcam.integrate.uncoupled import Natural
 from flexcam.linalg import FloatArray, IntArray

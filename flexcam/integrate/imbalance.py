@@ -58,7 +58,7 @@ class Imbalance:
         parts = [_product(matrix, one) for matrix, one in zip(self._matrices, moved, strict=True)]
         parts.append(-seen.histories[rows] @ self._vectors)
         if self._forces.count:
-            acted = (seen.forces[rows] @ schedule.acts) * schedule.acted.at(rows).whole
+            acted = (seen.forces[rows] @ schedule.acts) * schedule.acted[rows]
             parts.append(-acted @ self._forces.act.vectors)
         each = np.array(parts)
         self._largest = np.maximum(self._largest, [self._size(each.sum(axis=0)), self._size(each)])

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,8 +20,17 @@ from flexcam.linalg import FloatArray, SingularMatrixError, Triplets
 from flexcam.system import System
 
 BETA, GAMMA = 1.0, 1.5
-"""Newmark's parameters of what is led: the velocity is that of the parabola through the last three instants, the
-acceleration their second difference, and what a start or a kink leaves in them is gone after two steps."""
+"""Newmark's parameters of these motions: the velocity is that of the parabola through the last three instants, the
+acceleration their second difference, so that a start or a kink is forgotten after two steps."""
+
+Number = TypeVar("Number", float, FloatArray)
+"""A number or one per motion."""
+
+
+def massless_rates(change: Number, v: Number, a: Number, h: float) -> tuple[Number, Number]:
+    """Return velocity and acceleration of a motion without mass from its change of displacement over a step."""
+    new = (change / h - v - (0.5 - BETA) * h * a) / (BETA * h)
+    return v + h * ((1.0 - GAMMA) * a + GAMMA * new), new
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +56,7 @@ class Led:
         k = self.free.shape[1]
         change, v, a, v1, a1 = (self.amounts @ np.column_stack([new.d - now.d, now.v, now.a, new.v, new.a])).T
         pushed = (v1 - v) / step
-        pushed[:k] = (change[:k] / step - v[:k] - (0.5 - BETA) * step * a[:k]) / (BETA * step)
-        moving = v[:k] + step * ((1.0 - GAMMA) * a[:k] + GAMMA * pushed[:k])
+        moving, pushed[:k] = massless_rates(change[:k], v[:k], a[:k], step)
         more = self.free @ (pushed - a1)[:k] + self.slow @ (pushed - a1)[k:]
         return replace(new, v=new.v + self.free @ (moving - v1[:k]), a=new.a + more)
 

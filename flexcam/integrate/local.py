@@ -1,20 +1,18 @@
-"""The local forces of a system side by side: what they sense, how they act, what they answer.
-
-With the constant operator S of a step, the new acceleration is ``a = a_free + S^-1 w sum A f``, so the sensed scalars
-are affine in f, and only a small system is left to iterate on (`settle`).
-"""
+"""The local forces of a system, stacked: what they sense, how they act, and their laws as tables."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.integrate.schedule import Schedule, Weights
-from flexcam.integrate.stores import Stores
+from flexcam.integrate.jit import Functions, bind
+from flexcam.integrate.local_newton import FUNCTIONS_OF_NEWTON, NUMPY
+from flexcam.integrate.schedule import Schedule
+from flexcam.integrate.stores import StoredEnergy
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.system import (
     ONE,
@@ -22,66 +20,164 @@ from flexcam.system import (
     AngleVector,
     CamMotion,
     Constant,
+    CustomLaw,
     Evaluated,
+    ForceLaw,
+    LocalForce,
     Reaction,
-    Smooth,
-    Storing,
     System,
 )
+from flexcam.system.force_laws import (
+    ANSWER,
+    ARCH,
+    BEGIN,
+    CUSTOM,
+    FIRST,
+    FLOW,
+    FUNCTIONS_OF_LAWS,
+    LAWS,
+    LOCAL_ROWS,
+    OWN,
+    PENETRATION,
+    RATE,
+    SCALARS,
+    STATE,
+    STATE_RATE,
+    STATE_ROWS,
+)
 
-_NO_STATE = np.zeros(0)
+
+def _cam_angle(angle: FloatArray, order: int) -> FloatArray:
+    """Return the cam angle itself, as the function of a custom law."""
+    return angle if order == 0 else np.ones_like(angle)
 
 
 @dataclass(frozen=True, eq=False)
-class _Stack:
-    """All vectors of one side (sensing or acting) under each other, and which scalar each belongs to."""
+class VectorStack:
+    """All vectors of one side (sensing or acting) under each other.
+
+    Parameters
+    ----------
+    vectors
+        Shape (k, n).
+    owner
+        1 where a vector belongs to a scalar, shape (c, k).
+    fixed
+        Weights that are constant, zero for the others, shape (k,).
+    varying
+        Place and weight function of the others.
+    rows
+        The constant part of every scalar, then the vectors whose weights vary, shape (c + varying, n).
+    """
 
     vectors: FloatArray
     owner: FloatArray
-    still: FloatArray
-    moving: tuple[tuple[int, AngleFunction], ...]
-    """Weights that are constant, and the functions that are the others."""
+    fixed: FloatArray
+    varying: tuple[tuple[int, AngleFunction], ...]
     rows: FloatArray
-    """What is constant of every scalar, then the vectors whose weights are functions, shape (c + moving, n)."""
-    places: tuple[tuple[int, int], ...]
-    """Of these vectors: to which scalar each belongs, and its place among all vectors."""
 
     @classmethod
-    def of(cls, terms: tuple[AngleVector, ...], size: int) -> _Stack:
-        vectors = np.concatenate([t.vectors for t in terms]) if terms else np.zeros((0, size))
-        owner = np.zeros((len(terms), len(vectors)))
+    def of(cls, terms: Sequence[AngleVector], size: int) -> VectorStack:
+        """Return the stack of some angle-dependent vectors; vectors that are zero are left out."""
+        vectors = np.concatenate([np.zeros((0, size)), *(term.vectors for term in terms)])
+        owner = np.repeat(np.eye(len(terms)), [len(term.vectors) for term in terms], axis=1)
+        functions = [function for term in terms for function in term.functions or (ONE,) * len(term.vectors)]
+        kept = np.flatnonzero(vectors.any(axis=1))
+        vectors, owner = vectors[kept], owner[:, kept]
+        fixed, varying = _separate([functions[i] for i in kept.tolist()])
+        rows = np.concatenate([(owner * fixed) @ vectors, vectors[[i for i, _ in varying]]])
+        return cls(vectors, owner, fixed, varying, rows)
+
+    @property
+    def places(self) -> IntArray:
+        """Where the vectors of each scalar begin, shape (c + 1,)."""
+        return np.concatenate([[0], np.cumsum(self.owner.sum(axis=1))]).astype(np.intp)
+
+    @property
+    def varying_scalars(self) -> list[int]:
+        """Scalar of every vector whose weight varies."""
+        return [int(self.owner[:, i].argmax()) for i, _ in self.varying]
+
+
+def _separate(functions: Sequence[AngleFunction]) -> tuple[FloatArray, tuple[tuple[int, AngleFunction], ...]]:
+    """Return the values of the constant functions, zero for others, and the others with their places."""
+    fixed = np.array([one.value if isinstance(one, Constant) else 0.0 for one in functions], dtype=float)
+    return fixed, tuple((i, one) for i, one in enumerate(functions) if not isinstance(one, Constant))
+
+
+@dataclass(frozen=True, eq=False)
+class LawTable:
+    """The laws of all local forces as arrays, see `flexcam.system.force_laws`.
+
+    Parameters
+    ----------
+    laws
+        Shape (l, 7).
+    constants
+        Of all laws, one after the other.
+    functions
+        Of the cam angle, of all laws.
+    owners
+        First scalar of the law of every internal state, shape (s,).
+    custom
+        Laws as Python objects by row of the table.
+    """
+
+    laws: IntArray
+    constants: FloatArray
+    functions: tuple[AngleFunction, ...]
+    owners: IntArray
+    custom: dict[int, CustomLaw]
+
+    @classmethod
+    def of(cls, forces: Sequence[LocalForce], moved: Callable[[int], bool]) -> LawTable:
+        """Return the table of some local forces; `moved` tells whether anything moves a scalar of an arch."""
+        rows: list[tuple[int, ...]] = []
+        constants: list[float] = []
+        functions: list[AngleFunction] = []
+        owners: list[int] = []
+        custom: dict[int, CustomLaw] = {}
         first = 0
-        for i, term in enumerate(terms):
-            owner[i, first : first + len(term.vectors)] = 1.0
-            first += len(term.vectors)
-        functions = [function for t in terms for function in t.functions or (ONE,) * len(t.vectors)]
-        told = np.flatnonzero(vectors.any(axis=1))  # what is left of others is zero: nothing there moves
-        vectors, owner, functions = vectors[told], owner[:, told], [functions[i] for i in told.tolist()]
-        still, moving = _sorted(functions)
-        places = tuple((int(owner[:, i].argmax()), i) for i, _ in moving)
-        rows = np.concatenate([(owner * still) @ vectors, vectors[[i for _, i in places]]])
-        return cls(vectors, owner, still, moving, rows, places)
+        for force in forces:
+            law, count = force.law, len(force.sense)
+            if not isinstance(law, ForceLaw):
+                custom[len(rows)] = law
+                rows.append((CUSTOM, first, count, 0, len(functions), -1, 0))
+                functions.append(_cam_angle)
+                first += count
+                continue
+            for _ in range(count // law.scalars):
+                friction = len(constants) + len(law.constants)
+                scalars = _needed(first, moved) if law.kind == ARCH else law.scalars
+                state = len(owners) if law.states else -1
+                rows.append((law.kind, first, scalars, len(constants), len(functions), state, friction))
+                constants += [*law.constants, *(law.friction or ())]
+                functions += law.functions
+                owners += [first] * law.states
+                first += law.scalars
+        table = np.array(rows, dtype=np.intp).reshape(-1, 7)
+        return cls(table, np.array(constants), tuple(functions), np.array(owners, dtype=np.intp), custom)
 
-    def weights(self, cam: Evaluated, order: int = 0, speed: FloatArray | None = None) -> Weights:
-        """Return the weights of all vectors; their derivatives by the angle times a speed, shape (m,), by time."""
-        return _weights(self.still, self.moving, cam, order, speed)
+
+def _needed(first: int, moved: Callable[[int], bool]) -> int:
+    """Return how many scalars of an arch are needed: planes in which nothing can move are left out."""
+    planes = [plane for plane in (1, 2) if any(moved(first + 3 * plane - 2 + i) for i in range(3))]
+    return 1 + 3 * max(planes, default=0)
 
 
-def _sorted(functions: Sequence[AngleFunction]) -> tuple[FloatArray, tuple[tuple[int, AngleFunction], ...]]:
-    """Return the values of the functions that are constant, zero for others, and the others with their places."""
-    still = np.array([one.value if isinstance(one, Constant) else 0.0 for one in functions], dtype=float)
-    return still, tuple((i, one) for i, one in enumerate(functions) if not isinstance(one, Constant))
+class Workspace:
+    """Work arrays of `flexcam.integrate.local_newton` for some local forces."""
 
-
-def _weights(
-    still: FloatArray, moving: tuple[tuple[int, AngleFunction], ...], cam: Evaluated, order: int,
-    speed: FloatArray | None = None,
-) -> Weights:  # fmt: skip
-    """Return functions side by side, or their derivatives."""
-    found = [(i, cam(function, order)) for i, function in moving]
-    if speed is not None:
-        found = [(i, values * speed) for i, values in found]
-    return Weights(still if order == 0 else np.zeros_like(still), found, len(cam.angle))
+    def __init__(self, table: LawTable, count: int, senses: int) -> None:
+        width = int(table.laws[:, SCALARS].max(initial=1))
+        self.local = np.zeros((LOCAL_ROWS, count))
+        self.local[OWN] = -1.0
+        self.tangent = np.zeros((2, count, width))
+        self.states = np.zeros((STATE_ROWS, len(table.owners)))
+        self.moved = np.zeros(senses)
+        self.active = np.zeros((2, count), dtype=np.intp)
+        self.compliance = np.full((2, count, count), np.nan)
+        self.matrix = np.zeros((count, count + 1))
 
 
 class LocalForces:
@@ -91,113 +187,193 @@ class LocalForces:
     ----------
     system
         The system.
+    compiled
+        Compiled functions for the energies of many instants; None to evaluate them in Python.
     """
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System, compiled: Functions | None = None) -> None:
         forces = system.local_forces
-        self.names = [f.name for f in forces for _ in f.sense]
-        self.sense = _Stack.of(tuple(t for f in forces for t in f.sense), system.size)
-        self.act = _Stack.of(tuple(t for f in forces for t in f.act), system.size)
-        self._offsets = _sorted([g for f in forces for g in f.offset])
+        self.names = [force.name for force in forces for _ in force.sense]
+        self.sense = VectorStack.of([term for force in forces for term in force.sense], system.size)
+        self.act = VectorStack.of([term for force in forces for term in force.act], system.size)
+        self._offsets = _separate([offset for force in forces for offset in force.offset])
         self.count = len(self._offsets[0])
-        self.start_state = np.concatenate([f.law.start_state for f in forces]) if forces else np.zeros(0)
-        scalars, states = _slices([len(f.sense) for f in forces]), _slices([len(f.law.start_state) for f in forces])
-        self.laws = [(f.law, *places) for f, *places in zip(forces, scalars, states, strict=True)]
-        switches = [(scalars[i].start + one, f.restitution) for i, f in enumerate(forces) for one in f.switching]
-        kept = [(law, part, inner) for law, part, inner in self.laws if isinstance(law, Storing)]
-        self.stores, self.storing = Stores(kept), np.zeros(self.count)
-        for _, part, _ in kept:
-            self.storing[part] = 1.0
-        self.opposed = self._opposed()
-        self.smooth = [
-            (law, part) for law, part, _ in self.laws if isinstance(law, Smooth) and bool(self.opposed[part].all())
-        ]
-        self._last = Evaluated(np.full(1, -np.inf))
-        self.switching: IntArray = np.array([one for one, _ in switches], dtype=np.intp)
+        self.places = np.vstack([self.sense.places, self.act.places])
+        self.table = LawTable.of(forces, lambda i: bool((np.diff(self.places)[:, i] > 0).any()))
+        scalars, states = _slices([len(force.sense) for force in forces]), _slices([force.states for force in forces])
+        self.parts = list(zip(forces, scalars, states, strict=True))
+        switches = [(part.start + i, force.restitution) for force, part, _ in self.parts for i in force.switching]
+        self.switching: IntArray = np.array([i for i, _ in switches], dtype=np.intp)
         self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
+        self.functions = bind((*FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON), self._overrides())
+        self.respond_rows = (compiled or self.functions)["respond_rows"]
+        self.workspace = Workspace(self.table, self.count, len(self.sense.vectors))
+        self.storing = np.zeros(self.count)
+        for force, part, _ in self.parts:
+            self.storing[part] = force.conservative
+        self.opposed = self._opposed()
+
+    def _overrides(self) -> Functions:
+        custom, laws = self.table.custom, self.table.laws
+
+        def evaluate(law: int, angle: float, local: FloatArray, tangent: FloatArray) -> None:
+            first, size = int(laws[law, FIRST]), int(laws[law, SCALARS])
+            part = slice(first, first + size)
+            answer = custom[law].respond(local[PENETRATION, part], local[RATE, part], float(angle))
+            local[ANSWER, part] = answer.force
+            tangent[0, part, :size], tangent[1, part, :size] = answer.by_gap, answer.by_rate
+
+        return {**NUMPY, "custom": evaluate} if custom else dict(NUMPY)
+
+    @property
+    def start_state(self) -> FloatArray:
+        """Internal states at rest, shape (s,)."""
+        return np.zeros(len(self.table.owners))
+
+    @property
+    def varying(self) -> IntArray:
+        """Scalars whose sensing or acting vectors change with the cam angle, shape (v,)."""
+        return np.unique(np.array([*self.sense.varying_scalars, *self.act.varying_scalars], dtype=np.intp))
 
     def _opposed(self) -> NDArray[np.bool_]:
-        """Tell which forces act straight against what they sense, while the cam does nothing about it, shape (c,)."""
-        c = self.count
-        found = (self.sense.rows[:c] == -self.act.rows[:c]).all(axis=1) & (self.storing > 0.0)
-        for scalar, _ in (*self.sense.places, *self.act.places, *self._offsets[1]):
-            found[scalar] = False
+        """Return which forces act against exactly what they sense whatever the cam does, shape (c,)."""
+        found = self.storing > 0.0
+        found[[*self.sense.varying_scalars, *self.act.varying_scalars, *(i for i, _ in self._offsets[1])]] = False
         return found
 
-    def schedule(self, motion: CamMotion) -> Schedule:
-        """Return what follows from the cam motion at some instants."""
-        cam, speed = motion.cam, motion.speed
-        # What lies within a block only looks at it more closely.
-        if motion.known is None and len(cam.angle) and not cam.angle[0] < self._last.angle[-1]:
-            self._last = cam
-        return Schedule(
-            self.sense.weights(cam), self.sense.weights(cam, 1, speed), self.act.weights(cam),
-            _weights(*self._offsets, cam, 0), _weights(*self._offsets, cam, 1, speed),
-            motion.angle, self.sense.owner, self.act.owner, cam,
-        )  # fmt: skip
+    @property
+    def polynomial(self) -> NDArray[np.bool_]:
+        """Which scalars belong to opposed laws whose force is a polynomial of at most third degree, shape (c,)."""
+        found = np.zeros(self.count, dtype=bool)
+        for force, part, _ in self.parts:
+            found[part] = isinstance(force.law, ForceLaw) and LAWS[force.law.kind].polynomial
+        return found & self.opposed
 
-    def recalled(self, motion: CamMotion, at: IntArray) -> CamMotion:
-        """Return a motion of the cam with what is known of the last block's instants, if these are at some places."""
-        angle, last = motion.angle, self._last.angle
-        if len(at) != len(last) or not np.array_equal(angle[at], last):
-            return motion
-        return replace(motion, known=Evaluated(angle, self._last, at) if len(at) < len(angle) else self._last)
+    def stored_energy(self, scalars: IntArray | None = None) -> StoredEnergy:
+        """Return the energy of the conservative forces on some scalars; None for all."""
+        return StoredEnergy(self, scalars)
+
+    def schedule(self, motion: CamMotion) -> Schedule:
+        """Return the prescribed inputs for the cam motion at some instants."""
+        cam, speed = motion.cam, motion.speed[:, None]
+        senses, acts, c = len(self.sense.vectors), len(self.act.vectors), self.count
+        cuts = np.cumsum([0, senses, senses, acts, c, c, len(self.table.functions)])
+        rows = np.empty((len(motion.angle), int(cuts[-1])))
+        sensed, sensed_rates, acted, offset, offset_rate, functions = (rows[:, a:b] for a, b in pairwise(cuts.tolist()))
+        _put(sensed, self.sense.fixed, self.sense.varying, cam, 0)
+        _put(sensed_rates, 0.0 * self.sense.fixed, self.sense.varying, cam, 1, speed)
+        _put(acted, self.act.fixed, self.act.varying, cam, 0)
+        _put(offset, *self._offsets, cam, 0)
+        _put(offset_rate, 0.0 * self._offsets[0], self._offsets[1], cam, 1, speed)
+        for i, function in enumerate(self.table.functions):
+            functions[:, i] = cam(function, 0)
+        return Schedule(motion.angle, rows, self.sense.owner, self.act.owner, cam)
+
+    def function_values(self, angle: FloatArray) -> FloatArray:
+        """Return the functions of the laws at some cam angles, shape (m, f)."""
+        found = np.empty((len(angle), len(self.table.functions)))
+        cam = Evaluated(angle)
+        for i, function in enumerate(self.table.functions):
+            found[:, i] = cam(function, 0)
+        return found
 
     def sensed(self, d: FloatArray, v: FloatArray, schedule: Schedule) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return gamma, gamma', and the part of gamma' that the cam alone causes."""
+        """Return the sensed scalars, their rates, and the part of the rates that the cam alone causes.
+
+        Parameters
+        ----------
+        d, v
+            Displacements and velocities at the instants of the schedule, shape (m, n).
+        schedule
+            The instants.
+
+        Returns
+        -------
+        tuple
+            Shape (m, c) each.
+        """
         rows, c = self.sense.rows, self.count
-        on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # a scalar's history lies together: most is done scalar by scalar
+        on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # histories of a scalar lie together in memory
         gap, rate, carried = on_d[:, :c], on_v[:, :c], np.zeros((len(d), c), order="F")
-        schedule.offsets.add(gap)
-        schedule.offset_rates.add(carried)
-        places = np.array([i for _, i in self.sense.places], dtype=np.intp)
-        weights, turning = schedule.sensed.columns(places), schedule.sensed_rates.columns(places)
-        for j, (scalar, _) in enumerate(self.sense.places):
-            gap[:, scalar] += weights[:, j] * on_d[:, c + j]
-            carried[:, scalar] += turning[:, j] * on_d[:, c + j]
-            rate[:, scalar] += weights[:, j] * on_v[:, c + j]
+        gap += schedule.offset
+        carried += schedule.offset_rate
+        for j, ((place, _), scalar) in enumerate(zip(self.sense.varying, self.sense.varying_scalars, strict=True)):
+            gap[:, scalar] += schedule.sensed[:, place] * on_d[:, c + j]
+            carried[:, scalar] += schedule.sensed_rates[:, place] * on_d[:, c + j]
+            rate[:, scalar] += schedule.sensed[:, place] * on_v[:, c + j]
         rate += carried
         return gap, rate, carried
 
-    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
-        """Return the reaction of all laws side by side to gamma and gamma', shape (c,), and all states, shape (s,)."""
-        c = self.count
-        force, by_gap, by_rate = np.zeros(c), np.zeros((c, c)), np.zeros((c, c))
-        answers: list[tuple[Reaction, slice, slice]] = []
-        for law, part, inner in self.laws:
-            one = law.respond(gap[part], rate[part], state[inner], angle)
-            force[part] = one.force
-            if part.stop - part.start == 1:
-                by_gap[part.start, part.start], by_rate[part.start, part.start] = one.by_gap[0, 0], one.by_rate[0, 0]
-            else:
-                by_gap[part, part], by_rate[part, part] = one.by_gap, one.by_rate
-            if inner.start < inner.stop:
-                answers.append((one, part, inner))
-        if not answers:
-            return Reaction(force, by_gap, by_rate, _NO_STATE)
-        return Reaction(force, by_gap, by_rate, *_inner(answers, c, len(state)))
+    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, schedule: Schedule, i: int = 0) -> Reaction:
+        """Return the forces for sensed scalars and rates, shape (c,), and states, (s,), at an instant of a schedule."""
+        work, table = self.workspace, self.table
+        local, tangent, states = work.local, work.tangent, work.states
+        local[PENETRATION], local[RATE], local[ANSWER] = gap, rate, 0.0
+        tangent[:] = 0.0
+        states[STATE], states[BEGIN] = state, gap[table.owners]
+        self.functions["respond"](
+            table.laws, table.constants, schedule.rows, i, schedule.functions, 0.0, local, tangent, states
+        )
+        return self._reaction()
+
+    def _reaction(self) -> Reaction:
+        """Return what `respond` wrote, as matrices of all scalars."""
+        work, c = self.workspace, self.count
+        by_gap, by_rate = np.zeros((2, c, c))
+        for first, size in self.table.laws[:, [FIRST, SCALARS]].tolist():
+            part = slice(first, first + size)
+            by_gap[part, part], by_rate[part, part] = work.tangent[:, part, :size]
+        force, owners = work.local[ANSWER].copy(), self.table.owners
+        if not len(owners):
+            return Reaction(force, by_gap, by_rate)
+        of_gap, at, flow = np.zeros((len(owners), c)), np.arange(len(owners)), work.states[FLOW]
+        of_gap[at, owners] = flow  # a state follows the scalar of its law: z' = a (x - z), and the force knows x - z
+        by_state = -by_gap[:, owners]
+        rate = work.states[STATE_RATE].copy()
+        return Reaction(force, by_gap, by_rate, rate, by_state, of_gap, 0.0 * of_gap, -np.diag(flow))
 
     def pressed(self, gap: FloatArray) -> NDArray[np.bool_]:
         """Return on which side of zero the switching scalars are."""
         return gap[self.switching] > 0.0
 
+    def energies(
+        self, gap: FloatArray, state: FloatArray, functions: FloatArray, laws: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return stored energies, J, elastic forces, N, and derivatives of the energy by the states at m instants.
 
-def _inner(answers: list[tuple[Reaction, slice, slice]], c: int, s: int) -> tuple[FloatArray, ...]:
-    """Return the rates of all states, and the derivatives that states take part in."""
-    rate, by_state, of_gap, of_rate, of_state = (
-        np.zeros(shape) for shape in ((s,), (c, s), (s, c), (s, c), (s, s))
-    )  # fmt: skip
-    for one, part, inner in answers:
-        rate[inner] = one.state_rate
-        for whole, places, given in (
-            (by_state, (part, inner), one.by_state),
-            (of_gap, (inner, part), one.state_rate_by_gap),
-            (of_rate, (inner, part), one.state_rate_by_rate),
-            (of_state, (inner, inner), one.state_rate_by_state),
-        ):
-            whole[places] = given if given.size else 0.0
-    return rate, by_state, of_gap, of_rate, of_state
+        Parameters
+        ----------
+        gap, state
+            Sensed scalars and internal states, shape (m, c) and (m, s).
+        functions
+            Functions of the laws, shape (m, f).
+        laws
+            Rows of the table of laws; None for all.
+
+        Returns
+        -------
+        tuple
+            Shapes (m, c), (m, c) and (m, s).
+        """
+        work, table = Workspace(self.table, self.count, 0), self.table
+        force, energy = np.empty_like(gap, order="C"), np.empty_like(gap, order="C")
+        by_state, rows = np.zeros_like(state, order="C"), table.laws if laws is None else laws
+        self.respond_rows(
+            rows, table.constants, functions, 0, np.ascontiguousarray(gap), np.zeros(gap.shape),
+            np.ascontiguousarray(state), work.local, work.tangent, work.states, force, energy, by_state,
+        )  # fmt: skip
+        return energy, force, by_state
 
 
-def _slices(sizes: list[int]) -> list[slice]:
+def _put(
+    into: FloatArray, fixed: FloatArray, varying: tuple[tuple[int, AngleFunction], ...], cam: Evaluated, order: int,
+    speed: FloatArray | None = None,
+) -> None:  # fmt: skip
+    """Write functions of the cam angle side by side, or their derivatives by the angle times a speed."""
+    into[:] = fixed
+    for i, function in varying:
+        into[:, i] = cam(function, order) if speed is None else cam(function, order) * speed[:, 0]
+
+
+def _slices(sizes: Sequence[int]) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(np.cumsum([0, *sizes]).tolist())]

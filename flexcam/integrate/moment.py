@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from flexcam.checkpoint import Arrays, below
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.schedule import Schedule
-from flexcam.integrate.settle import Inner
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.response import Series
+from flexcam.system import Evaluated
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Moment:
     local, gap, rate
         Local forces, what they sense and its rate, shape (c,).
     inner
-        Internal states of the local laws.
+        Internal states of the local laws, shape (s,).
     pressed
         On which side of zero the switching scalars are counted; None for that of the gap.
     impulse
@@ -50,7 +50,7 @@ class Moment:
     local: FloatArray
     gap: FloatArray
     rate: FloatArray
-    inner: Inner
+    inner: FloatArray
     pressed: NDArray[np.bool_] | None = None
     impulse: FloatArray | None = None
     iterations: int = 0
@@ -62,10 +62,10 @@ class Moment:
         parts = below(name, arrays)
         if not parts:
             return None
-        inner, stride = Inner(parts.pop("inner.state"), parts.pop("inner.rate")), parts.pop("stride", None)
+        stride = parts.pop("stride", None)
         time, iterations = float(parts.pop("time")), int(parts.pop("iterations"))
         own = None if stride is None else float(stride)
-        return cls(time, inner=inner, iterations=iterations, stride=own, **parts)
+        return cls(time, iterations=iterations, stride=own, **parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +113,8 @@ class Track:
         Of impacts, N s, shape (m, c).
     ends
         Which instants end a step of the results, shape (b,): the others are events, or shorter steps.
+    cam
+        Functions of the cam angle at these instants, where they are known.
     """
 
     time: FloatArray
@@ -123,6 +125,7 @@ class Track:
     state: FloatArray
     impulse: FloatArray
     ends: IntArray
+    cam: Evaluated | None = None
 
     @classmethod
     def of(cls, steps: Sequence[Sequence[Moment]]) -> Track:
@@ -132,7 +135,7 @@ class Track:
         return cls(
             time=np.array([m.time for m in every]), d=np.array([m.d for m in every]),
             v=np.array([m.v for m in every]), a=np.array([m.a for m in every]),
-            local=np.array([m.local for m in every]), state=np.array([m.inner.state for m in every]),
+            local=np.array([m.local for m in every]), state=np.array([m.inner for m in every]),
             impulse=np.array([nothing if m.impulse is None else m.impulse for m in every]),
             ends=np.cumsum([len(part) for part in steps]) - 1,
         )  # fmt: skip
@@ -147,23 +150,29 @@ class Track:
     @classmethod
     def joined(cls, tracks: Sequence[Track]) -> Track:
         """Return the instants of several, one after the other."""
-        every = [[getattr(track, one.name) for track in tracks] for one in fields(cls)[:-1]]
-        time, d, v, a, local, state, impulse = (np.concatenate(parts) for parts in every)
+        time, d, v, a, local, state, impulse = (
+            np.concatenate(rows) for rows in zip(*(t.rows for t in tracks), strict=True)
+        )
         begins = np.cumsum([0, *(len(track.time) for track in tracks)])
         ends = [track.ends + begin for track, begin in zip(tracks, begins, strict=False)]
         return cls(time, d, v, a, local, state, impulse, np.concatenate(ends))
 
+    @property
+    def rows(self) -> tuple[FloatArray, ...]:
+        return self.time, self.d, self.v, self.a, self.local, self.state, self.impulse
+
+    def between(self, first: int, last: int) -> Track:
+        """Return the instants from one to before another, each of which ends a step."""
+        return Track(*(rows[first:last] for rows in self.rows), np.arange(last - first))
+
     def last(self) -> Track:
         """Return the last instant alone."""
-        time, d, v, a, local, state, impulse = (getattr(self, one.name)[-1:] for one in fields(self)[:-1])
-        return Track(time, d, v, a, local, state, impulse, np.zeros(1, dtype=np.intp))
+        return Track(*(rows[-1:] for rows in self.rows), np.zeros(1, dtype=np.intp))
 
     def until(self, count: int) -> Track:
         """Return the instants of the first so many steps."""
-        rows = slice(0, int(self.ends[count - 1]) + 1 if count else 0)
-        moved = (self.d[rows], self.v[rows], self.a[rows])
-        local, state, impulse = self.local[rows], self.state[rows], self.impulse[rows]
-        return Track(self.time[rows], *moved, local, state, impulse, self.ends[:count])
+        end = int(self.ends[count - 1]) + 1 if count else 0
+        return Track(*(rows[:end] for rows in self.rows), self.ends[:count])
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from flexcam.integrate.local import LocalForces
 from flexcam.integrate.massless import Massless
 from flexcam.integrate.method import At, Method, Stepper
 from flexcam.integrate.moment import Instant, Moment
-from flexcam.integrate.settle import NoConvergenceError
+from flexcam.integrate.stage import NoConvergenceError
 from flexcam.linalg import FloatArray
 from flexcam.system import System
 
@@ -93,7 +93,7 @@ class _Stepper:
         length = to.time - now.time
         first = None if now.stride is None else min(now.stride, length)
         found = solve_ivp(
-            self._rate, (now.time, to.time), np.concatenate([now.d, now.v, now.inner.state]),
+            self._rate, (now.time, to.time), np.concatenate([now.d, now.v, now.inner]),
             method=self._method.name, rtol=self._method.tolerance, atol=self._sizes(now, length), first_step=first,
         )  # fmt: skip
         if not found.success:
@@ -112,14 +112,19 @@ class _Stepper:
         return self._starter.restarted(self._starter.answered(d, y[n : 2 * n], y[2 * n :], to))
 
     def _rate(self, time: float, y: FloatArray) -> FloatArray:
-        moment = self._moment(y, self._at(time))
-        return np.concatenate([moment.v, moment.a, moment.inner.rate])
+        to = self._at(time)
+        moment = self._moment(y, to)
+        return np.concatenate([moment.v, moment.a, self._state_rate(moment, to)])
+
+    def _state_rate(self, moment: Moment, to: Instant) -> FloatArray:
+        answer = self._forces.respond(moment.gap, moment.rate, moment.inner, to.schedule, to.row)
+        return answer.state_rate
 
     def _sizes(self, now: Moment, length: float) -> FloatArray:
         """Return the absolute tolerance of every entry: of the largest motion, as the step sees it."""
         largest = (float(np.abs(one).max(initial=0.0)) * length**i for i, one in enumerate((now.d, now.v, now.a)))
         size = max(*largest, _STILL)
-        inner = np.maximum(np.abs(now.inner.state), length * np.abs(now.inner.rate)) + _STILL
+        inner = np.maximum(np.abs(now.inner), np.abs(now.gap[self._forces.table.owners])) + _STILL
         parts = [np.full(self._n, size), np.full(self._n, size / length), inner]
         return self._method.tolerance * np.concatenate(parts)
 

@@ -13,21 +13,20 @@ from dataclasses import dataclass, replace
 
 from flexcam.checks import refuse
 from flexcam.integrate.carried import Carried
-from flexcam.integrate.compiled.gliding import Gliding
-from flexcam.integrate.compiled.machine import available
-from flexcam.integrate.compiled.marching import Marching
 from flexcam.integrate.engine import Engine
+from flexcam.integrate.generalized_alpha import Scheme
 from flexcam.integrate.glancing import Glancing, watched_rows
+from flexcam.integrate.jit import is_available
+from flexcam.integrate.kernel_engine import KernelEngine, compiled_functions
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import Method
 from flexcam.integrate.problem import Path, Problem
-from flexcam.integrate.scheme import Scheme
 from flexcam.integrate.stepwise import Pilot, Stepwise
 from flexcam.integrate.superposed import Superposed
 from flexcam.integrate.uncoupled import Natural, diagonal, natural_motions, uncoupled
 from flexcam.integrate.within import basis_of, within
 from flexcam.response import SaveAt
-from flexcam.system import Basis, Formulated, System
+from flexcam.system import Basis, ForceLaw, System
 
 MOST = 500
 """Unknowns up to which all natural motions are found within half a second."""
@@ -93,7 +92,7 @@ def wanted_paths(problem: Problem) -> tuple[Path, ...]:
     """Return the way that is asked for, or those that its length makes worthwhile, the best one first."""
     if problem.path != "auto":
         return (problem.path,)
-    steps = problem.runs * problem.steps if available() else 0
+    steps = problem.runs * problem.steps if is_available() else 0
     if problem.system.local_forces:
         return ("compiled", "general") if steps >= _WORTH_COMPILING else ("general",)
     if problem.steps < max(_WORTH, problem.system.size**2 // _SQUARED):
@@ -129,12 +128,16 @@ def _natural(problem: Problem, method: Method, path: Path, *, exactly: bool) -> 
 
 
 def _refuse_uncompiled(system: System) -> None:
-    if not available():
+    if not is_available():
         raise _UnfitError("numba is not installed")
     for force in system.local_forces:
-        law = force.law
-        if not isinstance(law, Formulated) or law.formulas(len(force.sense)) is None:
+        if not isinstance(force.law, ForceLaw):
             raise _UnfitError(f"the law of {force.name} is not known in machine code")
+
+
+def forces_of(way: Way) -> LocalForces:
+    """Return the local forces of a problem, their energies evaluated by compiled code where the kernel engine runs."""
+    return LocalForces(way.problem.system, compiled_functions() if way.path == "compiled" else None)
 
 
 def engine_of(
@@ -146,7 +149,7 @@ def engine_of(
             seldom = not save.channels and save.field_every >= _SPARSE
             few = seldom and 0 < len(watched_rows(way.problem)) <= _FEW
             return (Glancing if few else Superposed)(way.problem, method, save, stop, way.natural)
-        return (Marching if forces.count else Gliding)(way.problem, method, forces, stop)
+        return KernelEngine(way.problem, method, forces, stop)
     if not way.problem.system.size and not forces.count:
         return Carried(way.problem, forces, stop)
     return Stepwise(way.problem, method, forces, save, stop, pilot)

@@ -61,8 +61,7 @@ def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9, until
 
 
 def _packed(problem: Problem, state: State) -> FloatArray:
-    at_rest = [force.law.start_state for force in problem.system.local_forces]
-    inner = np.concatenate([np.zeros(0), *at_rest]) if state.inner is None else state.inner
+    inner = np.zeros(sum(force.states for force in problem.system.local_forces)) if state.inner is None else state.inner
     return np.concatenate([state.displacement, state.velocity, inner])
 
 

@@ -15,15 +15,15 @@ from flexcam.checks import refuse
 from flexcam.integrate.energy import PARTS, EnergyAccount
 from flexcam.integrate.engine import STOPPED, Engine
 from flexcam.integrate.fingerprint import fingerprint
+from flexcam.integrate.generalized_alpha import newmark
 from flexcam.integrate.glancing import Glancing
 from flexcam.integrate.imbalance import Imbalance
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import Method
 from flexcam.integrate.moment import Glance, Track
-from flexcam.integrate.paths import engine_of, way_of
+from flexcam.integrate.paths import engine_of, forces_of, way_of
 from flexcam.integrate.problem import Problem
 from flexcam.integrate.schedule import Schedule
-from flexcam.integrate.scheme import newmark
 from flexcam.integrate.within import shown
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
 from flexcam.memory import Keeper, Memory, reuse
@@ -50,9 +50,7 @@ def outline(system: System, *, channels: bool = True) -> Outline:
     if not channels:
         return Outline(names, probes, ())
     energies = () if system.carried else tuple((f"energy.{part}", "J") for part in PARTS)
-    states = [
-        (f"{STATE}{force.name}.{i}", "1") for force in system.local_forces for i in range(len(force.law.start_state))
-    ]
+    states = [(f"{STATE}{force.name}.{i}", "1") for force in system.local_forces for i in range(force.states)]
     return Outline(names, probes, (*((c.name, c.unit) for c in system.channels), *energies, *states))
 
 
@@ -133,7 +131,7 @@ def solve(
     stats = Stats(path=way.path, size=sizes[0], unknowns=sizes[1], periodicity=-1.0 if returns is None else returns)
     status = Status()
     try:
-        forces = LocalForces(inside.system)
+        forces = forces_of(way)
         engine = engine_of(way, scheme, forces, keep, clock.stopped, _pilot)
         run = _Run(inside, engine, forces, keep)
         if resume is not None:
@@ -254,7 +252,7 @@ class _Run:
         )  # fmt: skip
 
     def _block(self, steps: IntArray, track: Track) -> Block:
-        motion, time = self._forces.recalled(self._problem.drive.at(track.time), track.ends), track.time
+        motion, time = replace(self._problem.drive.at(track.time), known=track.cam), track.time
         ends = track.ends if len(track.ends) < len(time) else slice(None)
         fields, series = track.ends[self._save.fields(steps, self._problem.steps)], Series(track.d, track.v, track.a)
         probes = _probe_series(self._system.probes, series, motion)

@@ -22,7 +22,7 @@ from flexcam.linalg import (
     pins,
 )
 from flexcam.response import TOO_FINE, Cause, RunFailedError, Status
-from flexcam.system import CamMotion, Drive, Load, Resting, System
+from flexcam.system import CamMotion, Drive, Load, System
 
 _UNLOADED = 1e-9
 """Share of the load along a free motion that counts as none: loads are sums of given numbers with 15 digits."""
@@ -130,11 +130,7 @@ def _balanced(
 
 def _resting(forces: LocalForces, d: FloatArray, motion: CamMotion) -> FloatArray | None:
     """Return the internal states at rest, shape (s,); None where there are none."""
-    inner = forces.start_state.copy()
-    if not len(inner):
+    if not len(forces.table.owners):
         return None
     gap = forces.sensed(d[None], np.zeros((1, len(d))), forces.schedule(motion))[0][0]
-    for law, part, own in forces.laws:
-        if isinstance(law, Resting):
-            inner[own] = law.rest_state(gap[part])
-    return inner
+    return np.minimum(gap[forces.table.owners], 0.0)  # what carries at rest has not leaked yet, and no oil is missing

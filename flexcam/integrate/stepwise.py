@@ -17,7 +17,7 @@ from flexcam.integrate.moment import Instant, Moment, Track
 from flexcam.integrate.pace import Norm, Pace, StepFloorError
 from flexcam.integrate.problem import Problem, State
 from flexcam.integrate.schedule import Schedule
-from flexcam.integrate.settle import NoConvergenceError
+from flexcam.integrate.stage import NoConvergenceError
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.response import Cause, SaveAt, Series, Stats, Status
 from flexcam.system import System

@@ -12,10 +12,10 @@ import numpy as np
 from flexcam.checkpoint import Arrays
 from flexcam.integrate.course import Course, Stretch
 from flexcam.integrate.engine import STOPPED, everything, first_track, in_range
+from flexcam.integrate.generalized_alpha import Scheme
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.moment import Track
 from flexcam.integrate.problem import Problem
-from flexcam.integrate.scheme import Scheme
 from flexcam.integrate.uncoupled import Natural
 from flexcam.linalg import FloatArray, IntArray
 from flexcam.response import SaveAt, Stats, Status

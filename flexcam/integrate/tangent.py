@@ -54,7 +54,7 @@ class Tangents:
         if not self._forces.count:
             return
         answer, act, sense, turning = self._answer(i)
-        for _, own, _ in self._forces.laws:
+        for _, own, _ in self._forces.parts:
             by_gap = answer.by_gap[own, own] @ sense[own] + answer.by_rate[own, own] @ turning[own]
             yield self._forces.names[own.start], -act[own].T @ by_gap
 
@@ -63,7 +63,7 @@ class Tangents:
         forces, schedule = self._forces, self._schedule
         gap, rate, _ = (one[0] for one in forces.sensed(self._d[i : i + 1], self._v[i : i + 1], schedule.row(i)))
         state = forces.start_state if self._inner is None else self._inner[i]
-        answer = forces.respond(gap, rate, state, float(schedule.angle[i]))
+        answer = forces.respond(gap, rate, state, schedule, i)
         act = schedule.acting(i) @ forces.act.vectors
         sense = schedule.sensing(i) @ forces.sense.vectors
         return answer, act, sense, schedule.turning(i) @ forces.sense.vectors

@@ -9,9 +9,10 @@ import numpy as np
 from flexcam.checks import InputError
 from flexcam.integrate.method import Method
 from flexcam.integrate.problem import Problem, State
+from flexcam.integrate.reach import Reach, reach
 from flexcam.linalg import FloatArray, Triplets
 from flexcam.response import Block, Series
-from flexcam.system import Basis, Reach, Selection, System, projected, reach
+from flexcam.system import Basis, Selection, System, projected
 
 
 def reached(problem: Problem) -> Reach:

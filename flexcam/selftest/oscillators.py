@@ -11,8 +11,7 @@ from flexcam.integrate import Problem, State, equilibrium, newmark, solve
 from flexcam.linalg import Triplets
 from flexcam.motion import LAWS, criteria
 from flexcam.selftest.check import Check
-from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Probe, System, constant
-from flexcam.train.penalty import Stop
+from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Probe, System, constant, elastic_stop
 
 _G, _V0, _STIFFNESS = 9.81, 1.2, 4e6
 """Gravity, speed at the first touch, stiffness of the stop; the mass is 1 kg."""
@@ -42,7 +41,7 @@ def _late() -> Check:
 def _bouncing() -> System:
     """Return a mass under gravity over an elastic stop."""
     down, up = AngleVector.constant(np.array([-1.0])), AngleVector.constant(np.array([1.0]))
-    stop = LocalForce("stop", (down,), (up,), Stop(_STIFFNESS), (constant(0.0),), switching=(0,))
+    stop = LocalForce("stop", (down,), (up,), elastic_stop(_STIFFNESS), (constant(0.0),), switching=(0,))
     weight = Load("weight", np.array([-_G]), lambda motion: np.ones_like(motion.angle))
     nothing = Triplets.zeros(1)
     return System(Triplets.from_dense([[1.0]]), nothing, nothing, ("x",), (weight,), (stop,), probes=(_PROBE,))

@@ -1,32 +1,18 @@
-"""The seam between the physics and everything that works on it: matrices, separable loads, local forces (`equations`).
+"""The equations of a mechanism: matrices, separable loads, local forces (`equations`), and their force laws.
 
 Knows no beam and no integrator; may import `linalg` and `checks`.
-A new kind of load or force that fits the equations needs nothing here; another form of a law for the compiled way is a
-`Kind` in `formula`, another drive of the camshaft a class in `drive`, another basis one in `basis`.
+A new force law is a function and a row of the table in `force_laws`, another drive of the camshaft a class in `drive`,
+another basis one in `basis`.
 """
 
+from flexcam.system.angle_functions import ONE, AngleFunction, AngleVector, Constant, constant, derivative
 from flexcam.system.basis import Basis, Selection, Shapes, projected
 from flexcam.system.channel import Channel, Motions, Moved, Observable, Observed, force_sum, load_sum, row_of, total
 from flexcam.system.drive import CamMotion, ConstantSpeed, Drive, FluctuatingSpeed, SpeedByAngle
 from flexcam.system.equations import Carried, Load, Probe, System
 from flexcam.system.evaluated import Evaluated, Following
-from flexcam.system.formula import ONE, Formula, Formulated, Kind
-from flexcam.system.local import (
-    AngleFunction,
-    AngleVector,
-    Changing,
-    Constant,
-    LocalForce,
-    LocalLaw,
-    Reaction,
-    Resting,
-    Smooth,
-    Stored,
-    Storing,
-    constant,
-    derivative,
-)
-from flexcam.system.reach import Reach, Still, reach
+from flexcam.system.force_laws import ForceLaw, elastic_stop, hunt_crossley_contact, oil_column_law, spring_damper
+from flexcam.system.local import CustomLaw, LocalForce, Reaction
 
 __all__ = [
     "ONE",
@@ -35,42 +21,36 @@ __all__ = [
     "Basis",
     "CamMotion",
     "Carried",
-    "Changing",
     "Channel",
     "Constant",
     "ConstantSpeed",
+    "CustomLaw",
     "Drive",
     "Evaluated",
     "FluctuatingSpeed",
     "Following",
-    "Formula",
-    "Formulated",
-    "Kind",
+    "ForceLaw",
     "Load",
     "LocalForce",
-    "LocalLaw",
     "Motions",
     "Moved",
     "Observable",
     "Observed",
     "Probe",
-    "Reach",
     "Reaction",
-    "Resting",
     "Selection",
     "Shapes",
-    "Smooth",
     "SpeedByAngle",
-    "Still",
-    "Stored",
-    "Storing",
     "System",
     "constant",
     "derivative",
+    "elastic_stop",
     "force_sum",
+    "hunt_crossley_contact",
     "load_sum",
+    "oil_column_law",
     "projected",
-    "reach",
     "row_of",
+    "spring_damper",
     "total",
 ]

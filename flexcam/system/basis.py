@@ -9,9 +9,10 @@ from typing import Protocol
 import numpy as np
 
 from flexcam.linalg import FloatArray, IntArray, Triplets
+from flexcam.system.angle_functions import AngleFunction, AngleVector, Constant
 from flexcam.system.channel import Channel, Moved, Observed
 from flexcam.system.equations import Load, Probe, System
-from flexcam.system.local import AngleFunction, AngleVector, Constant, LocalForce
+from flexcam.system.local import LocalForce
 
 
 class Basis(Protocol):

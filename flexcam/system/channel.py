@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from flexcam.linalg import FloatArray
+from flexcam.system.angle_functions import AngleFunction
 from flexcam.system.drive import CamMotion
 from flexcam.system.evaluated import Evaluated
-from flexcam.system.local import AngleFunction
 
 
 class Moved(Protocol):

@@ -10,8 +10,8 @@ import numpy as np
 
 from flexcam.checks import positive, refuse
 from flexcam.linalg import FloatArray
+from flexcam.system.angle_functions import AngleFunction
 from flexcam.system.evaluated import Evaluated
-from flexcam.system.local import AngleFunction
 
 
 @dataclass(frozen=True, eq=False)

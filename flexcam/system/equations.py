@@ -19,9 +19,10 @@ from functools import cached_property
 import numpy as np
 
 from flexcam.linalg import FloatArray, Triplets
+from flexcam.system.angle_functions import AngleFunction, AngleVector, Constant
 from flexcam.system.channel import Channel
 from flexcam.system.drive import CamMotion
-from flexcam.system.local import AngleFunction, AngleVector, Constant, LocalForce
+from flexcam.system.local import LocalForce
 
 
 @dataclass(frozen=True, eq=False)

@@ -146,7 +146,7 @@ def _parts(couplings: Iterable[Coupling]) -> list[_Part]:
     found: list[_Part] = []
     loads = scalars = states = 0
     for coupling in couplings:
-        sizes = [(len(f.sense), len(f.law.start_state)) for f in coupling.forces]
+        sizes = [(len(f.sense), f.states) for f in coupling.forces]
         ends = loads + len(coupling.loads), scalars + sum(c for c, _ in sizes), states + sum(s for _, s in sizes)
         found.append(_Part(slice(loads, ends[0]), slice(scalars, ends[1]), slice(states, ends[2])))
         loads, scalars, states = ends

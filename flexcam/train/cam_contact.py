@@ -19,12 +19,14 @@ from flexcam.system import (
     AngleFunction,
     AngleVector,
     Channel,
-    LocalLaw,
+    ForceLaw,
     Observable,
     Observed,
     constant,
     derivative,
     force_sum,
+    hunt_crossley_contact,
+    spring_damper,
     total,
 )
 from flexcam.train.cam_friction import rubbing
@@ -43,7 +45,7 @@ from flexcam.train.cam_plane import refuse_other_arm, sideways, to_right, turnin
 from flexcam.train.contacts import conservative
 from flexcam.train.coupling import Coupling
 from flexcam.train.model import Cam, CamContact
-from flexcam.train.penalty import STRAIGHT, Bilateral, HertzLine, HuntCrossley, Inclined
+from flexcam.train.penalty import STRAIGHT, HertzLine
 from flexcam.train.structure import Structure, find_node
 
 
@@ -61,7 +63,7 @@ def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.torque", "N m", torque),
         Channel(f"{where}.gap", "m", lambda seen: -seen.gaps[:, 0]),
-        *_profile_channels(structure, name, contact, cam, law),
+        *_profile_channels(structure, name, contact, cam),
     ))  # fmt: skip
 
 
@@ -121,13 +123,13 @@ def _stands_still(structure: Structure, follower: str, where: str) -> InputError
     return refuse(where, given, "a point that is free along the lift", why, "free it in [supports]")
 
 
-def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> LocalLaw:
+def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> ForceLaw:
     if not contact.unilateral:
-        return Bilateral(contact.stiffness or 0.0)
+        return spring_damper(contact.stiffness or 0.0)
     if contact.stiffness is not None:
-        return HuntCrossley(contact.stiffness, contact.dissipation)
-    law = hertz_line(structure, name, contact, cam)
-    return law if isinstance(cam.follower, FlatFollower) else Inclined(law, tabled(around(cam).touch.reach))
+        return hunt_crossley_contact(contact.stiffness, contact.dissipation)
+    line = hertz_line(structure, name, contact, cam)
+    return line.law() if isinstance(cam.follower, FlatFollower) else line.law(tabled(around(cam).touch.reach))
 
 
 def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -> HertzLine:
@@ -154,7 +156,7 @@ def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -
     return HertzLine(cam.width, material.E, material.nu, radius, depth, contact.dissipation, rolls)
 
 
-def _profile_channels(structure: Structure, name: str, contact: CamContact, cam: Cam, law: LocalLaw) -> list[Channel]:
+def _profile_channels(structure: Structure, name: str, contact: CamContact, cam: Cam) -> list[Channel]:
     """Return Hertz pressure, sliding velocity and friction, where the profile is known."""
     if cam.follower is None:
         return []
@@ -164,8 +166,7 @@ def _profile_channels(structure: Structure, name: str, contact: CamContact, cam:
     whole = not undercut(around(cam).radius, follower).any()
     on_member = structure.model.mesh.on_members()[find_node(structure.model, cam.at, f"cams.{contact.cam}.at")]
     if cam.width is not None and whole and on_member:
-        own = law.normal if isinstance(law, Inclined) else law
-        line = own if isinstance(own, HertzLine) else hertz_line(structure, name, contact, cam)
+        line = hertz_line(structure, name, contact, cam)
         channels.append(Channel(f"{where}.pressure", "Pa", _pressure(line, cam)))
     if not np.isfinite(follower.roller_radius):
         channels.append(Channel(f"{where}.sliding", "m/s", _per_time(slide(cam))))

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import cast
+
 import numpy as np
 
 from flexcam.cam import SwingFlatFollower
 from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
-from flexcam.system import AngleVector, LocalForce, constant
+from flexcam.system import AngleVector, ForceLaw, LocalForce, constant
 from flexcam.train.cam_functions import along_lift, beside_lift, lightened, off_pivot, rub, travelled
 from flexcam.train.cam_plane import sideways, to_right, turning
 from flexcam.train.model import Cam, CamContact
-from flexcam.train.penalty import Sliding
 from flexcam.train.structure import Structure
 
 
@@ -19,7 +21,7 @@ def rubbing(structure: Structure, name: str, contact: CamContact, cam: Cam, forc
     """Return the contact with friction: a second scalar whose rate is the velocity of sliding."""
     along = rubbed(structure, name, contact, cam)
     acting = AngleVector(-along.vectors, along.functions)
-    law = Sliding(force.law, contact.friction, contact.friction_speed)
+    law = replace(cast("ForceLaw", force.law), friction=(contact.friction, contact.friction_speed))
     offset = (*force.offset, travelled(cam))
     return LocalForce(
         force.name, (*force.sense, along), (*force.act, acting), law, offset, force.switching, force.restitution

@@ -3,26 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from flexcam.linalg import FloatArray
-from flexcam.system import (
-    Channel,
-    Formula,
-    Kind,
-    LocalForce,
-    Observable,
-    Observed,
-    Reaction,
-    Stored,
-    constant,
-    force_sum,
-)
+from flexcam.system import Channel, ForceLaw, LocalForce, Observable, Observed, constant, elastic_stop, force_sum
+from flexcam.system.force_laws import PULSATING
 from flexcam.train.coupling import Coupling, opposed
 from flexcam.train.model import Pulsation, Spring, Wire
-from flexcam.train.penalty import Stateless, Stop
 from flexcam.train.springs import spring_parts
 from flexcam.train.structure import Structure
 
@@ -51,59 +39,34 @@ def coils(structure: Structure) -> Coupling:
         rows = np.array([high - low for low, high in spring_parts(structure, name, spring)])
         channels += _channels(f"springs.{name}", spring, rows)
         if spring.pulsation is not None:
-            law = Pulsating(spring.stiffness * spring.elements, spring.pulsation)
+            law = pulsating_spring(spring.stiffness * spring.elements, spring.pulsation)
             forces.append(opposed(f"springs.{name}.pulsation", rows, law))
             count += len(rows)
         if spring.clash_travel is None:
             continue
         room = constant(-spring.clash_travel / spring.elements)
-        each = tuple(range(len(rows)))
-        forces.append(opposed(f"springs.{name}.clash", rows, Stop(spring.clash_stiffness), room, each))
+        forces.append(opposed(f"springs.{name}.clash", rows, elastic_stop(spring.clash_stiffness), room))
         channels.append(Channel(f"springs.{name}.clash", "N", force_sum(*range(count, count + len(rows)))))
         count += len(rows)
     return Coupling((), tuple(forces), tuple(channels))
 
 
-@dataclass(frozen=True)
-class Pulsating(Stateless):
-    """What a pulsating stiffness adds to its mean, against any number of stretches side by side.
+def pulsating_spring(stiffness: float, pulsation: Pulsation) -> ForceLaw:
+    """Return the law of what a pulsating stiffness adds to its mean.
 
     Parameters
     ----------
     stiffness
-        Mean of each, N/m.
+        Mean, N/m.
     pulsation
-        Its swing.
+        Its swing over the cam angle.
 
-    Examples
-    --------
-    >>> from flexcam.train.model import Pulsation
-    >>> Pulsating(2.0, Pulsation(1.0, 0.5)).respond(np.array([1.0]), np.zeros(1), np.zeros(0), 0.0).force
-    array([1.])
+    Returns
+    -------
+    ForceLaw
+        `flexcam.system.force_laws.bilateral` with a stiffness that changes with the cam angle.
     """
-
-    stiffness: float
-    pulsation: Pulsation
-
-    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
-        """Return force and tangent at a cam angle."""
-        stiffness = self.stiffness * float(self.pulsation.part(np.array(angle)))
-        still = np.zeros((len(gap), len(gap)))
-        return Reaction(stiffness * gap, stiffness * np.eye(len(gap)), still, np.zeros(0))
-
-    def formulas(self, count: int) -> tuple[Formula, ...]:
-        """Return the law as data."""
-        return (Formula(Kind.PULSATING, (self.stiffness,), (self._swing,)),) * count
-
-    def _swing(self, angle: FloatArray, order: int) -> FloatArray:
-        """Return the swing at cam angles; its derivatives are not asked for."""
-        del order
-        return self.pulsation.part(angle)
-
-    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
-        """Return the energy beside that of the mean stiffness, and its derivatives."""
-        stiffness = (self.stiffness * self.pulsation.part(angle))[:, None]
-        return Stored(0.5 * (stiffness * gap**2).sum(axis=1), stiffness * gap, np.zeros_like(state))
+    return ForceLaw(PULSATING, (stiffness,), (lambda angle, order: pulsation.part(angle),))
 
 
 def _told(spring: Spring) -> bool:

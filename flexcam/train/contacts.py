@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
-from flexcam.system import AngleFunction, AngleVector, Channel, LocalForce, LocalLaw, constant, force_sum
+from flexcam.system import AngleFunction, AngleVector, Channel, ForceLaw, LocalForce, constant, elastic_stop, force_sum
 from flexcam.train.coupling import Coupling
 from flexcam.train.model import Adjuster, Lash, Seat
-from flexcam.train.penalty import HertzLine, HuntCrossley, Inclined, Stop
 from flexcam.train.structure import Structure
 
 _zero = constant(0.0)
@@ -20,12 +19,12 @@ _zero = constant(0.0)
 def conservative(
     name: str,
     sense: AngleVector,
-    law: LocalLaw,
+    law: ForceLaw,
     offset: AngleFunction = _zero,
     restitution: float | None = None,
 ) -> LocalForce:
     """Return a local force of one scalar that acts against the motion that presses its bodies together."""
-    switching = (0,) if isinstance(law, HuntCrossley | HertzLine | Inclined | Stop) else ()
+    switching = () if restitution is None else (0,)  # an impact happens at the moment of touchdown
     act = AngleVector(-sense.vectors, sense.functions)
     return LocalForce(name, (sense,), (act,), law, (offset,), switching, restitution)
 
@@ -39,7 +38,7 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
         raise refuse(
             f"contacts.{name}", given, "a point that is free along the seat's direction", why, 'add direction = "uy"'
         )
-    law = Stop(seat.stiffness, seat.damping, seat.damping_depth)
+    law = elastic_stop(seat.stiffness, seat.damping, seat.damping_depth)
     force = conservative(f"contacts.{name}", AngleVector.constant(-row), law, restitution=seat.restitution)
     return Coupling((), (force,), (
         Channel(f"contacts.{name}.force", "N", force_sum(0)),
@@ -52,7 +51,7 @@ def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
     """Return the play between a rocker and its point."""
     where = f"contacts.{name}"
     row, gap = play_row(structure, lash, where), constant(-lash.gap)
-    law = Stop(lash.stiffness, lash.damping, lash.damping_depth)
+    law = elastic_stop(lash.stiffness, lash.damping, lash.damping_depth)
     force = conservative(where, AngleVector.constant(row), law, gap)
     return Coupling((), (force,), (
         Channel(f"{where}.force", "N", force_sum(0)),

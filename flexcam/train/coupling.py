@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flexcam.linalg import FloatArray
-from flexcam.system import AngleFunction, AngleVector, Channel, Load, LocalForce, LocalLaw, constant
+from flexcam.system import AngleFunction, AngleVector, Channel, ForceLaw, Load, LocalForce, constant
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +21,7 @@ _zero = constant(0.0)
 
 
 def opposed(
-    name: str, rows: FloatArray, law: LocalLaw, offset: AngleFunction = _zero, switching: tuple[int, ...] = ()
+    name: str, rows: FloatArray, law: ForceLaw, offset: AngleFunction = _zero, switching: tuple[int, ...] = ()
 ) -> LocalForce:
     """Return a local force that acts against the rows it senses, A = -G, none of which changes with the cam angle."""
     sense = tuple(AngleVector.constant(row) for row in rows)

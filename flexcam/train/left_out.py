@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flexcam.fem import COMPONENTS
+from flexcam.integrate import Reach, Still
 from flexcam.linalg import FloatArray, IntArray
-from flexcam.system import Reach, Still
 from flexcam.train.structure import Structure
 
 _ALONG = 1e-6

@@ -6,23 +6,18 @@ The structure holds the joints as springs at the installed ratio. Here stands th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from flexcam.linalg import FloatArray
-from flexcam.system import Formula, Kind, LocalForce, Reaction, Stored
-from flexcam.system.pointwise import turning
+from flexcam.system import ForceLaw, LocalForce
+from flexcam.system.force_laws import LEVER
 from flexcam.train.coupling import Coupling, opposed
 from flexcam.train.model import Lever
-from flexcam.train.penalty import Stateless
 from flexcam.train.published import follower_train
 from flexcam.train.structure import Structure, lever_ends
 
 
-@dataclass(frozen=True, eq=False)
-class LeverEnd(Stateless):
-    """Local law of one end, beyond its linear spring: it senses the path p and what moves there, x.
+def lever_end(lever: Lever, end: int) -> ForceLaw:
+    """Return the law of an elastic end beyond its linear spring; it senses the path p and what moves there, x.
 
     Parameters
     ----------
@@ -30,42 +25,15 @@ class LeverEnd(Stateless):
         The lever.
     end
         0 for the driven one, 1 for the point.
+
+    Returns
+    -------
+    ForceLaw
+        `flexcam.system.force_laws.lever`.
     """
-
-    lever: Lever
-    end: int
-
-    def _at_rest(self) -> FloatArray:
-        """Return the derivative of the depth by path and motion, as installed."""
-        return np.array([float(self.lever.reach(np.zeros(1), self.end)[1][0]), -1.0])
-
-    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
-        """Return force and tangent."""
-        lever, end = self.lever, self.end
-        k, c = lever.stiffness[end], lever.damping[end]
-        beyond, more, slope, bend = turning(float(gap[0]), lever.arms[end], lever.arms[0], lever.angles[end])
-        at_rest, (path, moved), (p, x) = slope - more, gap.tolist(), rate.tolist()
-        linear = k * (at_rest * path - moved) + c * (at_rest * p - x)
-        N, turned = k * beyond + c * more * p, c * bend * p  # beyond the linear one
-        own = more * (slope + at_rest)  # by which the square of the slope has changed
-        by_gap = np.array([[k * own + slope * turned + (linear + N) * bend, -k * more], [-k * more - turned, 0.0]])
-        by_rate = np.array([[c * own, -c * more], [-c * more, 0.0]])
-        return Reaction(np.array([N * slope + linear * more, -N]), by_gap, by_rate)
-
-    def formulas(self, count: int) -> tuple[Formula, ...]:
-        """Return the law as data."""
-        lever, end = self.lever, self.end
-        shape = (lever.arms[end], lever.arms[0], lever.angles[end])
-        return (Formula(Kind.LEVER, (lever.stiffness[end], lever.damping[end], *shape), scalars=count),)
-
-    def stored(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> Stored:
-        """Return the energy beyond that of the linear spring and its derivative, per instant."""
-        k, at_rest = self.lever.stiffness[self.end], self._at_rest()
-        y, slope, _ = self.lever.reach(gap[..., 0], self.end)
-        depth, linear = y - gap[..., 1], gap @ at_rest
-        force = np.stack([depth * slope, -depth], axis=-1) - linear[..., None] * at_rest
-        energy = 0.5 * k * (y - at_rest[0] * gap[..., 0]) * (depth + linear)
-        return Stored(energy, k * force, np.zeros_like(state))
+    return ForceLaw(
+        LEVER, (lever.stiffness[end], lever.damping[end], lever.arms[end], lever.arms[0], lever.angles[end])
+    )
 
 
 def lever_joints(structure: Structure) -> Coupling:
@@ -86,7 +54,7 @@ def lever_joints(structure: Structure) -> Coupling:
     for name, lever in structure.model.levers.items():
         for end, rows in lever_ends(structure, lever).items():
             where = f"rockers.{name}.{('from', 'to')[end]}"
-            forces.append(opposed(where, np.array(rows), LeverEnd(lever, end)))
+            forces.append(opposed(where, np.array(rows), lever_end(lever, end)))
     return Coupling((), tuple(forces), ())
 
 

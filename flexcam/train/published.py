@@ -28,23 +28,20 @@ from flexcam.system import (
     AngleVector,
     CamMotion,
     Channel,
-    Formula,
-    Kind,
     Load,
     LocalForce,
     Observable,
-    Reaction,
     constant,
     derivative,
     force_sum,
     load_sum,
+    spring_damper,
     total,
 )
 from flexcam.train.borne import borne
 from flexcam.train.coupling import Coupling
 from flexcam.train.following import completed
 from flexcam.train.model import Cam, CamContact, PublishedLoad
-from flexcam.train.penalty import Stateless
 from flexcam.train.springs import spring_row
 from flexcam.train.structure import Structure, find_node
 
@@ -158,7 +155,7 @@ def couple(structure: Structure, name: str, contact: PublishedLoad, speed: float
         if contact.cam_torque:
             felt = AngleVector(np.array([push, twist]), (constant(1.0), arm))
         sensed = AngleVector.constant(structure.row(cam.at, lift))
-        local = (LocalForce(f"contacts.{name}", (sensed,), (felt,), _Linear(K), (constant(0.0),)),)
+        local = (LocalForce(f"contacts.{name}", (sensed,), (felt,), spring_damper(K), (constant(0.0),)),)
 
     def seen(factor: AngleFunction | None = None) -> Observable:
         return total(load_sum(0, 1, factor=factor), *[force_sum(0, factor=factor)] if local else [])
@@ -181,18 +178,3 @@ def _spring_share(structure: Structure, train: FollowerTrain) -> FloatArray:
     total = sum(size * float(train.motion @ row) for size, row in shares)
     share = sum((size * row for size, row in shares), np.zeros(structure.dofs.size))
     return share / total if total > 0.0 else share
-
-
-@dataclass(frozen=True)
-class _Linear(Stateless):
-    """f = K gamma."""
-
-    stiffness: float
-
-    def respond(self, gap: FloatArray, rate: FloatArray, state: FloatArray, angle: float) -> Reaction:
-        K = np.array([[self.stiffness]])
-        return Reaction(K[0] * gap, K, np.zeros((1, 1)))
-
-    def formulas(self, count: int) -> tuple[Formula, ...]:
-        """Return the law as data."""
-        return (Formula(Kind.BILATERAL, (self.stiffness, 0.0)),) * count

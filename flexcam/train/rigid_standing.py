@@ -8,7 +8,6 @@ from flexcam.motion import event_extremes
 from flexcam.system import Evaluated
 from flexcam.train.assembled import build_structure
 from flexcam.train.model import CamContact, Model
-from flexcam.train.penalty import Stop
 from flexcam.train.rigid_train import rigid_train
 
 
@@ -29,6 +28,6 @@ def touching_coils(model: Model, speed: float) -> dict[str, float]:
         moved = np.stack([one(np.array([top.value]))[0] for one in train.coordinates], axis=-1)
         for one in train.springs:
             beyond = len(one.rows) * float(one.pressed(moved, Evaluated(np.array([top.at]))).max())
-            if isinstance(one.law, Stop) and beyond > 0.0:
+            if one.stops and beyond > 0.0:
                 found[one.name.split(".")[1]] = beyond
     return found

@@ -13,15 +13,13 @@ leaving out less than possible costs time, never truth.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexcam.integrate.local import LocalForces
 from flexcam.linalg import FloatArray, IntArray, by_group, diagonal_scale, groups
-from flexcam.system.drive import CamMotion
-from flexcam.system.equations import System
-from flexcam.system.local import Constant, Idle, LocalForce, Reaction
+from flexcam.system import CamMotion, Constant, ForceLaw, LocalForce, System
 
 _SLOW = 1e-13
 """Part of the largest velocity of a start, as roots of energies, below which one is rounding of a difference."""
@@ -31,9 +29,6 @@ _BALANCED = 1e-12
 
 _NOTHING = 1e-15
 """Part of the forces on all groups below which a force is rounding."""
-
-_ANGLES = np.linspace(0.0, 2.0 * np.pi, 73)[:-1]
-"""Cam angles at which what rests is asked for its force."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +82,7 @@ def reach(
     idle, begun = _idle(system, d), _changing(system) | _started(v, system.mass.diagonal())
     while True:
         labels = _coupled(system, idle)
-        steady, moving = _resting(system, d, _states(system, inner), _any(begun, labels), labels)
+        steady, moving = _resting(system, d, inner, _any(begun, labels), labels)
         moving |= _any(_unbalanced(system, d, steady, labels), labels)
         asleep = [one for one in idle if not moving[one.unknowns].any()]
         if len(asleep) == len(idle):
@@ -116,8 +111,7 @@ def _idle(system: System, d: FloatArray) -> list[_Asleep]:
     """Return the sets of idle scalars that are zero at a start."""
     found: list[_Asleep] = []
     for force in system.local_forces:
-        for scalars in force.law.idle() if isinstance(force.law, Idle) else ():
-            held: list[int] = scalars.tolist()
+        for held in force.idle_scalars():
             if not any((force.sense[i].vectors @ d).any() or force.offset[i] != Constant(0.0) for i in held):
                 vectors = [one.vectors for i in held for one in (force.sense[i], force.act[i])]
                 found.append(_Asleep(force, frozenset(held), (np.concatenate(vectors) != 0.0).any(axis=0)))
@@ -150,43 +144,35 @@ def _changing(system: System) -> NDArray[np.bool_]:
     return (np.array(vectors).reshape(len(vectors), system.size) != 0.0).any(axis=0)
 
 
-def _states(system: System, inner: FloatArray | None) -> list[FloatArray]:
-    at_rest = [force.law.start_state for force in system.local_forces]
-    if inner is None:
-        return at_rest
-    return [inner[a:b] for a, b in pairwise(np.cumsum([0, *map(len, at_rest)]).tolist())]
-
-
 def _resting(
-    system: System, d: FloatArray, states: list[FloatArray], moving: NDArray[np.bool_], labels: IntArray
+    system: System, d: FloatArray, inner: FloatArray | None, moving: NDArray[np.bool_], labels: IntArray
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Return the constant forces on what does not move, shape (k, n), and what moves, local forces included."""
     still, moving = CamMotion(np.zeros(1), np.zeros(1), np.zeros(1)), moving.copy()
     steady = [load.vector * load.history(still)[0] for load in system.loads if load.steady]
-    for force, state in zip(system.local_forces, states, strict=True):
+    forces = LocalForces(system)
+    schedule = forces.schedule(still)
+    gap = forces.sensed(d[None], np.zeros((1, system.size)), schedule)[0][0]
+    answer = forces.respond(gap, np.zeros(forces.count), forces.start_state if inner is None else inner, schedule)
+    for force, part, states in forces.parts:
         involved = _involved(force, system.size)
         if moving[involved].any():
             continue
-        held = _held(force, d, state)
-        if held is None:
+        if _varies(force, gap[part]) or answer.state_rate[states].any():
             moving |= _any(involved, labels)
         else:
-            steady += [f * one.vectors[0] for f, one in zip(held.tolist(), force.act, strict=True)]
+            pairs = zip(answer.force[part].tolist(), force.act, strict=True)
+            steady += [size * act.vectors[0] for size, act in pairs]
     return np.array(steady).reshape(len(steady), system.size), moving
 
 
-def _held(force: LocalForce, d: FloatArray, state: FloatArray) -> FloatArray | None:
-    """Return the force of what rests, shape (c,); None where it changes with the cam angle or by itself."""
+def _varies(force: LocalForce, gap: FloatArray) -> bool:
+    """Return whether a force at rest may change with the cam angle: by its vectors, its offsets or its law."""
     if any(one.functions for one in (*force.sense, *force.act)):
-        return None
+        return True
     if not all(isinstance(offset, Constant) for offset in force.offset):
-        return None
-    offset = np.array([float(one(np.zeros(1), 0)[0]) for one in force.offset])
-    gap = np.array([float(one.vectors[0] @ d) for one in force.sense]) + offset
-    answers: list[Reaction] = [force.law.respond(gap, np.zeros(len(gap)), state, angle) for angle in _ANGLES.tolist()]
-    if any(one.state_rate.any() or (one.force != answers[0].force).any() for one in answers):
-        return None
-    return answers[0].force
+        return True
+    return bool((not isinstance(force.law, ForceLaw) or force.law.functions) and gap.any())
 
 
 def _unbalanced(system: System, d: FloatArray, steady: FloatArray, labels: IntArray) -> NDArray[np.bool_]:

@@ -13,6 +13,7 @@ Struct. Dyn. 5 (1977); J. Chung, G. M. Hulbert, J. Appl. Mech. 60 (1993), eqs. 1
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import At, Method, Stepper
 from flexcam.integrate.moment import Instant, Moment
 from flexcam.integrate.stage import Predicted, Stage
-from flexcam.linalg import FloatArray, operator
+from flexcam.linalg import FloatArray, LongArray, operator
 from flexcam.system import System
 
 _ROUNDING = 1e-12
@@ -30,6 +31,15 @@ _ROUNDING = 1e-12
 
 _TRAPEZOIDAL = 1.0 / 12.0
 """Error of the trapezoidal rule in a step, over h^2 times the change of the slope."""
+
+
+Number = TypeVar("Number", float, FloatArray, LongArray)
+"""A number or one per mode."""
+
+
+def predict(q: Number, v: Number, a: Number, h: float, beta: float, gamma: float) -> tuple[Number, Number]:
+    """Return displacement and velocity at the end of a step without the new acceleration (Newmark's formulas)."""
+    return q + h * v + (0.5 - beta) * h * h * a, v + (1.0 - gamma) * h * a
 
 
 @dataclass(frozen=True)
@@ -97,6 +107,13 @@ class Scheme(Method):
         """
         return _TRAPEZOIDAL if self.beta < 1.0 / 6.0 + _TRAPEZOIDAL - _ROUNDING else 0.0
 
+    def effective_mass(
+        self, mass: FloatArray, damping: FloatArray, stiffness: FloatArray, step: float
+    ) -> FloatArray:  # fmt: skip
+        """Return what resists the new acceleration of modes: ``(1 - am) m + (1 - af)(gamma h c + beta h^2 k)``."""
+        new = 1.0 - self.alpha_f
+        return (1.0 - self.alpha_m) * mass + new * (self.gamma * step * damping + self.beta * step**2 * stiffness)
+
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
         """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step, as `Method` says."""
         weights = (self.beta, self.gamma, self.alpha_m, self.alpha_f)
@@ -128,8 +145,7 @@ def family_matrix(
     """
     w, x = omega_dt**2, 2.0 * damping * omega_dt
     new, old = 1.0 - alpha_f, alpha_f
-    drift = np.array([1.0, 1.0, 0.5 - beta])
-    speed = np.array([0.0, 1.0, 1.0 - gamma])
+    drift, speed = predict(*np.eye(3), 1.0, beta, gamma)
     inertia = np.array([0.0, 0.0, alpha_m])
     past = old * np.array([w, x, 0.0])
     pull = 1.0 - alpha_m + new * (x * gamma + w * beta)
@@ -150,8 +166,7 @@ class _Stepper:
     def advance(self, now: Moment, to: Instant) -> Moment:
         """Return the next instant, as `Stepper` says."""
         s, dt = self._scheme, self._dt
-        d = now.d + dt * now.v + (0.5 - s.beta) * dt**2 * now.a
-        v = now.v + (1.0 - s.gamma) * dt * now.a
+        d, v = predict(now.d, now.v, now.a, dt, s.beta, s.gamma)
         new = self._stage.solve(Predicted(d, v, self._old(now)), now, to)
         return new if self._led is None else self._led.led(now, new, dt)
 
