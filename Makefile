@@ -47,7 +47,7 @@ test-slow: $(VENV)/.dev
 
 # Every fault of tests/planted must make the suite fail.
 planted: $(VENV)/.dev
-	$(BIN)/python tests/planted/plant.py
+	$(BIN)/python -m tests.planted.plant
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check flexcam tests meshes benchmarks docs examples

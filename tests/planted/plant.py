@@ -1,7 +1,11 @@
-"""Plant every fault of ``faults.toml`` in a copy of the tree; fail if the suite stays green under any of them."""
+"""Plant every fault of ``faults.toml`` in a copy of the tree; fail if the suite stays green under any of them.
+
+Run as ``python -m tests.planted.plant`` from the root of the repository.
+"""
 
 from __future__ import annotations
 
+import argparse
 import os
 import shutil
 import subprocess
@@ -11,6 +15,8 @@ import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
+
+from tests.planted.anchors import AnchorError, Edit, Fault, Package
 
 ROOT = Path(__file__).resolve().parents[2]
 COPIED = (
@@ -51,45 +57,74 @@ def failures(tree: Path, tests: list[str], kept: Path, workers: int = 0) -> str:
     return done.stdout if done.returncode == 1 else ""
 
 
-def plant(fault: dict[str, str], tree: Path) -> None:
-    path = tree / fault["file"]
-    text = path.read_text(encoding="utf-8")
-    if text.count(fault["old"]) != 1:
-        message = f"{fault['name']}: the text to replace stands {text.count(fault['old'])} times in {fault['file']}"
-        raise SystemExit(message)
-    path.write_text(text.replace(fault["old"], fault["new"]), encoding="utf-8")
+def refusals(faults: list[Fault], tree: Path) -> list[str]:
+    """Return what is wrong with the places of the faults and the tests that they name."""
+    package, found = Package(tree), []
+    for fault in faults:
+        try:
+            package.edit(fault)
+        except AnchorError as error:
+            found.append(str(error))
+        missing = [test for test in fault["tests"] if not (tree / test.partition("::")[0]).exists()]
+        found += [f"{fault['name']}: there is no {test}" for test in missing]
+    return found
 
 
-def control(sound: Path, kept: Path) -> None:
+def control(faults: list[Fault], sound: Path, kept: Path) -> None:
     """Every selection of tests must be green before a fault is planted, or its failing would prove nothing."""
-    everything = sorted({test for fault in FAULTS for test in fault["tests"]})
+    everything = sorted({test for fault in faults for test in fault["tests"]})
     if said := failures(sound, everything, kept, WORKERS):
         message = f"{said}\nthe suite fails without any fault planted"
         raise SystemExit(message)
 
 
-def caught(fault: dict[str, str], sound: Path, kept: Path) -> bool:
+def caught(fault: Fault, edit: Edit, sound: Path, kept: Path) -> bool:
     """Tell whether the tests of a fault fail on a tree that has it."""
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder)
         copy_tree(sound, tree)
-        plant(fault, tree)
+        edit.apply(tree)
         return bool(failures(tree, fault["tests"], kept))
 
 
-def main() -> int:
+def survivors(faults: list[Fault]) -> list[str]:
+    """Plant the faults one by one, tell how each ends, and return the names of those that no test catches."""
     survived = []
     # Each thread waits for a process of its own.
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(WORKERS) as threads:
         sound, kept = Path(folder) / "sound", Path(folder) / "machine-code"
         sound.mkdir()
         copy_tree(ROOT, sound)
-        control(sound, kept)
-        for fault, seen in zip(FAULTS, threads.map(partial(caught, sound=sound, kept=kept), FAULTS), strict=True):
+        package = Package(sound)
+        edits = [package.edit(fault) for fault in faults]
+        control(faults, sound, kept)
+        for fault, seen in zip(
+            faults, threads.map(partial(caught, sound=sound, kept=kept), faults, edits), strict=True
+        ):
             sys.stdout.write(f"{'caught' if seen else 'SURVIVED'}: {fault['name']}\n")
             sys.stdout.flush()
             survived += [] if seen else [fault["name"]]
-    sys.stdout.write(f"{len(FAULTS) - len(survived)} of {len(FAULTS)} faults caught\n")
+    return survived
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Plant known faults; fail if the tests stay green under any of them.")
+    parser.add_argument("--check", action="store_true", help="only check that every fault has exactly one place")
+    parser.add_argument(
+        "--only", metavar="SUBSTRING", action="append", help="only faults with this in their name; may be repeated"
+    )
+    asked = parser.parse_args()
+    faults = [fault for fault in FAULTS if any(some in fault["name"] for some in asked.only or [""])]
+    if not faults:
+        parser.error(f"no fault has {' or '.join(asked.only)} in its name")
+    if refused := refusals(faults, ROOT):
+        sys.stderr.write("".join(f"{one}\n" for one in refused))
+        return 1
+    if asked.check:
+        sys.stdout.write(f"{len(faults)} faults have their places\n")
+        return 0
+    survived = survivors(faults)
+    sys.stdout.write(f"{len(faults) - len(survived)} of {len(faults)} faults caught\n")
     return 1 if survived else 0
 
 
