@@ -9,8 +9,8 @@ import math
 from dataclasses import dataclass
 
 from flexcam.integrate import bathe, central_difference, exact, generalized_alpha, hht, newmark
+from flexcam.integrate.generalized_alpha import Scheme
 from flexcam.integrate.method import Method
-from flexcam.integrate.scheme import Scheme
 
 
 @dataclass(frozen=True)

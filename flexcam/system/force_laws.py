@@ -268,9 +268,9 @@ def oil_column(
     decay = -math.expm1(-a * step)
     share = decay / (a * step)
     end = begin - decay * begin + share * travel
-    if (end > 0.0) == pressed or begin == 0.0:
+    if (end > 0.0) == pressed or begin * travel >= 0.0:
         return end, share
-    rate = travel / step  # its sign is opposite to that of `begin`: the compression passes zero within the step
+    rate = travel / step  # the compression passes zero within the step
     rest = step - math.log1p(-begin * a / rate) / a
     decay = math.exp(-b * rest)
     share = -math.expm1(-b * rest) / b

@@ -20,14 +20,12 @@ STEP = 0.01
 class Law:
     """Force and tangents from three functions of gap and rate."""
 
-    start_state = np.zeros(0)
-
     def __init__(self, force, by_gap, by_rate):
         self.parts = force, by_gap, by_rate
 
-    def respond(self, gap, rate, state, angle):
+    def respond(self, gap, rate, angle):
         force, by_gap, by_rate = (part(gap, rate) for part in self.parts)
-        return Reaction(force, np.atleast_2d(by_gap), np.atleast_2d(by_rate), np.zeros(0))
+        return Reaction(force, np.atleast_2d(by_gap), np.atleast_2d(by_rate))
 
 
 def nothing(gap, rate):

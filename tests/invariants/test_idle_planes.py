@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flexcam.integrate.compiled.packed import PackedForces
 
 from flexcam import prepare, read_case
 from flexcam.integrate import State, equilibrium, solve
-from flexcam.integrate.compiled.packed import PackedForces
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.paths import way_of
 from flexcam.integrate.within import reached

@@ -15,13 +15,25 @@ import pytest
 from flexcam.fem.elements.shallow import Arch
 from flexcam.integrate import Problem, State, newmark, solve
 from flexcam.linalg import Triplets
-from flexcam.system import AngleVector, ConstantSpeed, FluctuatingSpeed, Load, LocalForce, Probe, System, constant
-from flexcam.train.adjuster import OilColumn
-from flexcam.train.bowing import Bowing
-from flexcam.train.coils import Pulsating
-from flexcam.train.lever import LeverEnd
+from flexcam.system import (
+    AngleVector,
+    ConstantSpeed,
+    FluctuatingSpeed,
+    Load,
+    LocalForce,
+    Probe,
+    System,
+    constant,
+    elastic_stop,
+    hunt_crossley_contact,
+    oil_column_law,
+    spring_damper,
+)
+from flexcam.train.bowing import arch_laws
+from flexcam.train.coils import pulsating_spring
+from flexcam.train.lever import lever_end
 from flexcam.train.parts import Pulsation
-from flexcam.train.penalty import Bilateral, HertzLine, HuntCrossley, Inclined, Sliding, Stop
+from flexcam.train.penalty import HertzLine
 from flexcam.train.rockers import Lever
 from tests import integrators as tried
 
@@ -54,21 +66,21 @@ LEVER = Lever("a", "b", (0.03, 0.04), 1e-4, np.eye(6)[1], angles=(0.1, -0.2), st
 
 def arch(rng):
     pulls = rng.normal(size=(6, 6))
-    return Bowing(Arch(np.array([1e5]), 0.2 * (pulls @ pulls.T)[None], 0.01 * rng.normal(size=(1, 6))))
+    return arch_laws(Arch(np.array([1e5]), 0.2 * (pulls @ pulls.T)[None], 0.01 * rng.normal(size=(1, 6))))[0]
 
 
 KINDS = {
-    "bilateral": lambda rng, k: (Bilateral(k, 1e-5 * k), 1),
-    "stop": lambda rng, k: (Stop(k, 1e-5 * k), 1),
-    "stops": lambda rng, k: (Stop(k, 1e-5 * k), 3),
-    "hunt-crossley": lambda rng, k: (HuntCrossley(k, 0.3), 1),
-    "line": lambda rng, k: (LINE, 1),
-    "inclined": lambda rng, k: (Inclined(LINE, wavy(0.9, 0.08)), 1),
-    "sliding": lambda rng, k: (Sliding(HuntCrossley(k, 0.3), 0.1, 0.05), 2),
-    "sliding line": lambda rng, k: (Sliding(LINE, 0.1, 0.05), 2),
-    "oil": lambda rng, k: (OilColumn(k, 0.1 * k, 1e-3 * k, 5.0), 1),
-    "pulsating": lambda rng, k: (Pulsating(k, Pulsation(2.0, 0.4)), 2),
-    "lever": lambda rng, k: (LeverEnd(LEVER, int(rng.integers(2))), 2),
+    "bilateral": lambda rng, k: (spring_damper(k, 1e-5 * k), 1),
+    "stop": lambda rng, k: (elastic_stop(k, 1e-5 * k), 1),
+    "stops": lambda rng, k: (elastic_stop(k, 1e-5 * k), 3),
+    "hunt-crossley": lambda rng, k: (hunt_crossley_contact(k, 0.3), 1),
+    "line": lambda rng, k: (LINE.law(), 1),
+    "inclined": lambda rng, k: (LINE.law(wavy(0.9, 0.08)), 1),
+    "sliding": lambda rng, k: (replace(hunt_crossley_contact(k, 0.3), friction=(0.1, 0.05)), 2),
+    "sliding line": lambda rng, k: (replace(LINE.law(), friction=(0.1, 0.05)), 2),
+    "oil": lambda rng, k: (oil_column_law(k, 0.1 * k, 1e-3 * k, 5.0), 1),
+    "pulsating": lambda rng, k: (pulsating_spring(k, Pulsation(2.0, 0.4)), 2),
+    "lever": lambda rng, k: (lever_end(LEVER, int(rng.integers(2))), 2),
     "arch": lambda rng, k: (arch(rng), 7),
 }
 SWITCHING = {"stop": 1, "stops": 3, "hunt-crossley": 1, "line": 1, "inclined": 1, "sliding": 1, "sliding line": 1}
@@ -238,7 +250,7 @@ def test_forces_that_react_through_each_other_alone(scheme, gain):
     ends = ((0, 1, k), (1, 0, -k))
     forces = tuple(
         LocalForce(f"on {names[to]}", (AngleVector.constant(eye[at]),), (AngleVector.constant(eye[to]),),
-                   Bilateral(stiffness), (constant(0.0),)) for at, to, stiffness in ends
+                   spring_damper(stiffness), (constant(0.0),)) for at, to, stiffness in ends
     )  # fmt: skip
     matrices = [Triplets.from_dense(one) for one in (eye, 0.0 * eye, np.diag([100.0, 200.0]))]
     load = Load("sine", eye[0], sine)

@@ -43,9 +43,7 @@ velocity has by 1/step, an acceleration by 1/step^2. Renumbering the unknowns ch
 class Stiff:
     """A cubic spring that senses and acts."""
 
-    start_state = np.zeros(0)
-
-    def respond(self, gap, rate, state, angle):
+    def respond(self, gap, rate, angle):
         return Reaction(-100.0 * gap**3, np.diag(-300.0 * gap**2), np.zeros((len(gap), len(gap))))
 
 

@@ -70,43 +70,26 @@ def exact_end():
 class Linear:
     """f = k gamma + c gamma'."""
 
-    start_state = np.zeros(0)
-
     def __init__(self, k, c=0.0):
         self.k, self.c = k, c
 
-    def respond(self, gap, rate, state, angle):
+    def respond(self, gap, rate, angle):
         one = np.eye(len(gap))
-        return Reaction(self.k * gap + self.c * rate, self.k * one, self.c * one, np.zeros(0))
+        return Reaction(self.k * gap + self.c * rate, self.k * one, self.c * one)
 
 
 class Cubic:
     """f = k gamma + k3 gamma^3."""
 
-    start_state = np.zeros(0)
-
     def __init__(self, k, k3):
         self.k, self.k3 = k, k3
 
-    def respond(self, gap, rate, state, angle):
+    def respond(self, gap, rate, angle):
         slope = np.diag(self.k + 3 * self.k3 * gap**2)
-        return Reaction(self.k * gap + self.k3 * gap**3, slope, 0 * slope, np.zeros(0))
-
-
-class Maxwell:
-    """Spring and dashpot in series; z is the stretch of the dashpot: f = k (gamma - z), z' = f/c."""
-
-    start_state = np.zeros(1)
-
-    def __init__(self, k, c):
-        self.k, self.c = k, c
-
-    def respond(self, gap, rate, state, angle):
-        force = self.k * (gap - state)
-        return Reaction(force, np.array([[self.k]]), np.zeros((1, 1)), force / self.c)
+        return Reaction(self.k * gap + self.k3 * gap**3, slope, 0 * slope)
 
 
 @pytest.fixture(scope="session")
 def laws():
-    """Return the three test laws by name."""
-    return {"linear": Linear, "cubic": Cubic, "maxwell": Maxwell}
+    """Return the two test laws by name."""
+    return {"linear": Linear, "cubic": Cubic}

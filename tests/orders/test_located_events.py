@@ -15,8 +15,7 @@ import pytest
 from flexcam.checks import InputError
 from flexcam.integrate import Problem, State, generalized_alpha, hht, newmark, solve
 from flexcam.linalg import Triplets
-from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Probe, System, constant
-from flexcam.train.penalty import Stop
+from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Probe, System, constant, elastic_stop
 
 G, W, V0 = 9.81, 300.0, 1.0
 CONTACT = 2.0 / W * (math.pi - math.atan(V0 * W / G))
@@ -70,7 +69,7 @@ def test_order_through_touchdown_and_parting(scheme, fitted_order):
     for count in counts.tolist():
         errors = []
         for phase in PHASES:
-            y, v, since = error(falling(Stop(W**2)), scheme, count, phase, CONTACT + 0.01)
+            y, v, since = error(falling(elastic_stop(W**2)), scheme, count, phase, CONTACT + 0.01)
             up = since - CONTACT
             errors.append([(y - (V0 * up - 0.5 * G * up**2)) * W, v - (V0 - G * up)])
         rms.append(np.sqrt(np.mean(np.square(errors))))
@@ -80,7 +79,7 @@ def test_order_through_touchdown_and_parting(scheme, fitted_order):
 def test_order_through_impacts(fitted_order):
     """Free flight is exact in average acceleration: an impact located inside the step leaves nothing but rounding."""
     for phase in PHASES:
-        y, v, since = error(falling(Stop(1e9), 0.6), newmark(), 50, phase, 0.02)
+        y, v, since = error(falling(elastic_stop(1e9), 0.6), newmark(), 50, phase, 0.02)
         assert y == pytest.approx(0.6 * V0 * since - 0.5 * G * since**2, abs=1e-10)
         assert v == pytest.approx(0.6 * V0 - G * since, abs=1e-9)
 
@@ -90,7 +89,7 @@ def test_bounces_lose_what_restitution_says(e):
     """Heights fall by e^2 a bounce; the energy account calls it dissipated."""
     height, _ = flown(0.05)
     state = State(np.array([height]), np.zeros(1))
-    response = solve(Problem(falling(Stop(1e9), e), ConstantSpeed(1.0), 1e-3, 600, state), newmark())
+    response = solve(Problem(falling(elastic_stop(1e9), e), ConstantSpeed(1.0), 1e-3, 600, state), newmark())
     assert response.status.ok
     y = response["y"].displacement
     tops = [float(y[i]) for i in range(1, len(y) - 1) if y[i] > y[i - 1] and y[i] >= y[i + 1] and y[i] > 1e-5]
@@ -108,7 +107,13 @@ def test_impact_shares_the_impulse_between_masses():
     M = Triplets.from_dense(np.diag([2.0, 0.5]))
     row = np.array([1.0, -1.0])
     force = LocalForce(
-        "both", (AngleVector.constant(row),), (AngleVector.constant(-row),), Stop(1e8), (constant(-1e-3),), (0,), 0.5
+        "both",
+        (AngleVector.constant(row),),
+        (AngleVector.constant(-row),),
+        elastic_stop(1e8),
+        (constant(-1e-3),),
+        (0,),
+        0.5,
     )
     probes = (Probe("all", ("a", "b"), np.eye(2), (None, None)),)
     system = System(M, Triplets.zeros(2), Triplets.zeros(2), ("a", "b"), (), (force,), probes)
@@ -119,7 +124,7 @@ def test_impact_shares_the_impulse_between_masses():
 
 
 def test_restitution_needs_a_mass():
-    system = falling(Stop(1e6), 0.5, mass=0.0)
+    system = falling(elastic_stop(1e6), 0.5, mass=0.0)
     spring = replace(system, stiffness=Triplets.from_dense([[10.0]]))
     with pytest.raises(InputError, match="no mass"):
         solve(Problem(spring, ConstantSpeed(1.0), 1e-3, 5), newmark())
@@ -128,10 +133,12 @@ def test_restitution_needs_a_mass():
 def test_the_count_of_events():
     height, _ = flown(0.05)
     state = State(np.array([height]), np.zeros(1))
-    response = solve(Problem(falling(Stop(W**2)), ConstantSpeed(1.0), 1e-3, 150, state), newmark())
+    response = solve(Problem(falling(elastic_stop(W**2)), ConstantSpeed(1.0), 1e-3, 150, state), newmark())
     assert response.stats.events == 2  # touchdown and parting
     assert (
-        solve(Problem(falling(Stop(W**2), located=False), ConstantSpeed(1.0), 1e-3, 150, state), newmark()).stats.events
+        solve(
+            Problem(falling(elastic_stop(W**2), located=False), ConstantSpeed(1.0), 1e-3, 150, state), newmark()
+        ).stats.events
         == 0
     )
 
@@ -141,6 +148,6 @@ def test_average_acceleration_takes_nothing():
     height, _ = flown(0.05)
     state = State(np.array([height]), np.zeros(1))
     for scheme, takes in ((newmark(), False), (newmark(beta=0.3025, gamma=0.6), True)):
-        response = solve(Problem(falling(Stop(W**2)), ConstantSpeed(1.0), 1e-3, 400, state), scheme)
+        response = solve(Problem(falling(elastic_stop(W**2)), ConstantSpeed(1.0), 1e-3, 400, state), scheme)
         largest = np.abs(response.channels["energy.numerical"]).max() / (G * height)
         assert (largest < 1e-9) is not takes

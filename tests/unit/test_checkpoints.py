@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flexcam.integrate.settle import Inner
 
 from flexcam import prepare, read_case
 from flexcam.checkpoint import flattened
 from flexcam.integrate import SaveAt, fingerprint, newmark, solve
 from flexcam.integrate.moment import Moment
-from flexcam.integrate.settle import Inner
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 

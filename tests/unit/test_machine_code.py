@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from flexcam.integrate.compiled import machine
 
 import flexcam
-from flexcam.integrate.compiled import machine
 
 PACKAGE = Path(flexcam.__file__).parent
 RUN = """

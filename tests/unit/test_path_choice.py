@@ -9,15 +9,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flexcam.integrate.compiled import machine
 
 from flexcam.checks import InputError
 from flexcam.integrate import Adaptive, Problem, SaveAt, State, bathe, exact, generalized_alpha, hht, newmark, solve
-from flexcam.integrate.compiled import machine
 from flexcam.integrate.paths import way_of
 from flexcam.linalg import Triplets
 from flexcam.response import RunFailedError
-from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Probe, Reaction, Shapes, System, constant
-from flexcam.train.penalty import Sliding, Stop
+from flexcam.system import (
+    AngleVector,
+    ConstantSpeed,
+    Load,
+    LocalForce,
+    Probe,
+    Reaction,
+    Shapes,
+    System,
+    constant,
+    elastic_stop,
+)
 
 FORCED = ["modal", "compiled"]
 EVERY = SaveAt()
@@ -26,9 +36,7 @@ EVERY = SaveAt()
 class Unknown:
     """A law that no compiler knows."""
 
-    start_state = np.zeros(0)
-
-    def respond(self, gap, rate, state, angle):
+    def respond(self, gap, rate, angle):
         return Reaction(-100.0 * gap**3, np.diag(-300.0 * gap**2), np.zeros((1, 1)))
 
 
@@ -89,10 +97,12 @@ def test_what_a_size_makes_worthwhile(n, steps, path):
 
 
 def test_local_forces_and_damping():
-    assert "bumper depends on the motion" in refusal(problem_of(masses(2, law=Stop(1e3)), "modal"))
+    assert "bumper depends on the motion" in refusal(problem_of(masses(2, law=elastic_stop(1e3)), "modal"))
     assert "the law of bumper is not known in machine code" in refusal(problem_of(masses(2, law=Unknown()), "compiled"))
     # Friction needs a second scalar: its law is known, this use of it is not.
-    assert "the law of bumper" in refusal(problem_of(masses(2, law=Sliding(Stop(1e3), 0.1, 1e-3)), "compiled"))
+    assert "the law of bumper" in refusal(
+        problem_of(masses(2, law=replace(elastic_stop(1e3), friction=(0.1, 1e-3))), "compiled")
+    )
     assert "its damping couples the natural motions" in refusal(problem_of(masses(2, damping=1.0), "modal"))
 
 
@@ -123,14 +133,14 @@ def test_nothing_to_place_an_unknown_is_a_failure_with_its_name(path, damping):
 def test_without_a_compiler(monkeypatch):
     monkeypatch.setattr("flexcam.integrate.paths.available", lambda: False)
     assert "numba is not installed" in refusal(problem_of(masses(2), "compiled"))
-    assert way_of(problem_of(masses(2, law=Stop(1e3)), steps=10_000), newmark(), EVERY).path == "general"
+    assert way_of(problem_of(masses(2, law=elastic_stop(1e3)), steps=10_000), newmark(), EVERY).path == "general"
     assert way_of(problem_of(masses(2), steps=400_000), newmark(), EVERY).path == "modal"
 
 
 @pytest.mark.parametrize(("law", "steps", "runs", "path"), [
     (None, 999, 1, "general"), (None, 1000, 1, "modal"), (None, 1_000_000, 1, "modal"), (None, 999, 100, "general"),
-    (None, 1000, 100, "modal"), (Stop(1e3), 4999, 1, "general"),
-    (Stop(1e3), 5000, 1, "compiled"), (Stop(1e3), 50, 100, "compiled"), (Unknown(), 5000, 1, "general"),
+    (None, 1000, 100, "modal"), (elastic_stop(1e3), 4999, 1, "general"),
+    (elastic_stop(1e3), 5000, 1, "compiled"), (elastic_stop(1e3), 50, 100, "compiled"), (Unknown(), 5000, 1, "general"),
 ])  # fmt: skip
 def test_what_the_length_of_all_runs_makes_worthwhile(law, steps, runs, path):
     for method in (newmark(), hht(), generalized_alpha()):
@@ -173,7 +183,7 @@ def test_other_unknowns(path):
             np.testing.assert_allclose(other, one, rtol=0.0, atol=most * np.abs(one).max())
 
 
-@pytest.mark.parametrize(("path", "law"), [("modal", None), ("compiled", None), ("compiled", Stop(1e4, 1.0))])
+@pytest.mark.parametrize(("path", "law"), [("modal", None), ("compiled", None), ("compiled", elastic_stop(1e4, 1.0))])
 def test_the_same_problem_has_the_same_bits(path, law):
     problem = problem_of(masses(6, law=law), path, 700)
     one, other = (solve(problem, hht()) for _ in range(2))
@@ -186,7 +196,7 @@ import hashlib, sys
 sys.path.insert(0, {folder!r})
 import importlib
 tests = importlib.import_module("test_path_choice")
-law = tests.Stop(1e4, 1.0) if {path!r} == "compiled" else None
+law = tests.elastic_stop(1e4, 1.0) if {path!r} == "compiled" else None
 run = tests.solve(tests.problem_of(tests.masses(6, law=law), {path!r}, 700), tests.hht())
 print(hashlib.sha256(run.probes.acceleration.tobytes()).hexdigest())
 """

@@ -18,8 +18,20 @@ import pytest
 from flexcam import read_case, run
 from flexcam.integrate import Problem, State, newmark, solve
 from flexcam.linalg import Triplets
-from flexcam.system import AngleVector, Channel, ConstantSpeed, Load, LocalForce, Probe, System, constant, force_sum
-from flexcam.train.penalty import HertzLine, HuntCrossley, Stop
+from flexcam.system import (
+    AngleVector,
+    Channel,
+    ConstantSpeed,
+    Load,
+    LocalForce,
+    Probe,
+    System,
+    constant,
+    elastic_stop,
+    force_sum,
+    hunt_crossley_contact,
+)
+from flexcam.train.penalty import HertzLine
 
 SOURCE = "Contact and springs, closed forms"
 G, W, V0 = 9.81, 2000.0, 1.2
@@ -44,7 +56,7 @@ def bouncing(law, steps, periods=1.0):
 
 
 def test_time_in_contact(record):
-    response, contact, cycle = bouncing(Stop(W**2), 40_000)
+    response, contact, cycle = bouncing(elastic_stop(W**2), 40_000)
     force = response.channels["force"]
     pressed = np.flatnonzero(force > 0.0)
     record(source=SOURCE, case="bouncing mass", quantity="time in contact", unit="s", reference=contact,
@@ -54,13 +66,13 @@ def test_time_in_contact(record):
 
 def test_speed_after_the_bounce(record):
     """Back at touchdown it has the speed it came with."""
-    response, *_ = bouncing(Stop(W**2), 40_000)
+    response, *_ = bouncing(elastic_stop(W**2), 40_000)
     record(source=SOURCE, case="bouncing mass", quantity="speed after a bounce", unit="m/s", reference=V0,
            computed=float(np.abs(response["y"].velocity).max()), tolerance=1e-5,
            reason="G and V0 step at the ends of contact: (w dt)^2 of it")  # fmt: skip
 
 
-@pytest.mark.parametrize("law", [Stop(W**2), HuntCrossley(W**2, 0.0)])
+@pytest.mark.parametrize("law", [elastic_stop(W**2), hunt_crossley_contact(W**2, 0.0)])
 def test_energy_of_the_bounce(record, law, fitted_order):
     counts = np.array([2500, 5000, 10_000, 20_000])
     residuals = []
@@ -77,7 +89,7 @@ def test_energy_of_the_bounce(record, law, fitted_order):
 def test_hunt_crossley_loses_energy_as_it_should(record, dissipation):
     """Small chi v: restitution 1 - 2/3 chi v for a linear spring (Hunt and Crossley 1975, to first order)."""
     small = 0.05 * dissipation
-    response, *_ = bouncing(HuntCrossley(W**2, small), 40_000)
+    response, *_ = bouncing(hunt_crossley_contact(W**2, small), 40_000)
     after = float(response["y"].velocity.max())
     record(source=SOURCE, case=f"Hunt-Crossley, chi v = {small * V0:.3f}", quantity="restitution", unit="1",
            reference=1.0 - 2.0 / 3.0 * small * V0, computed=after / V0, absolute=True,
@@ -96,7 +108,7 @@ def bar(elements, stiffness, speed, law=None):
         M[i : i + 2, i : i + 2] += rho * A * h / 2.0 * np.eye(2)
     row = np.zeros(n)
     row[-1] = 1.0
-    force = LocalForce("stop", (AngleVector.constant(row),), (AngleVector.constant(-row),), law or Stop(stiffness),
+    force = LocalForce("stop", (AngleVector.constant(row),), (AngleVector.constant(-row),), law or elastic_stop(stiffness),
                        (constant(0.0),))  # fmt: skip
     names = tuple(f"x{i}" for i in range(n))
     system = System(

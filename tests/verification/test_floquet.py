@@ -26,13 +26,9 @@ SOURCE = "Mathieu's equation"
 class Pulsating:
     q: float
 
-    @property
-    def start_state(self):
-        return np.zeros(0)
-
-    def respond(self, gap, rate, state, angle):
+    def respond(self, gap, rate, angle):
         k = -2.0 * self.q * math.cos(2.0 * angle)
-        return Reaction(k * gap, np.array([[k]]), np.zeros((1, 1)), np.zeros(0))
+        return Reaction(k * gap, np.array([[k]]), np.zeros((1, 1)))
 
 
 def mathieu(a, q, damping=0.0):
@@ -85,10 +81,8 @@ def test_the_product_is_what_damping_leaves():
 class Spring:
     """f = 3 gamma, whatever the angle."""
 
-    start_state = np.zeros(0)
-
-    def respond(self, gap, rate, state, angle):
-        return Reaction(3.0 * gap, np.array([[3.0]]), np.zeros((1, 1)), np.zeros(0))
+    def respond(self, gap, rate, angle):
+        return Reaction(3.0 * gap, np.array([[3.0]]), np.zeros((1, 1)))
 
 
 def test_a_local_spring_adds_its_stiffness(record):

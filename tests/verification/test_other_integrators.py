@@ -145,11 +145,9 @@ def test_all_reach_the_same_with_a_massless_joint(record, name):
 class Gap:
     """f = k gamma where gamma > 0, and a damper."""
 
-    start_state = np.zeros(0)
-
-    def respond(self, gap, rate, state, angle):
+    def respond(self, gap, rate, angle):
         on = float(gap[0] > 0.0)
-        return Reaction(on * 400.0 * gap, np.array([[on * 400.0]]), np.zeros((1, 1)), np.zeros(0))
+        return Reaction(on * 400.0 * gap, np.array([[on * 400.0]]), np.zeros((1, 1)))
 
 
 def stop_at(n, where, behind):

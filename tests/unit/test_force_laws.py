@@ -1,0 +1,269 @@
+"""Every force law: tangent, energy, dissipation, Python and compiled code, at rest and in a step.
+
+A new law needs a row in `CASES`; everything here then applies to it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexcam.fem.elements.shallow import Arch
+from flexcam.integrate import Problem, State, equilibrium, newmark, solve
+from flexcam.integrate.kernel_engine import compiled_functions
+from flexcam.integrate.local import LocalForces
+from flexcam.linalg import Triplets
+from flexcam.system import (
+    AngleVector,
+    CamMotion,
+    ConstantSpeed,
+    Load,
+    LocalForce,
+    Probe,
+    System,
+    constant,
+    elastic_stop,
+    hunt_crossley_contact,
+    oil_column_law,
+    spring_damper,
+)
+from flexcam.system.force_laws import LAWS, line_load, oil_column
+from flexcam.system.force_laws import LEVER as LEVER_KIND
+from flexcam.train.bowing import arch_laws
+from flexcam.train.coils import pulsating_spring
+from flexcam.train.lever import lever_end
+from flexcam.train.parts import Pulsation
+from flexcam.train.penalty import HertzLine
+from flexcam.train.rockers import Lever
+
+
+def radius(angle, order):
+    return 0.02 + 0.015 * np.sin(angle) if order == 0 else 0.015 * np.cos(angle)
+
+
+def cosine(angle, order):
+    return 0.9 + 0.09 * np.cos(2.0 * angle)
+
+
+LINE = HertzLine(0.01, 2.07e11, 0.29, radius, 0.03, 0.2)
+LEVER = Lever(
+    "a", "b", (0.03, 0.045), 1e-4, np.eye(6)[1], angles=(0.1, -0.2), stiffness=(1e7, 2e7), damping=(50.0, 9.0)
+)
+
+
+def arch():
+    rng = np.random.default_rng(7)
+    pulls = rng.normal(size=(6, 6))
+    return arch_laws(Arch(np.array([1e6]), 0.2 * (pulls @ pulls.T)[None], 0.01 * rng.normal(size=(1, 6))))[0]
+
+
+CASES = {
+    "bilateral": (spring_damper(2e6, 30.0), 1e-3, 2.0),
+    "stop": (elastic_stop(2e6, 300.0, 3e-5), 1e-4, 2.0),
+    "hunt-crossley": (hunt_crossley_contact(5e7, 0.3), 1e-4, 2.0),
+    "line contact": (LINE.law(), 1e-4, 2.0),
+    "inclined line contact": (LINE.law(cosine), 1e-4, 2.0),
+    "oil column": (oil_column_law(2e7, 5e4, 60.0, 12.0), 1e-4, 2.0),
+    "pulsating": (pulsating_spring(4e4, Pulsation(2.0, 0.7, 0.3)), 1e-3, 2.0),
+    "lever, driven end": (lever_end(LEVER, 0), 2e-3, 2.0),
+    "lever, point": (lever_end(LEVER, 1), 2e-3, 2.0),
+    "arch": (arch(), 1e-2, 0.0),
+    "friction": (replace(hunt_crossley_contact(5e7, 0.3), friction=(0.12, 1e-2)), 1e-4, 2.0),
+    "friction of a line contact": (replace(LINE.law(cosine), friction=(0.1, 1e-2)), 1e-4, 2.0),
+}
+"""Law, size of its scalars and of their rates."""
+ANGLE = 0.7
+
+
+def stacked(law, *, compiled=False):
+    """Return the local force of a law on unknowns of its own, stacked, and its inputs at a cam angle."""
+    rows = [AngleVector.constant(row) for row in np.eye(law.scalars)]
+    acts = [AngleVector.constant(-row) for row in np.eye(law.scalars)]
+    force = LocalForce("force", tuple(rows), tuple(acts), law, (constant(0.0),) * law.scalars)
+    unit = Triplets.from_dense(np.eye(law.scalars))
+    system = System(unit, unit, unit, tuple(map(str, range(law.scalars))), local_forces=(force,))
+    forces = LocalForces(system, compiled_functions() if compiled else None)
+    return forces, forces.schedule(CamMotion(*(np.array([x]) for x in (ANGLE, 1.0, 0.0))))
+
+
+def points(name, count=200):
+    law, size, speed = CASES[name]
+    rng = np.random.default_rng(11)
+    spread = np.concatenate(
+        [rng.uniform(-1.0, 1.0, (count // 2, law.scalars)), rng.uniform(0, 1, (count // 2, law.scalars))]
+    )
+    return (
+        size * spread,
+        speed * rng.uniform(-1.0, 1.0, (count, law.scalars)),
+        size * rng.uniform(-1, 1, (count, law.states)),
+    )
+
+
+def test_every_law_of_the_table_has_a_case():
+    assert {law.kind for law, _, _ in CASES.values()} >= {kind for kind, row in LAWS.items() if row.name != "custom"}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_tangent_is_the_derivative_of_the_force(name):
+    """Central differences; where two steps disagree, a corner of the law lies between."""
+    law, size, speed = CASES[name]
+    forces, schedule = stacked(law)
+    checked = 0
+    for x, v, z in zip(*points(name, 60), strict=True):
+        answer = forces.respond(x, v, z, schedule)
+        for which, tangent, h in ((0, answer.by_gap, 1e-6 * size), (1, answer.by_rate, 1e-6 * max(speed, 1.0))):
+            for i in range(law.scalars):
+                step = h * np.eye(law.scalars)[i]
+
+                def force(k, step=step, which=which, x=x, v=v, z=z):
+                    moved = (x + k * step, v) if which == 0 else (x, v + k * step)
+                    return forces.respond(*moved, z, schedule).force
+
+                wide, narrow = (force(2) - force(-2)) / (4 * h), (force(1) - force(-1)) / (2 * h)
+                scale = np.abs(tangent).max(initial=1.0)
+                if np.abs(wide - narrow).max() < 1e-6 * scale:
+                    checked += 1
+                    # rounding of the force over the step of the difference
+                    np.testing.assert_allclose(tangent[:, i], narrow, rtol=1e-5, atol=2e-7 * scale)
+    assert checked > 60
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if "friction" not in name])
+def test_elastic_force_is_the_derivative_of_the_energy(name):
+    law, size, _ = CASES[name]
+    forces, schedule = stacked(law)
+    x, _, z = points(name)
+    functions = np.repeat(schedule.rows[:, schedule.functions :], len(x), axis=0)
+    _, elastic, by_state = forces.energies(x, z, functions)
+    h = 1e-6 * size
+    for i in range(law.scalars):
+        step = h * np.eye(law.scalars)[i]
+        far = [forces.energies(x + k * step, z, functions)[0].sum(axis=1) for k in (2, 1, -1, -2)]
+        found, wide = (far[1] - far[2]) / (2 * h), (far[0] - far[3]) / (4 * h)
+        smooth = np.abs(found - wide) < 1e-6 * np.abs(elastic).max()
+        np.testing.assert_allclose(elastic[smooth, i], found[smooth], rtol=1e-5, atol=1e-6 * np.abs(elastic).max())
+        assert smooth.mean() > 0.8
+    if law.states:
+        step = h * np.eye(law.states)[0]
+        found = (forces.energies(x, z + step, functions)[0] - forces.energies(x, z - step, functions)[0]).sum(axis=1)
+        smooth = np.abs(x[:, 0] - z[:, 0]) > 2 * h
+        np.testing.assert_allclose(
+            by_state[smooth, 0], found[smooth] / (2 * h), rtol=1e-5, atol=1e-6 * np.abs(by_state).max()
+        )
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_dissipated_power_is_never_negative(name):
+    """(f - f_elastic) v, and for an internal state the energy that its rate takes away."""
+    law, _, _ = CASES[name]
+    forces, schedule = stacked(law)
+    for x, v, z in zip(*points(name), strict=True):
+        moving, still = forces.respond(x, v, z, schedule), forces.respond(x, 0.0 * v, z, schedule)
+        power = float((moving.force - still.force) @ v)
+        if law.states:
+            _, _, by_state = forces.energies(x[None], z[None], schedule.rows[:, schedule.functions :])
+            power -= float(by_state[0] @ moving.state_rate)
+        if law.kind == LEVER_KIND:  # the law holds what is beyond a linear spring and damper of the structure
+            damping, arm, driven, start = law.constants[1:]
+            power += damping * (arm / driven * math.cos(start) * v[0] - v[1]) ** 2
+        size = np.abs(moving.force).max() * np.abs(v).max()
+        assert power >= -1e-12 * size
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_compiled_energies_and_forces_are_those_of_python(name):
+    law, _, _ = CASES[name]
+    x, _, z = points(name)
+    (python, schedule), (compiled, _) = stacked(law), stacked(law, compiled=True)
+    functions = np.repeat(schedule.rows[:, schedule.functions :], len(x), axis=0)
+    for one, other in zip(python.energies(x, z, functions), compiled.energies(x, z, functions), strict=True):
+        # a dozen roundings, which the compiler may take in another order
+        np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-13 * np.abs(one).max(initial=0.0))
+
+
+def chain(law):
+    """Return masses on springs, one per scalar of a law, that a constant load presses together."""
+    n = law.scalars
+    sense = tuple(AngleVector.constant(row) for row in np.eye(n))
+    act = tuple(AngleVector.constant(-row) for row in np.eye(n))
+    force = LocalForce("force", sense, act, law, (constant(0.0),) * n)
+    push = Load("push", np.full(n, 1.0), lambda motion: np.full_like(motion.angle, 50.0), steady=True)
+    K = np.diag(np.full(n, 1e5))
+    probe = Probe("all", tuple(f"x{i}" for i in range(n)), np.eye(n), (None,) * n)
+    matrices = (Triplets.from_dense(one) for one in (np.eye(n), np.diag(np.full(n, 200.0)), K))
+    return System(*matrices, tuple(f"x{i}" for i in range(n)), (push,), (force,), (probe,))
+
+
+@pytest.mark.parametrize("path", ["general", "compiled"])
+@pytest.mark.parametrize("name", ["bilateral", "stop", "hunt-crossley", "line contact", "lever, point", "arch"])
+def test_a_run_from_static_equilibrium_stays_there(name, path):
+    law, _, _ = CASES[name]
+    system, drive = chain(law), ConstantSpeed(1e-9)
+    start = equilibrium(system, drive)
+    response = solve(Problem(system, drive, 1e-4, 50, start, path=path), newmark())
+    assert response.stats.path == path
+    np.testing.assert_allclose(response["all"].displacement, np.tile(start.displacement, (51, 1)).reshape(
+        response["all"].displacement.shape), rtol=1e-8, atol=1e-13)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_both_engines_give_the_same_motion(name):
+    """The direct engine evaluates the laws in Python, the kernel engine in compiled code."""
+    law, size, _ = CASES[name]
+    system = chain(law)
+    start = State(np.full(law.scalars, 0.1 * size), np.full(law.scalars, 0.01))
+    runs = [
+        solve(Problem(system, ConstantSpeed(30.0), 2e-5, 300, start, path=path), newmark())
+        for path in ("general", "compiled")
+    ]
+    one, other = (run["all"].displacement for run in runs)
+    # residual tolerance 1e-12 of the forces in every step
+    np.testing.assert_allclose(other, one, rtol=0, atol=1e-9 * np.abs(one).max())
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    begin=st.floats(-1e-3, 1e-3), travel=st.floats(-1e-3, 1e-3), pieces=st.sampled_from([2, 7]),
+    step=st.sampled_from([1e-6, 1e-4, 1e-2]),
+)  # fmt: skip
+def test_oil_column_is_exact_for_a_linear_motion(begin, travel, pieces, step):
+    """One step of a linear motion ends where several parts of it do."""
+    k, leak, refill = 2e7, 5e3, 60.0
+    end, _ = oil_column(begin + travel, begin, 0.0, step, k, leak, refill)
+    state, x = 0.0, begin
+    for i in range(1, pieces + 1):
+        new = begin + travel * i / pieces
+        state, x = new - oil_column(new, x, state, step / pieces, k, leak, refill)[0], new
+    assert end == pytest.approx(x - state, rel=1e-8, abs=1e-15)
+
+
+@pytest.mark.parametrize(("begin", "travel"), [(1e-4, 2e-5), (1e-4, -3e-4), (-1e-4, 3e-4), (0.0, 1e-4), (0.0, -1e-4)])
+def test_oil_column_follows_the_motion_by_its_derivative(begin, travel):
+    h = 1e-10
+    arguments = (begin, 0.0, 1e-4, 2e7, 5e3, 60.0)
+    ends = [oil_column(begin + travel + side * h, *arguments)[0] for side in (1, -1)]
+    assert oil_column(begin + travel, *arguments)[1] == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-4)
+
+
+def test_oil_column_does_not_ring_in_long_steps():
+    """A force that pulls the plunger out is followed at once; the trapezoidal rule alternates about the solution."""
+    state, x = 0.0, 0.0
+    for i in range(1, 20):
+        new = -1e-6 * i
+        pressed, _ = oil_column(new, x, state, 0.1, 2e7, 5e4, 60.0)
+        state, x = new - pressed, new
+        assert -1e-9 < pressed <= 0.0
+
+
+def test_line_load_is_smooth_where_it_becomes_linear():
+    give, rest, limit, depth = 1e-12, 1.4, 1e9, 0.02
+    end = give * limit * (2.0 * math.log(depth / (give * limit)) - rest)
+    below, above = (line_load(end * (1.0 + side * 1e-9), limit, give, rest, depth) for side in (-1, 1))
+    assert below[0] == pytest.approx(above[0], rel=4e-9)
+    assert below[1] == pytest.approx(above[1], rel=1e-8)
+    assert line_load(end, limit, give, rest, depth)[0] == pytest.approx(limit, rel=1e-14)
