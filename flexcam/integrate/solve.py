@@ -26,7 +26,7 @@ from flexcam.integrate.schedule import Schedule
 from flexcam.integrate.scheme import newmark
 from flexcam.integrate.within import shown
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
-from flexcam.memory import Keeper, Memory, reuse
+from flexcam.memory import Keeper, Memory
 from flexcam.response import (
     STATE,
     Block,
@@ -113,7 +113,6 @@ def solve(
     >>> bool(abs(response["x"].displacement.max() - 2.0) < 1e-4)
     True
     """
-    reuse()
     keep = save or SaveAt()
     names = outline(problem.system, channels=keep.channels)
     memory = memory or Memory(names, problem.steps + 1, problem.steps // keep.field_every + 2)
