@@ -6,31 +6,13 @@
 from __future__ import annotations
 
 from collections import deque
-from contextlib import suppress
 from dataclasses import replace
-from functools import cache
 from typing import Protocol
 
 import numpy as np
 
 from flexcam.linalg import FloatArray
 from flexcam.response import Block, Outline, Response, Series, Sink, Stats, Status
-
-_LARGEST = 31 * 2**20
-"""Bytes, just below the most that glibc learns from."""
-
-
-@cache
-def reuse() -> None:
-    """Let the C library keep what is freed for what comes next, instead of giving it back and asking for it again.
-
-    Arrays of a block of steps are made and dropped over and over, and memory fresh from the system costs a fault per
-    page, a fifth of a short run's time. glibc takes arrays from the system one by one if they are larger than the
-    largest such one that was ever freed (mallopt(3), M_MMAP_THRESHOLD): freeing a large one that was never touched is
-    enough. Other libraries are left as they are.
-    """
-    with suppress(MemoryError):  # where so little is left, nothing is to be gained
-        np.empty(_LARGEST, dtype=np.uint8)
 
 
 class Keeper(Sink, Protocol):

@@ -9,6 +9,7 @@ from flexcam.console.lobes import lobe_doubts
 from flexcam.console.mishaps import mishaps
 from flexcam.console.watched import Watched
 from flexcam.held import idle_loads, loose, struck, unheld
+from flexcam.integrate import newmark
 from flexcam.linalg import share_lost
 from flexcam.memory import Extremes
 from flexcam.response import Stats
@@ -32,7 +33,7 @@ _UNBALANCED = 0.01
 """Part of the largest force that may be out of balance: some schemes balance forces between the instants."""
 
 _UNACCOUNTED = 0.01
-"""Part of the work that the energy balance may miss before it is told."""
+"""Part of the work that the energy balance may miss, or the time integration dissipate, before it is told."""
 
 
 def doubts(modes: ModelModes) -> list[str]:
@@ -78,7 +79,7 @@ def _borne(excess: float) -> str:
 def run_doubts(ready: Prepared, watched: Watched, figures: list[Figure], stats: Stats) -> list[str]:
     """Return what is doubtful about a run, in words."""
     found = [*input_doubts(ready), *unseen(ready), *mishaps(figures), *_unaccounted(watched.extremes)]
-    found += [*_unbalanced(stats), *_rounded(ready, watched.extremes)]
+    found += [*_integrated_away(ready, watched.extremes), *_unbalanced(stats), *_rounded(ready, watched.extremes)]
     return found + _coarse(watched.fineness.found()) if _bodies(ready) else found
 
 
@@ -117,9 +118,19 @@ def _rounded(ready: Prepared, extremes: Extremes) -> list[str]:
 
 def lost_energy(extremes: Extremes) -> float:
     """Return how much of the energy does not add up."""
-    bounds = {name: extremes.channel(f"energy.{name}") for name in ("work", "kinetic", "strain", "residual")}
-    turned_over = max(bounds[name][1] - bounds[name][0] for name in ("work", "kinetic", "strain"))
-    return max(map(abs, bounds["residual"])) / turned_over if turned_over > 0.0 else 0.0
+    return abs(_largest_share(extremes, "residual"))
+
+
+def numerical_energy(extremes: Extremes) -> float:
+    """Return how much of the energy the time integration dissipates; below zero where it adds energy."""
+    return _largest_share(extremes, "numerical")
+
+
+def _largest_share(extremes: Extremes, part: str) -> float:
+    """Return the largest value of a part of the energy balance, by the largest range of work and stored energies."""
+    bounds = (extremes.channel(f"energy.{name}") for name in ("work", "kinetic", "strain"))
+    turned_over = max(largest - least for least, largest in bounds)
+    return max(extremes.channel(f"energy.{part}"), key=abs) / turned_over if turned_over > 0.0 else 0.0
 
 
 def balances(extremes: Extremes, stats: Stats) -> str:
@@ -127,7 +138,8 @@ def balances(extremes: Extremes, stats: Stats) -> str:
     if not extremes.energies:
         return ""
     forces = f"forces within {stats.imbalance:.1e} of the largest" if stats.imbalance >= 0.0 else "forces not looked at"
-    return f"energy within {lost_energy(extremes):.1e} of the work, {forces}"
+    residual, numerical = lost_energy(extremes), numerical_energy(extremes)
+    return f"residual {residual:.1e}, numerical dissipation {numerical:.2g} of the external work; {forces}"
 
 
 def _bodies(ready: Prepared) -> bool:
@@ -169,3 +181,14 @@ def _unaccounted(extremes: Extremes) -> list[str]:
         return []
     why = "the steps are too long for what happens within them, or a contact is too stiff for them"
     return [f"Warning: {100.0 * share:.2g} % of the energy does not add up: {why}; take more steps per revolution"]
+
+
+def _integrated_away(ready: Prepared, extremes: Extremes) -> list[str]:
+    """Return how much energy the time integration dissipates or adds, where it counts."""
+    share = numerical_energy(extremes)
+    if abs(share) <= _UNACCOUNTED:
+        return []
+    does = "dissipates" if share > 0.0 else "adds"
+    other = "" if ready.scheme == newmark() else ', or integrator = { method = "newmark" }'
+    told = f"{100.0 * abs(share):.2g} % of the external work: the steps are too long for what happens within them"
+    return [f"Warning: the time integration {does} {told}; take more steps per revolution{other}"]

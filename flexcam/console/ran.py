@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.table import Table
 
 from flexcam.console.cases import couplings
-from flexcam.console.doubts import balances, lost_energy
+from flexcam.console.doubts import balances, lost_energy, numerical_energy
 from flexcam.console.fidelity import choice_json, choice_words, error_table
 from flexcam.console.results import imbalance, operation_table, periodicity, run_table, strength_table, unknowns
 from flexcam.console.watched import Watched
@@ -62,7 +62,8 @@ def ran_json(ran: Ran) -> dict[str, object]:
         "result": str(ran.result), "steps": response.stats.steps, "dof": ran.ready.problem.system.size,
         "integrated": response.stats.unknowns, "seconds": response.stats.seconds,
         "events": response.stats.events, "periodicity": periodicity(response),
-        "energy_lost": lost_energy(ran.watched.extremes), "imbalance": imbalance(response),
+        "energy_lost": lost_energy(ran.watched.extremes), "energy_numerical": numerical_energy(ran.watched.extremes),
+        "imbalance": imbalance(response),
         "warnings": list(ran.warnings),
         "train": {figure.name: figure.value for figure in ran.figures},
         "errors": [asdict(one) for one in ran.errors],
@@ -83,7 +84,7 @@ def ran_parts(ran: Ran) -> Iterator[Table | str]:
     if stats.periodicity >= 0.0:
         yield f"\nThe start returns after a revolution within {stats.periodicity:.3g} of the motion"
     if told := balances(ran.watched.extremes, stats):
-        yield f"\nWhat adds up: {told}"
+        yield f"\nEnergy balance: {told}"
     yield f"\n{stats.steps} steps of {unknowns(ran.response)}; result: {ran.result}"
     yield f"Open it in ParaView 5.12 or newer; for older ones: flexcam export {ran.result} --format pvd"
 

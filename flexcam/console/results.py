@@ -131,7 +131,7 @@ def info_table(result: Result) -> Table:
             if response.stats.periodicity >= 0.0
             else []
         ),
-        *([("adds up", told)] if (told := balances(Extremes.of(response), response.stats)) else []),
+        *([("energy balance", told)] if (told := balances(Extremes.of(response), response.stats)) else []),
         ("saved", f"{len(response.time)} instants of the probes, {len(response.field_time)} of the fields"),
         ("probes", ", ".join(name for name, _ in response.outline.probes) or "none"),
         ("channels", ", ".join(f"{name} [{unit}]" for name, unit in response.outline.channels) or "none"),

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexcam.fem.damping import Damping
 from flexcam.fem.elements import beam, shallow
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.section import Section
@@ -21,18 +22,34 @@ FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
 """Order of the section forces."""
 
 
+_UNDAMPED = Damping()
+
+
 def section_forces(
-    beams: Beams, nodal: FloatArray, *, acceleration: FloatArray | None = None, spread: FloatArray | None = None
+    beams: Beams,
+    nodal: FloatArray,
+    *,
+    velocity: FloatArray | None = None,
+    acceleration: FloatArray | None = None,
+    damping: Damping = _UNDAMPED,
+    spread: FloatArray | None = None,
 ) -> FloatArray:
     """Return the section forces at both ends of every element.
 
-    They are the end forces ``k u + m a - f`` of the element as a free body, so that they balance with what is applied
-    at the nodes, exactly as the equations of motion do.
+    They are the end forces ``k u + c v + m a - f`` of the element as a free body with Rayleigh's ``c = alpha m + beta
+    k`` (R. W. Clough and J. Penzien, Dynamics of Structures, 3rd ed., sec. 12-5), so that they balance with what is
+    applied at the nodes, exactly as the equations of motion do. Modal damping couples all unknowns and has no element
+    matrix: its force counts as one applied at the nodes.
     """
-    local = _local(beams, nodal)
-    on_nodes = np.einsum("eij,...ej->...ei", beam.stiffness(beams), local) + shallow.beyond_linear(beams, local)
-    if acceleration is not None:
-        on_nodes += np.einsum("eij,...ej->...ei", beam.mass(beams), _local(beams, acceleration))
+    strained = local = _local(beams, nodal)
+    pushed = None if acceleration is None else _local(beams, acceleration)
+    if velocity is not None and (damping.alpha or damping.beta):
+        moving = _local(beams, velocity)
+        strained = local + damping.beta * moving
+        pushed = damping.alpha * moving + (0.0 if pushed is None else pushed)
+    on_nodes = np.einsum("eij,...ej->...ei", beam.stiffness(beams), strained) + shallow.beyond_linear(beams, local)
+    if pushed is not None:
+        on_nodes += np.einsum("eij,...ej->...ei", beam.mass(beams), pushed)
     if spread is not None:
         on_nodes -= spread
     return on_nodes.reshape(*on_nodes.shape[:-1], 2, 6) * np.array([-1.0, 1.0])[:, None]

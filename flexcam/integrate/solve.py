@@ -26,7 +26,7 @@ from flexcam.integrate.problem import Problem
 from flexcam.integrate.schedule import Schedule
 from flexcam.integrate.within import shown
 from flexcam.linalg import FloatArray, IntArray, SingularMatrixError
-from flexcam.memory import Keeper, Memory, reuse
+from flexcam.memory import Keeper, Memory
 from flexcam.response import (
     STATE,
     Block,
@@ -111,7 +111,6 @@ def solve(
     >>> bool(abs(response["x"].displacement.max() - 2.0) < 1e-4)
     True
     """
-    reuse()
     keep = save or SaveAt()
     names = outline(problem.system, channels=keep.channels)
     memory = memory or Memory(names, problem.steps + 1, problem.steps // keep.field_every + 2)

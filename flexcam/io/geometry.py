@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flexcam.fem import Beams, DofMap, Mesh, Section
+from flexcam.fem import Beams, Damping, DofMap, Mesh, Section
 from flexcam.fem.recovery import Fibres, fibres, section_forces
 from flexcam.linalg import FloatArray, IntArray
 
@@ -40,6 +40,8 @@ class Geometry:
         Member name to its section.
     spread
         Loads spread over the elements, shape (e, 12), local axes, N and N m.
+    damping
+        Damping of the structure, of which the elements bear Rayleigh's.
     """
 
     mesh: Mesh
@@ -47,6 +49,7 @@ class Geometry:
     beams: Beams
     sections: Mapping[str, Section]
     spread: FloatArray
+    damping: Damping
 
     @cached_property
     def node(self) -> IntArray:
@@ -89,9 +92,11 @@ class Geometry:
         counts = [len(line) - 1 for line in self.mesh.lines.values()]
         return fibres([s for name, n in zip(self.mesh.lines, counts, strict=True) for s in [self.sections[name]] * n])
 
-    def recovered(self, nodal: FloatArray, acceleration: FloatArray) -> dict[str, FloatArray]:
+    def recovered(self, nodal: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> dict[str, FloatArray]:
         """Return section forces and stresses at the points."""
-        forces = section_forces(self.beams, nodal, acceleration=acceleration, spread=self.spread)
+        forces = section_forces(
+            self.beams, nodal, velocity=velocity, acceleration=acceleration, damping=self.damping, spread=self.spread
+        )
         fibre = self.fibres
         return {
             "section_force": self._at_points(forces[..., :3]),

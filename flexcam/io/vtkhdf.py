@@ -179,7 +179,7 @@ class ResultFile:
         vectors = {
             name: nodal[series][:, geometry.node, first : first + 3] for name, (series, first, _) in VECTORS.items()
         }
-        return {**vectors, **geometry.recovered(nodal["displacement"], nodal["acceleration"])}
+        return {**vectors, **geometry.recovered(*(nodal[series] for series in SERIES))}
 
     def _seal(self) -> None:
         """Make the file one that a reader can hold against what was written."""

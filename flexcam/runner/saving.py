@@ -32,7 +32,7 @@ def geometry_of(model: Model) -> Geometry:
     """Return what the results of a model are drawn on."""
     structure = build_structure(model)
     sections = {name: member.section for name, member in model.members.items()}
-    return Geometry(model.mesh, structure.dofs, structure.beams, sections, element_loads(structure))
+    return Geometry(model.mesh, structure.dofs, structure.beams, sections, element_loads(structure), model.damping)
 
 
 def result_file(

@@ -92,7 +92,7 @@ class FinenessSink:
         """Do nothing: the figures are asked for with `found`."""
 
     def _bend(self, block: Block) -> None:
-        """Follow the strain energy in bending, of the last field of a block."""
+        """Follow the strain energy in bending, of the last field of a block; what damping bears stores none."""
         beams, nodal = self._structure.beams, self._structure.dofs.nodal
         moved, pushed = (nodal(one[-1:]) for one in (block.fields.displacement, block.fields.acceleration))
         moments = section_forces(beams, moved, acceleration=pushed, spread=self._spread)[0, :, :, 4:]

@@ -73,7 +73,9 @@ class StrengthSink:
         forces = section_forces(
             self._structure.beams,
             nodal(fields.displacement),
+            velocity=nodal(fields.velocity),
             acceleration=nodal(fields.acceleration),
+            damping=self._structure.model.damping,
             spread=self._spread,
         )
         self._normal = _widened(self._normal, self._fibres.normal(forces))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import flexcam
-from flexcam.console.doubts import balances, lost_energy, run_doubts
+from flexcam.console.doubts import balances, lost_energy, numerical_energy, run_doubts
 from flexcam.console.results import imbalance
 from flexcam.console.watched import Watched
 from flexcam.integrate import Problem, State, hht, newmark, solve
@@ -148,6 +148,49 @@ def test_a_missing_force_is_seen(system_of, monkeypatch):
     monkeypatch.setattr(Imbalance, "__init__", blind)
     # The largest force is that of the spring, twice the load; looked at every twentieth step.
     assert solve(problem, newmark()).stats.imbalance == pytest.approx(0.5, abs=0.02)
+
+
+BALL = """
+format = 1
+nodes = { ball = [0, 0, 0] }
+supports = { ball = ["ux", "uz"] }
+masses.body = { at = "ball", mass = "1 kg" }
+springs.soft = { at = "ball", direction = "uy", stiffness = "1 N/m" }
+contacts.seat = { at = "ball", direction = "uy", model = "seat", stiffness = "1000 MN/m" }
+
+[run]
+speed = "60 rpm"
+revolutions = 1
+steps_per_revolution = 1000
+gravity = [0, "-9.81 m/s^2", 0]
+start = { displacement = { "ball.uy" = "100 mm" } }
+"""
+
+
+def test_what_the_time_integration_dissipates_is_told(tmp_path):
+    """A ball that strikes a seat far too stiff for the steps; it falls there with 1 J."""
+    path = tmp_path / "ball.toml"
+    path.write_text(BALL, encoding="utf-8")
+    ready, seen, response = watched(path, 'run.integrator={method="bathe"}')
+    energy = response.channels
+    share = energy["energy.numerical"].max() / max(np.ptp(energy[f"energy.{n}"]) for n in ("work", "kinetic", "strain"))
+    assert share > 0.5
+    assert numerical_energy(seen.extremes) == pytest.approx(share, rel=1e-12)
+    assert f"numerical dissipation {share:.2g} of the external work" in balances(seen.extremes, response.stats)
+    (words,) = (one for one in run_doubts(ready, seen, [], response.stats) if "dissipates" in one)
+    assert words.startswith(f"Warning: the time integration dissipates {100.0 * share:.2g} % of the external work")
+    assert words.endswith('take more steps per revolution, or integrator = { method = "newmark" }')
+
+
+def test_what_the_time_integration_adds_is_told():
+    """The average acceleration keeps energy: no other method is recommended in its place."""
+    ready, seen, response = watched(CASE)
+    at = [name for name, _ in response.outline.channels].index("energy.numerical")
+    seen.extremes._channels.least[at] = -0.5 * np.ptp(response.channels["energy.work"])
+    words = [one for one in run_doubts(ready, seen, [], response.stats) if "time integration" in one]
+    assert len(words) == 1
+    assert " adds " in words[0]
+    assert words[0].endswith("take more steps per revolution")
 
 
 def test_units_of_unknowns_do_not_matter(system_of):

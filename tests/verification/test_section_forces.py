@@ -15,12 +15,13 @@ from scipy.spatial.transform import Rotation
 
 from flexcam import prepare, read_case
 from flexcam.console.results import strength_table
-from flexcam.fem import COMPONENTS, Material, Member, PointMass, Section, beams, dof_map, stiffness
+from flexcam.fem import COMPONENTS, Damping, Material, Member, PointMass, Section, beams, dof_map, stiffness
 from flexcam.fem.generate import chain
 from flexcam.fem.loads import element_weight, gathered, spread_force
 from flexcam.fem.recovery import FORCES, fibres, section_forces
 from flexcam.integrate import Problem, newmark, solve, static_displacement
 from flexcam.response import Block, SaveAt, Series
+from flexcam.runner import geometry_of
 from flexcam.system import ConstantSpeed
 from flexcam.train import Model, StrengthSink, build_structure, build_system
 from flexcam.train.model import GivenLoad, MassAt
@@ -127,24 +128,25 @@ def test_weight(record, axis, mass):
     assert np.abs(found[0, 1]).max() <= 1e-9 * np.abs(root).max()
 
 
-@pytest.fixture(scope="module")
-def swinging():
+@pytest.fixture(scope="module", params=[Damping(), Damping(alpha=40.0, beta=7.46e-5)], ids=["undamped", "Rayleigh"])
+def swinging(request):
     """Pull a bar with 0.3 kg at its tip suddenly: all forces of its nodes at 201 instants."""
     bar, pull = Cantilever(AXES["skew"], 3), 50.0 * np.array([1.0, 2.0, -1.0, 0, 0, 0]) / math.sqrt(6.0)
     model = bar.model(
-        masses={"tip": MassAt("end", PointMass(0.3))}, loads={"pull": GivenLoad(1.0, pull, "end")}, probes=("end",)
-    )
+        masses={"tip": MassAt("end", PointMass(0.3))}, loads={"pull": GivenLoad(1.0, pull, "end")}, probes=("end",),
+        damping=request.param,
+    )  # fmt: skip
     problem = Problem(build_system(model, 1.0), ConstantSpeed(1.0), 2e-5, 200)
     fields = solve(problem, newmark(), save=SaveAt(field_every=1)).fields
-    nodal = bar.dofs.nodal
-    forces = section_forces(bar.beams, nodal(fields.displacement), acceleration=nodal(fields.acceleration))
-    return bar, pull, forces, nodal(fields.acceleration)[:, -1]
+    moved, moving, pushed = (bar.dofs.nodal(getattr(fields, name)) for name in Series.__dataclass_fields__)
+    forces = section_forces(bar.beams, moved, velocity=moving, acceleration=pushed, damping=request.param)
+    return bar, pull, forces, (pushed + request.param.alpha * moving)[:, -1]
 
 
 def test_balance_of_the_tip(swinging):
-    """The bar's end carries what is applied less the mass times its acceleration: N = F - m a, and so on."""
-    bar, pull, forces, acceleration = swinging
-    force = (pull[:3] - 0.3 * acceleration[:, :3]) @ bar.axes.T
+    """The bar's end carries what is applied less what inertia and damping of the mass take: N = F - m (a + alpha v)."""
+    bar, pull, forces, taken = swinging
+    force = (pull[:3] - 0.3 * taken[:, :3]) @ bar.axes.T
     assert np.abs(forces[:, -1, 1, :3] - force).max() <= 1e-9 * np.abs(force).max()  # residual of a direct solve
     assert np.abs(forces[:, -1, 1, 3:]).max() <= 1e-9 * np.abs(forces[..., 3:]).max()
     assert np.ptp(forces[:, -1, 1, 0]) > 1.0  # it does swing
@@ -154,6 +156,22 @@ def test_balance_of_inner_nodes(swinging):
     _, _, forces, _ = swinging
     jump = np.abs(forces[:, :-1, 1] - forces[:, 1:, 0]).reshape(-1, 6).max(axis=0)
     assert (jump <= 1e-9 * np.abs(forces).reshape(-1, 6).max(axis=0)[[0, 1, 1, 4, 4, 4]]).all()
+
+
+@pytest.mark.parametrize("damping", [Damping(), Damping(alpha=200.0), Damping(beta=7.46e-5)], ids=str)
+def test_damped_shear_at_the_tip_is_the_applied_force(damping):
+    """Nothing but the force acts at the tip, so that the last element's end bears it, whatever damps the bar."""
+    bar, push = Cantilever(AXES["along z"], 4), np.array([1000.0, 0, 0, 0, 0, 0])
+    model = bar.model(loads={"push": GivenLoad(1.0, push, "end")}, probes=("end",), damping=damping)
+    problem = Problem(build_system(model, 1.0), ConstantSpeed(1.0), 2e-5, 400)
+    structure, shown = build_structure(model), geometry_of(model)
+    strength = StrengthSink(structure)
+    fields = solve(problem, newmark(), save=SaveAt(field_every=1), sinks=[strength]).fields
+    nodal = [structure.dofs.nodal(getattr(fields, name)) for name in Series.__dataclass_fields__]
+    found = shown.recovered(*nodal)
+    assert np.abs(found["section_force"][:, -1] - bar.axes @ push[:3]).max() <= 1e-9 * 1000.0  # of a direct solve
+    assert np.ptp(found["section_force"][:, 0], axis=0).max() > 100.0  # it does swing
+    assert strength.members()["bar"].von_mises == pytest.approx(found["stress_von_mises"].max(), rel=1e-12)
 
 
 def ends(**forces):
