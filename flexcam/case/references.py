@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from flexcam.case.lines import Path, Places
+from flexcam.case.tables.cams import OF_A_LAW
 from flexcam.checks import Fault, did_you_mean
 from flexcam.fem import Mesh
 
@@ -67,11 +68,11 @@ class References:
     def _lifts(self) -> Iterator[Fault]:
         """Return the keys of cams that miss, or that stand beside the whole lift of a file."""
         for name, table in self._each("cams"):
-            for key in _OF_A_LAW if "lift_table" not in table else ():
+            for key in OF_A_LAW if "lift_table" not in table else ():
                 if key not in table:
                     where, why = self.places.place(("cams", name, key)), "the key is required without a lift_table"
-                    yield Fault(where, "nothing", _OF_A_LAW[key], why, f"add {key!r}")
-            for key in (*_OF_A_LAW, "dwell", "return_law", "ramps", "single_dwell") if "lift_table" in table else ():
+                    yield Fault(where, "nothing", OF_A_LAW[key], why, f"add {key!r}")
+            for key in (*OF_A_LAW, "dwell", "return_law", "ramps", "single_dwell") if "lift_table" in table else ():
                 if key in table and not (key == "law" and table[key] == "table"):
                     why = "the lift table says all of it"
                     yield Fault(self.places.place(("cams", name, key)), key, "nothing", why, "remove one of them")
@@ -149,12 +150,6 @@ _PARTS = (
     ("loads", "member", "members", "a member"),
 )
 """Table, key, the table it refers to, what stands there."""
-
-_OF_A_LAW = {
-    "law": "a motion law", "lift": "a length such as '6 mm'", "rise": "an angle such as '65 deg'",
-    "return": "an angle such as '65 deg'",
-}  # fmt: skip
-"""Keys of a cam without a lift table, and what may stand there."""
 
 _AT = (
     ("masses", "at", True),

@@ -30,10 +30,14 @@ class PartRecord(Record, Generic[Part]):
         """Return the part, SI."""
         raise NotImplementedError
 
+    def _check(self) -> None:
+        """Refuse a part that cannot be."""
+        self.made()
+
     @model_validator(mode="after")
     def _is_possible(self) -> Self:
         try:
-            self.made()
+            self._check()
         except InputError as refusal:
             raise q.passed_on(refusal, inside=True) from None
         return self
