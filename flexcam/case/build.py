@@ -12,6 +12,7 @@ from flexcam import fem, train
 from flexcam.case.case import Case
 from flexcam.case.play import play_stiffness
 from flexcam.case.records import CaseRecord
+from flexcam.case.shafts import shaft_faults
 from flexcam.case.tables import cams, contacts, members, parts
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Member, Mesh
@@ -73,6 +74,7 @@ def build_model(case: Case) -> train.Model:
         damping=record.run.damping.made(),
         probes=tuple(record.output.probes),
     )
+    faults.extend(shaft_faults(case, model))
     if faults:
         raise InputError(faults)
     return model
