@@ -61,6 +61,10 @@ class References:
                 yield from self._known(
                     ("contacts", name, "at"), table.get("at"), list(self._table("rockers")), "a rocker"
                 )
+        free = self._table("run").get("free_running")
+        if isinstance(free, Mapping):
+            cam = cast("Table", free).get("cam")
+            yield from self._known(("run", "free_running", "cam"), cam, list(self._table("cams")), "a cam")
         for kind, key, target, what in _PARTS:
             for name, table in self._each(kind):
                 yield from self._known((kind, name, key), table.get(key), list(self._table(target)), what)
