@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam import InputError, build_model, modes, prepare, read_case, run
+from flexcam import InputError, modes, prepare, read_case, run
 from flexcam.fem import Section
 
 CIRCLE = 'shaft = { shape = "circle", diameter = "25 mm" }'
