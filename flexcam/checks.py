@@ -25,6 +25,12 @@ def printable(text: str) -> str:
     return _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
 
 
+NAME = r"^[A-Za-z0-9_][A-Za-z0-9_ -]*$"
+"""What a name in a case or in a mesh looks like: results keep it as a name of HDF5 and in channels, parted by dots."""
+
+NAMES = "a name of letters, digits, '_', '-' and spaces"
+"""The same in words."""
+
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from flexcam.case import Case
-from flexcam.integrate import Method, Problem, solve
-from flexcam.response import Response, RunFailedError
+from flexcam.integrate import Method, Problem, Scheme, solve
+from flexcam.response import Response, RunFailedError, SaveAt
 from flexcam.train import Adjuster, Cam, CamContact, Lash, Model, Seat
 
 _LARGEST = 3000
@@ -45,6 +45,32 @@ def _told(name: str) -> str:
 
 _LIFTED = 1e-9
 """Part of its lift from which a cam counts as off its base circle."""
+
+
+def overshot(problem: Problem, scheme: Method) -> list[str]:
+    """Return by how much the first step overshoots a start that dies out within it, in words."""
+    start = problem.start
+    if not isinstance(scheme, Scheme) or start is None or not 0 < problem.system.size <= _LARGEST:
+        return []
+    if not scheme.overshoot or not start.velocity.any():
+        return []  # only a velocity is damped
+    scale = max(float(np.abs(one).max()) for one in (start.displacement, problem.step * start.velocity))
+    try:
+        first = solve(replace(problem, steps=1, path="general", adaptive=None), scheme, save=SaveAt(field_every=1))
+    except RunFailedError:
+        return []  # the run itself will say so
+    beyond = scheme.overshoot * problem.step**2 * np.abs(first.fields.acceleration[0])
+    if float(beyond.max()) <= _OVERSHOT * scale:
+        return []
+    size, name = f"{100.0 * float(beyond.max()) / scale:.3g} %", problem.system.names[int(np.argmax(beyond))]
+    why, remedy = "the step does not resolve how fast it is damped", "take newmark, bathe or smaller steps"
+    return [
+        f"Warning: the first step overshoots at {name} by {size} of the largest motion of the start: {why}; {remedy}"
+    ]
+
+
+_OVERSHOT = 0.01
+"""Part of the motion of a start from which an overshoot is told: flexcam's choice."""
 
 
 def struck(case: Case, model: Model, problem: Problem) -> list[str]:

@@ -10,8 +10,10 @@ import numpy as np
 
 from flexcam import fem, train
 from flexcam.case.case import Case
+from flexcam.case.held import held_faults
 from flexcam.case.play import play_stiffness
 from flexcam.case.records import CaseRecord
+from flexcam.case.shafts import shaft_faults
 from flexcam.case.tables import cams, contacts, members, parts
 from flexcam.checks import Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Member, Mesh
@@ -73,6 +75,7 @@ def build_model(case: Case) -> train.Model:
         damping=record.run.damping.made(),
         probes=tuple(record.output.probes),
     )
+    faults.extend([*shaft_faults(case, model), *held_faults(case, model)])
     if faults:
         raise InputError(faults)
     return model
@@ -179,8 +182,9 @@ def _shared_points(case: Case) -> list[Fault]:
     starts = [one.start for one in case.record.rockers.values()]
     for name, rocker in case.record.rockers.items():
         if starts.count(rocker.start) > 1 and isinstance(rocker, parts.LeverRecord):
-            why = "each lever has a driven end of its own"
-            faults.append(Fault(case.place(("rockers", name, "from")), repr(rocker.start), "another point", why, ""))
+            why, remedy = "each lever has a driven end of its own", "name another node, or a new name for a finger"
+            where = case.place(("rockers", name, "from"))
+            faults.append(Fault(where, repr(rocker.start), "another point", why, remedy))
     return faults
 
 

@@ -98,6 +98,13 @@ def _direction(value: Any) -> Any:  # noqa: ANN401
     return value
 
 
+def _line(value: Any) -> Any:  # noqa: ANN401
+    if fem.direction(_direction(value))[3:].any():
+        why = "it is a motion along a line, in m"
+        raise refused("a component such as 'uy' or '-uy', or three numbers", why, "take the direction of the motion")
+    return value
+
+
 @dataclass(frozen=True)
 class Check:
     """Annotation that runs a check of flexcam's own over a value, in pydantic's place.
@@ -119,8 +126,9 @@ class Check:
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         if self.schema == "component":
             return {"enum": list(fem.COMPONENTS)}
-        array = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 6}
-        return {"anyOf": [{"type": "string", "pattern": "^[+-]?[ur][xyz]$"}, array]}
+        line = self.schema == "line"
+        array = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3 if line else 6}
+        return {"anyOf": [{"type": "string", "pattern": f"^[+-]?{'u' if line else '[ur]'}[xyz]$"}, array]}
 
 
 Component = Annotated[str, Check(_component, "component")]
@@ -128,6 +136,9 @@ Component = Annotated[str, Check(_component, "component")]
 
 DirectionValue = Annotated[Any, Check(_direction, "direction")]
 """A component with an optional sign, or three (or six) numbers in global axes."""
+
+LineValue = Annotated[Any, Check(_line, "line")]
+"""The same without rotations: of motions and forces in contacts and rockers."""
 
 Length = Annotated[float, Unit("length", above=True)]
 Position = Annotated[float, Unit("length", signed=True)]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from flexcam.case.lines import Path, Places
+from flexcam.case.tables.cams import OF_A_LAW
 from flexcam.checks import Fault, did_you_mean
 from flexcam.fem import Mesh
 
@@ -60,6 +61,10 @@ class References:
                 yield from self._known(
                     ("contacts", name, "at"), table.get("at"), list(self._table("rockers")), "a rocker"
                 )
+        free = self._table("run").get("free_running")
+        if isinstance(free, Mapping):
+            cam = cast("Table", free).get("cam")
+            yield from self._known(("run", "free_running", "cam"), cam, list(self._table("cams")), "a cam")
         for kind, key, target, what in _PARTS:
             for name, table in self._each(kind):
                 yield from self._known((kind, name, key), table.get(key), list(self._table(target)), what)
@@ -67,11 +72,11 @@ class References:
     def _lifts(self) -> Iterator[Fault]:
         """Return the keys of cams that miss, or that stand beside the whole lift of a file."""
         for name, table in self._each("cams"):
-            for key in _OF_A_LAW if "lift_table" not in table else ():
+            for key in OF_A_LAW if "lift_table" not in table else ():
                 if key not in table:
                     where, why = self.places.place(("cams", name, key)), "the key is required without a lift_table"
-                    yield Fault(where, "nothing", _OF_A_LAW[key], why, f"add {key!r}")
-            for key in (*_OF_A_LAW, "dwell", "return_law", "ramps", "single_dwell") if "lift_table" in table else ():
+                    yield Fault(where, "nothing", OF_A_LAW[key], why, f"add {key!r}")
+            for key in (*OF_A_LAW, "dwell", "return_law", "ramps", "single_dwell") if "lift_table" in table else ():
                 if key in table and not (key == "law" and table[key] == "table"):
                     why = "the lift table says all of it"
                     yield Fault(self.places.place(("cams", name, key)), key, "nothing", why, "remove one of them")
@@ -149,12 +154,6 @@ _PARTS = (
     ("loads", "member", "members", "a member"),
 )
 """Table, key, the table it refers to, what stands there."""
-
-_OF_A_LAW = {
-    "law": "a motion law", "lift": "a length such as '6 mm'", "rise": "an angle such as '65 deg'",
-    "return": "an angle such as '65 deg'",
-}  # fmt: skip
-"""Keys of a cam without a lift table, and what may stand there."""
 
 _AT = (
     ("masses", "at", True),

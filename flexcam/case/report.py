@@ -15,7 +15,7 @@ from flexcam.case.expected import expected
 from flexcam.case.lines import Path, Places
 from flexcam.case.quantity import Unit
 from flexcam.case.records import CaseRecord
-from flexcam.checks import Fault, did_you_mean, told
+from flexcam.checks import NAMES, Fault, did_you_mean, told
 from flexcam.units import DIMENSIONS
 
 _TAGGED = (
@@ -105,7 +105,7 @@ def _fault(error: ErrorDetails, path: Path, places: Places, root: type[BaseModel
                 where, given, "1", "it is the version of the case format", "a newer flexcam may have written it"
             )
         case "string_pattern_mismatch":
-            return Fault(where, given, "a name of letters, digits, '_', '-' and spaces", "", "")
+            return Fault(where, given, NAMES, "", "")
         case _:
             return Fault(where, given, expected(error), "", "")
 

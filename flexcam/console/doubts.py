@@ -8,7 +8,7 @@ from flexcam.case import unusual
 from flexcam.console.lobes import lobe_doubts
 from flexcam.console.mishaps import mishaps
 from flexcam.console.watched import Watched
-from flexcam.held import idle_loads, loose, struck, unheld
+from flexcam.held import idle_loads, loose, overshot, struck, unheld
 from flexcam.integrate import newmark
 from flexcam.linalg import share_lost
 from flexcam.memory import Extremes
@@ -54,6 +54,7 @@ def coarse_steps(ready: Prepared) -> list[str]:
 def input_doubts(ready: Prepared) -> list[str]:
     """Return what is hardly meant in a case, in words: numbers, lobes, what acts on nothing, what stands open."""
     standing = [*unheld(ready.model, ready.problem, ready.scheme), *struck(ready.case, ready.model, ready.problem)]
+    standing += overshot(ready.problem, ready.scheme)
     idle = [*loose(ready.model), *idle_loads(ready.model, ready.problem)]
     rigid = [] if ready.problem.system.size else [one(ready.model, ready.case.speed) for one in (shared, pressed_shut)]
     untold = [sentence for told in rigid for sentence in told]

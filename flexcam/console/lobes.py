@@ -1,4 +1,4 @@
-"""Lobes that cannot be made as the case gives them: crossing themselves, thinner than their shaft, at two places."""
+"""Lobes that cannot be made as the case gives them, and bodies on their shaft that its equations hold still."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 
 from flexcam.cam import Follower, profile_at, undercut
 from flexcam.checks import InputError
-from flexcam.train import Cam, CamContact, Model, PublishedLoad
+from flexcam.linalg import FloatArray
+from flexcam.train import Cam, CamContact, Model, PublishedLoad, member_masses
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
 """Cam angles at which a profile is looked at."""
@@ -22,9 +23,40 @@ _THICKER = 1.0 + 1e-9
 
 
 def lobe_doubts(model: Model) -> list[str]:
-    """Return which lobes cannot be made, in words."""
+    """Return which lobes cannot be made, and which bodies turn although they are taken as still, in words."""
     known = [(name, cam, cam.follower) for name, cam in model.cams.items() if cam.follower is not None]
-    return [*(one for name, cam, follower in known for one in _told(model, name, cam, follower)), *_shared(model)]
+    lobes = [one for name, cam, follower in known for one in _told(model, name, cam, follower)]
+    return [*lobes, *_shared(model), *dict.fromkeys(_uneven_bodies(model))]
+
+
+_FELT = 0.01
+"""Share of the energy of a shaft's bending from which the swing of a body's inertia is told: flexcam's choice."""
+
+
+def _uneven_bodies(model: Model) -> Iterator[str]:
+    """Yield the bodies that turn with a shaft and have another inertia about each axis across it.
+
+    In a half wave of bending over a shaft of length L and mass m, the difference of both has ``2 (pi/L)^2 dJ/m`` of the
+    kinetic energy: slopes are pi/L times the deflection, and the mean of the squared half wave is 1/2.
+    """
+    own = member_masses(model)
+    for contact in model.driven.values():
+        nodes = model.mesh.connected(model.mesh.node(model.cams[contact.cam].at))
+        length = float(np.ptp(model.mesh.nodes[nodes] @ contact.shaft_axis))
+        mass = sum(own[name] for name, line in model.mesh.lines.items() if np.isin(line, nodes).any())
+        for name, part in model.masses.items():
+            at = model.mesh.points.get(part.at, np.empty(0, dtype=int))
+            apart = _across(part.body.matrix()[3:, 3:], contact.shaft_axis) if np.isin(at, nodes).any() else 0.0
+            if 2.0 * math.pi**2 * apart > _FELT * mass * length**2:
+                given = f"its inertias across the shaft are {apart:.3g} kg m^2 apart and turn with it"
+                yield f"Warning: masses.{name}: {given}; they are taken as still: give the mean of both"
+
+
+def _across(inertia: FloatArray, axis: FloatArray) -> float:
+    """Return the difference of the largest and the least moment of inertia about the axes square to one."""
+    square = np.eye(3) - np.outer(axis, axis)
+    values = np.linalg.eigvalsh(square @ inertia @ square + 2.0 * np.trace(inertia) * np.outer(axis, axis))
+    return float(values[1] - values[0])
 
 
 def _shared(model: Model) -> Iterator[str]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexcam.checks import refuse
+from flexcam.checks import Fault, InputError
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.massless import TOUCHED, Massless
 from flexcam.integrate.moment import Instant, Moment
@@ -31,7 +31,8 @@ class Starter:
         self._system, self._forces = system, forces
         self._massless = Massless(system)
         self._factor: Factor | None = None
-        self._refuse_light_impacts()
+        if refusal := light_impacts(forces, self._massless):
+            raise refusal
 
     def first(self, start: State, to: Instant) -> Moment:
         """Return the first instant.
@@ -95,16 +96,16 @@ class Starter:
             self._factor = self._massless.inverse(self._system.mass)
         return self._factor.solve(right)
 
-    def _refuse_light_impacts(self) -> None:
-        forces = self._forces
-        bouncing: list[int] = forces.switching[~np.isnan(forces.restitution)].tolist()
-        for which in bouncing:
-            own = forces.act.owner[which] > 0.0
-            vectors = forces.act.vectors[own]
-            if (self._massless.touched(vectors) > TOUCHED).any():
-                why = "an impact changes the velocity of a mass"
-                given, allowed = "a restitution where a body has no mass", "a mass on both sides, or ground"
-                raise refuse(forces.names[which], given, allowed, why, "add a mass there, or use dissipation")
+
+def light_impacts(forces: LocalForces, light: Massless) -> InputError | None:
+    """Return the refusal of impacts on what has no mass, all of them by name; None where there are none."""
+    bouncing: list[int] = forces.switching[~np.isnan(forces.restitution)].tolist()
+    pushed = [
+        one for one in bouncing if (light.touched(forces.act.vectors[forces.act.owner[one] > 0.0]) > TOUCHED).any()
+    ]
+    given, allowed = "a restitution where a body has no mass", "a mass on both sides, or ground"
+    why, remedy = "an impact changes the velocity of a mass", "add a mass there, or use dissipation"
+    return InputError(Fault(forces.names[one], given, allowed, why, remedy) for one in pushed) if pushed else None
 
 
 def _only(to: Instant) -> Schedule:

@@ -114,6 +114,16 @@ class Scheme(Method):
         new = 1.0 - self.alpha_f
         return (1.0 - self.alpha_m) * mass + new * (self.gamma * step * damping + self.beta * step**2 * stiffness)
 
+    @property
+    def overshoot(self) -> float:
+        """Displacement of a step over dt^2 times its first acceleration, beyond what both of its velocities give.
+
+        With a1 from the rule of the velocity it is ``d1 = d0 + dt v0 + beta/gamma dt (v1 - v0) + o dt^2 a0`` with
+        ``o = 1/2 - beta/gamma``. What dies out within a step, such as a blow against a large damper, leaves the last
+        term, which grows with a0.
+        """
+        return abs(0.5 - self.beta / self.gamma)
+
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
         """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step, as `Method` says."""
         weights = (self.beta, self.gamma, self.alpha_m, self.alpha_f)

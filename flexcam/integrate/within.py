@@ -7,6 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from flexcam.checks import InputError
+from flexcam.integrate.first import light_impacts
+from flexcam.integrate.local import LocalForces
+from flexcam.integrate.massless import Massless
 from flexcam.integrate.method import Method
 from flexcam.integrate.problem import Problem, State
 from flexcam.integrate.reach import Reach, reach
@@ -48,10 +51,13 @@ def integrated(problem: Problem) -> int:
 
 def refused(problem: Problem, method: Method) -> InputError | None:
     """Return why a method cannot integrate a problem in the unknowns it is integrated in; None where it can."""
-    if type(method).refusal is Method.refusal:
+    struck = any(force.restitution is not None for force in problem.system.local_forces)
+    if type(method).refusal is Method.refusal and not struck:
         return None  # it integrates everything, in whatever unknowns
     basis = basis_of(problem)
-    return method.refusal(problem.system if basis is None else projected(problem.system, basis), problem.step)
+    system = problem.system if basis is None else projected(problem.system, basis)
+    light = light_impacts(LocalForces(system), Massless(system)) if struck else None
+    return light or method.refusal(system, problem.step)
 
 
 def _weight(system: System) -> Triplets:

@@ -5,12 +5,13 @@ Faults are told by the numbers that nodes and elements have in the file.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from flexcam.checks import Fault, InputError, did_you_mean, refuse
+from flexcam.checks import NAME, NAMES, Fault, InputError, did_you_mean, refuse
 from flexcam.fem import Mesh
 from flexcam.io.csv import write_text
 from flexcam.io.inp_text import inp_text
@@ -128,6 +129,9 @@ def _group_faults(group: Elements, raw: Msh) -> Iterator[Fault]:
     elif group.kind == LINE and not _name(group, raw):
         why, remedy = "the group names the member", "add a physical curve"
         yield Fault("mesh", f"{what} without a physical group", "named line groups", why, remedy)
+    elif _name(group, raw) and not re.fullmatch(NAME, _name(group, raw)):
+        where, why = f"mesh group {_name(group, raw)!r}", "cases and results name the group"
+        yield Fault(where, repr(_name(group, raw)), NAMES, why, "rename the physical group in Gmsh")
     elif group.kind == LINE and _member(group) is None:
         why = f"a member is a chain without branches, loops or gaps{_broken_at(group.nodes)}"
         where, remedy = f"mesh group {_name(group, raw)!r}", "give each chain its own group"

@@ -14,10 +14,10 @@ from flexcam.io.whole import whole
 _UNITS = {name: unit for name, (*_, unit) in VECTORS.items()} | {name: unit for name, (unit, _) in RECOVERED.items()}
 
 _MACRO = '''\
-"""{name} in ParaView (5.11 or newer), written by flexcam.
+"""A result of flexcam in ParaView (5.11 or newer).
 
-    paraview --script={script}                opens it
-    pvbatch {script} picture.png 540     draws it at a cam angle (without a display: xvfb-run -a pvbatch ...)
+    paraview --script=MACRO             opens it; MACRO is this file
+    pvbatch MACRO picture.png 540       draws it at a cam angle (without a display: xvfb-run -a pvbatch ...)
 
 Or in ParaView: Macros, Import new macro. Change what stands here and run it again.
 """
@@ -93,7 +93,7 @@ def write_macro(collection: Path, fields: Sequence[str], degrees: Sequence[float
     free_to_write("export", path, overwrite=overwrite)
     colour = "stress_von_mises" if "stress_von_mises" in fields else fields[0]
     text = _MACRO.format(
-        name=collection.stem, script=path.name, colour=colour, collection=collection.name,
+        name=collection.stem, colour=colour, collection=collection.name,
         folder=str(collection.parent.resolve()), angle=CAM_ANGLE,
         degrees=[round(one, 6) for one in degrees], units=_UNITS,
     )  # fmt: skip

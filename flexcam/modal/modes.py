@@ -106,7 +106,7 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
     >>> pair.omegas
     array([2., 3.])
     """
-    rigid = _mass_orthonormal(null_space(stiffness) if free is None else free, mass)
+    rigid = _mass_orthonormal(_sought(stiffness) if free is None else free, mass)
     solver = _dense if mass.size <= 2 * DENSE_LIMIT else lanczos
     squares, shapes, lost = solver(mass, stiffness, rigid, count)
     shapes = _orthonormalized(shapes, rigid, mass)
@@ -120,6 +120,16 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
     return Modes(
         omegas[:wanted], _signed(shapes[:, :wanted]), int(min(rigid.shape[1], wanted)), int(lost), taken[:wanted]
     )
+
+
+def _sought(stiffness: Triplets) -> FloatArray:
+    """Return the motions that bare matrices leave free; one with more energy than rounding can make is a soft one."""
+    found = null_space(stiffness)
+    energy = np.abs(np.sum(found * stiffness.times_all(found), axis=0))
+    taken = energy_rounding(stiffness, found)
+    if (soft := energy > taken).any():
+        raise RunFailedError(_too_fine(float((taken[soft] / energy[soft]).max())))
+    return found
 
 
 def _too_fine(share: float) -> Status:

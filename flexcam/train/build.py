@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexcam import modal
-from flexcam.checks import refuse
+from flexcam.checks import InputError, gathered, refuse
 from flexcam.fem import COMPONENTS
 from flexcam.fem.damping import modal_damping, rayleigh_damping
 from flexcam.linalg import DENSE_LIMIT, IntArray, Triplets, by_group, groups
@@ -37,7 +37,9 @@ _MODAL_LIMIT = 2 * DENSE_LIMIT
 def build_system(model: Model, speed: float) -> System:
     """Return the equations of the flexible mechanism."""
     structure = build_structure(model)
-    contacts = [_coupled(structure, name, contact, speed) for name, contact in model.contacts.items()]
+    contacts, faults = gathered(lambda name: _coupled(structure, name, model.contacts[name], speed), model.contacts)
+    if faults:
+        raise InputError(faults)
     damping, joined, probes, ends = _at_any_speed(structure)
     couplings = [*contacts, *joined, Coupling(tuple(constant_loads(structure)), (), ())]
     parts = _parts(couplings)

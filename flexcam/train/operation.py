@@ -145,7 +145,7 @@ _USE = "buckling_use"
 
 
 def _margin(channel: str) -> str:
-    return channel.replace("use", "margin")
+    return channel.removesuffix(_USE) + "buckling_margin"
 
 
 _SEATING = ("seating_velocity", "bounces", "bounce_height")

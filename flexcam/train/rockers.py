@@ -69,12 +69,10 @@ class Lever(Rocker):
     damping: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        if max(abs(angle) for angle in self.angles) > _MOST:
-            why, given = (
-                "an arm nearly along the motion of its end moves it no more",
-                [math.degrees(a) for a in self.angles],
-            )
-            raise refuse("angles", f"{given} deg", f"within {math.degrees(_MOST):g} deg of square", why)
+        beyond = [f"{math.degrees(angle):g} deg" for angle in self.angles if abs(angle) > _MOST]
+        if beyond:
+            why, remedy = "an arm nearly along the motion of its end moves it no more", "count it from square"
+            raise refuse("angles", " and ".join(beyond), f"within {math.degrees(_MOST):g} deg of square", why, remedy)
 
     @property
     def ratio(self) -> float:

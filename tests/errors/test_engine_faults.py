@@ -97,7 +97,7 @@ FAULTS = {
     "play nowhere": ([('from = "lifter-top"\nto = "stem"\ndirection = "uy"\n', "")], "contacts.play", "", "either at"),
     "play without a direction": ([('to = "stem"\ndirection = "uy"', 'to = "stem"')], "contacts.play", "", "direction"),
     "play with an unknown direction": ([('to = "stem"\ndirection = "uy"', 'to = "stem"\ndirection = "uyy"')], "contacts.play.direction", "'uyy'", "did you mean 'uy'"),
-    "play along a held direction": ([('to = "stem"\ndirection = "uy"', 'to = "stem"\ndirection = "ux"')], "contacts.play", "", ""),
+    "play along a held direction": ([('from = "lifter-top"\nto = "stem"\ndirection = "uy"', 'from = "lifter"\nto = "stem"\ndirection = "ux"')], "contacts.play.direction", "both held", "never act"),
     "play about an axis": ([('to = "stem"\ndirection = "uy"', 'to = "stem-end"\ndirection = "rz"')], "contacts.play.direction", "rz", ""),
     "gap negative": ([('gap = "0.1 mm"', 'gap = "-0.1 mm"')], "contacts.play.gap", "-0.1 mm", "zero or more"),
     "gap missing": ([('gap = "0.1 mm"\n', "")], "contacts.play.gap", "nothing", "required"),
@@ -149,25 +149,7 @@ FAULTS = {
     "start misspelt": ([('start = "equilibrium"', 'start = "periodical"')], "run.start", "'periodical'", "did you mean 'periodic'"),
 }  # fmt: skip
 
-ACCEPTED = "accepted without a word"
-KNOWN = {
-    "play along a held direction": f"{ACCEPTED}: it never acts",
-    "play about an axis": f"{ACCEPTED}: a gap in m between angles",
-    "friction speed without friction": f"{ACCEPTED}: it acts on nothing",
-    "lever installed along its motion": f"{ACCEPTED}: its ratio has no bound, the rigid train is NaN",
-    "lever installed backwards": ACCEPTED,
-    "lever whose point stands along its motion": f"{ACCEPTED}: its ratio is zero",
-    "lever along a held direction": "said at the valve's spring only; without that, accepted",
-    "finger that turns": "said at the springs, as 'a direction along [0.0, 0.0, 0.0]'",
-    "two fingers at one point": f"{ACCEPTED}: two unknowns of one name",
-    "restitution at a point without mass": "the place has no line; `check` accepts it",
-}  # fmt: skip
-
 PYTHONS_OWN = ("Value error", "float()", "numpy", "dictionary", "Tuple should", "NoneType", "Traceback", "discriminator", "instance of")  # fmt: skip
-
-
-def rows(*, every=True):
-    return [pytest.param(n, marks=[pytest.mark.xfail(strict=True, reason=KNOWN[n])] if n in KNOWN else []) for n in FAULTS if every or n not in KNOWN]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -199,7 +181,7 @@ def of(faults, key):
     return [f for f in faults if re.sub(r" \(line \d+\)", "", f.where).replace(": ", ".").startswith(key)]
 
 
-@pytest.mark.parametrize("name", rows())
+@pytest.mark.parametrize("name", FAULTS)
 def test_refused_with_place_and_remedy(name, written):
     changes, key, given, said = FAULTS[name]
     faults = refused(written(changes))
@@ -212,7 +194,7 @@ def test_refused_with_place_and_remedy(name, written):
 
 
 @pytest.mark.parametrize("verb", ["check", "run"])
-@pytest.mark.parametrize("name", rows(every=False))
+@pytest.mark.parametrize("name", FAULTS)
 def test_exit_code_2_and_no_traceback(name, verb, written, monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
@@ -252,19 +234,8 @@ MANY = {
     ),
 }  # fmt: skip
 
-NOT_TOGETHER = {
-    "parts that do not fit": "what build_system refuses comes one by one",
-    "a cam of the run beside a name": "the cam is looked up only when the run begins",
-}
 
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(n, marks=[pytest.mark.xfail(strict=True, reason=NOT_TOGETHER[n])] if n in NOT_TOGETHER else [])
-        for n in MANY
-    ],
-)
+@pytest.mark.parametrize("name", MANY)
 def test_all_faults_in_one_report(name, written):
     changes, keys = MANY[name]
     wheres = [fault.where for fault in refused(written(changes))]

@@ -12,6 +12,9 @@ import pytest
 from flexcam import InputError
 from flexcam.io import write_macro, write_pvd
 
+NAMED = 'a"""\nraise SystemExit("run")  # \\'
+"""Name of a collection that ends a docstring and goes on as a statement; its last character escapes a quote."""
+
 TELL = """
 import json, sys
 macro = sys.argv[1]
@@ -87,3 +90,11 @@ def test_it_writes_over_nothing_unasked(exported):
         write_macro(macro.with_name("Größe & Maß.pvd"), ["displacement"], [0.0])
     write_macro(macro.with_name("Größe & Maß.pvd"), ["displacement"], [0.0], overwrite=True)
     assert "COLOUR = 'displacement'" in macro.read_text(encoding="utf-8")
+
+
+def test_a_name_with_quotes_and_a_backslash_stays_a_name(tmp_path):
+    macro = ast.parse(write_macro(tmp_path / f"{NAMED}.pvd", ["displacement"], [0.0]).read_text(encoding="utf-8"))
+    assert ast.get_docstring(macro)
+    assert not [one for one in macro.body if isinstance(one, ast.Raise)]
+    given = {one.value for one in ast.walk(macro) if isinstance(one, ast.Constant)}
+    assert {NAMED, f"{NAMED}.pvd"} <= given

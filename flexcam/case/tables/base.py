@@ -7,10 +7,10 @@ from typing import Annotated, Generic, Self, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from flexcam.case import quantity as q
-from flexcam.checks import InputError
+from flexcam.checks import NAME, InputError
 
 Part = TypeVar("Part")
-Name = Annotated[str, Field(min_length=1, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_ -]*$")]
+Name = Annotated[str, Field(min_length=1, pattern=NAME)]
 Vector = tuple[q.SignedNumber, q.SignedNumber, q.SignedNumber]
 Point = tuple[q.Position, q.Position, q.Position]
 _Acceleration = Annotated[float, q.Unit("acceleration", signed=True)]
@@ -30,10 +30,14 @@ class PartRecord(Record, Generic[Part]):
         """Return the part, SI."""
         raise NotImplementedError
 
+    def _check(self) -> None:
+        """Refuse a part that cannot be."""
+        self.made()
+
     @model_validator(mode="after")
     def _is_possible(self) -> Self:
         try:
-            self.made()
+            self._check()
         except InputError as refusal:
             raise q.passed_on(refusal, inside=True) from None
         return self

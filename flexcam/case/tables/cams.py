@@ -12,8 +12,14 @@ from flexcam.case import quantity as q
 from flexcam.case.motions import GivenLaw, GivenLift
 from flexcam.case.tables.base import Name, PartRecord, Record, Vector
 from flexcam.checks import InputError, refuse
-from flexcam.motion import LAWS, Event, LiftEvent, Ramp, Shifted
+from flexcam.motion import Event, LiftEvent, Ramp, Shifted
 from flexcam.units import parse
+
+OF_A_LAW = {
+    "law": "a motion law", "lift": "a length such as '6 mm'", "rise": "an angle such as '65 deg'",
+    "return": "an angle such as '65 deg'",
+}  # fmt: skip
+"""Keys of a cam without a lift table, and what may stand there."""
 
 
 class RampsRecord(Record):
@@ -130,8 +136,21 @@ class FreeCamRecord(PartRecord[train.Cam]):
                 return follower.arm * q.Unit("angle", above=True).validate(angle)
         return q.Unit("length", above=True).validate(value)
 
+    @property
+    def lacking(self) -> list[str]:
+        """Keys that the lift lacks."""
+        named = (("law", self.law), ("lift", self.lift), ("rise", self.rise), ("return", self.fall))
+        return [key for key, value in named if value is None and self.lift_table is None]
+
+    def _check(self) -> None:
+        """Refuse a cam that cannot be; what it lacks is reported with the references of all tables, by its key."""
+        if not self.lacking:
+            self.made()
+        elif self.follower is not None:
+            self.follower.made(self.base_radius)
+
     def made(self) -> train.Cam:
-        """Return the cam; what is missing is reported where all keys are."""
+        """Return the cam."""
         follower = self.follower.made(self.base_radius) if self.follower else None
         turn = 1 if self.rotation == "counterclockwise" else -1
         return train.Cam(self.at or "", self._event(), follower, turn, self.width)
@@ -140,7 +159,8 @@ class FreeCamRecord(PartRecord[train.Cam]):
         if self.lift_table is not None:
             return Shifted(self.lift_table.event, self.phase) if self.phase else self.lift_table.event
         if self.law is None or self.lift is None or self.rise is None or self.fall is None:
-            return LiftEvent(LAWS["shm"], 1.0, 1.0, 1.0)
+            given, why = f"nothing for {', '.join(self.lacking)}", "they make the lift where no lift_table does"
+            raise refuse("lift", given, ", ".join(OF_A_LAW), why, f"add {', '.join(self.lacking)}, or a lift_table")
         opening, closing = self.ramps.made() if self.ramps else (None, None)
         return LiftEvent(
             self.law.law, self.lift, self.rise, self.fall, self.dwell, self.phase,

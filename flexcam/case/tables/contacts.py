@@ -17,7 +17,7 @@ class PublishedLoadRecord(Record):
     model: Literal["published-load"]
     cam: Name
     follower: Name
-    direction: q.DirectionValue | None = Field(None, description="of the lift; from cam to follower by default")
+    direction: q.LineValue | None = Field(None, description="of the lift; from cam to follower by default")
     preload_factor: q.Ratio = Field(2.5, description="preload by the force that the rigid train needs for contact")
     cam_deflection: bool = Field(False, strict=True, description="the force feels the shaft's deflection, U_c of (21)")
     cam_torque: bool = Field(True, strict=True, description="the force twists the shaft, T_CF of (24)")
@@ -29,7 +29,7 @@ class BilateralRecord(Record):
     model: Literal["bilateral"]
     cam: Name
     follower: Name
-    direction: q.DirectionValue | None = Field(None, description="of the lift; from cam to follower by default")
+    direction: q.LineValue | None = Field(None, description="of the lift; from cam to follower by default")
     stiffness: Annotated[float, q.Unit("stiffness", above=True)]
 
 
@@ -39,7 +39,7 @@ class UnilateralRecord(Record):
     model: Literal["unilateral"]
     cam: Name
     follower: Name
-    direction: q.DirectionValue | None = Field(None, description="of the lift; from cam to follower by default")
+    direction: q.LineValue | None = Field(None, description="of the lift; from cam to follower by default")
     stiffness: Literal["hertz"] | Annotated[float, q.Unit("stiffness", above=True)] = Field(
         description="a number, or hertz for line contact with the cam's own curvature", union_mode="left_to_right"
     )
@@ -53,6 +53,13 @@ class UnilateralRecord(Record):
         0.0, description="Coulomb's coefficient along a flat face"
     )
     friction_speed: q.Velocity = Field(0.01, description="velocity of sliding over which friction turns over, m/s")
+
+    @model_validator(mode="after")
+    def _friction_speed_acts(self) -> Self:
+        if "friction_speed" in self.model_fields_set and "friction" not in self.model_fields_set:
+            given, why = f"{self.friction_speed:g} m/s", "without friction it acts on nothing"
+            raise q.refused("friction beside it", why, "add friction", inside="friction_speed", given=given)
+        return self
 
 
 CamContactRecord = PublishedLoadRecord | BilateralRecord | UnilateralRecord
@@ -68,7 +75,7 @@ class SeatRecord(Record):
 
     model: Literal["seat"]
     at: Name
-    direction: q.DirectionValue | None = Field(None, description="the way off it; a rocker's point has its own")
+    direction: q.LineValue | None = Field(None, description="the way off it; a rocker's point has its own")
     stiffness: Annotated[float, q.Unit("stiffness", above=True)]
     damping: q.DampingValue = 0.0
     damping_depth: _DampingDepth = DAMPING_DEPTH
@@ -83,7 +90,7 @@ class _PlayRecord(Record):
     at: Name | None = Field(None, description="name of a rocker: the play is at its point")
     start: Name | None = Field(None, alias="from", description="node that pushes, where it is not at a rocker")
     to: Name | None = Field(None, description="node that is pushed")
-    direction: q.DirectionValue | None = Field(None, description="in which it pushes, between nodes")
+    direction: q.LineValue | None = Field(None, description="in which it pushes, between nodes")
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:

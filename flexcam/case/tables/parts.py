@@ -194,7 +194,7 @@ class LumpedRecord(Record):
     to: Name = Field(description="point it defines")
     arms: tuple[q.Length, q.Length] = Field(description="arm at `from` and at `to`")
     inertia: q.Inertia = Field(0.0, description="about the rocker's shaft")
-    direction: q.DirectionValue | None = Field(None, description="motion at `from`; along the member there by default")
+    direction: q.LineValue | None = Field(None, description="motion at `from`; along the member there by default")
 
 
 class LeverRecord(Record):
@@ -216,7 +216,7 @@ class LeverRecord(Record):
         None, description="of the arm at a driven node; as stiffness by default"
     )
     drive_damping: q.DampingValue = Field(0.0, description="of the arm at a driven node")
-    direction: q.DirectionValue | None = Field(None, description="motion at `from`; along the member there by default")
+    direction: q.LineValue | None = Field(None, description="motion at `from`; along the member there by default")
 
 
 RockerRecord = Annotated[LumpedRecord | LeverRecord, Field(discriminator="model")]

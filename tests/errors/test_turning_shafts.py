@@ -1,0 +1,117 @@
+"""What turns must be round, and all cams of a shaft must turn one way; refused with the other faults of the case."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from flexcam import InputError, read_case
+from flexcam.case import build_model
+from flexcam.console.lobes import lobe_doubts
+
+SHAFT = 'shaft = { shape = "circle", diameter = "25 mm" }'
+CUSTOM = 'shaft = {{ shape = "custom", A = 4.9e-4, Iy = 1.9e-8, Iz = {}, J = 3.8e-8 }}'
+OTHER = """[cams.other]
+at = "front"
+{}law = "shm"
+lift = "6 mm"
+rise = "180 deg"
+return = "180 deg"
+
+[contacts.other]
+cam = "other"
+follower = "lifter"
+direction = "uy"
+model = "bilateral"
+stiffness = "10 MN/m"
+
+[contacts.intake]"""
+LIFTER = [
+    ('pushrod-top = [', 'lifter = ["60 mm", "18 mm", "0 mm"]\npushrod-top = ['),
+    ('tappet = ["ux", "uz", "ry"]', 'tappet = ["ux", "uz", "ry"]\nlifter = ["ux", "uz", "rx", "ry", "rz"]'),
+    ('follower = { at', 'lifter = { at = "lifter", mass = "0.1 kg" }\nfollower = { at'),
+]  # fmt: skip
+
+
+@pytest.fixture
+def read(tmp_path):
+    def made(text):
+        path = tmp_path / "case.toml"
+        path.write_text(text, encoding="utf-8")
+        return read_case(path)
+
+    return made
+
+
+@pytest.fixture
+def refused(text, changed, read):
+    def found(*changes):
+        with pytest.raises(InputError) as refusal:
+            build_model(read(changed(text, *changes)))
+        return refusal.value.faults
+
+    return found
+
+
+@pytest.mark.parametrize(
+    "section",
+    ['shaft = { shape = "rectangle", width_y = "26 mm", width_z = "10 mm" }', CUSTOM.format(2.0e-8)],
+)  # fmt: skip
+def test_a_turning_member_that_is_not_round_is_refused(refused, section):
+    (fault,) = refused((SHAFT, section))
+    assert re.match(r"members\.camshaft\.section \(line \d+\)", fault.where)
+    assert "Iy = " in fault.given
+    assert "Iz = " in fault.given
+    assert "turns with cam 'intake'" in fault.why
+    assert "circle" in fault.remedy
+
+
+def test_shear_factors_count_where_shear_does(refused, text, changed, read):
+    uneven = (SHAFT, 'shaft = { shape = "circle", diameter = "25 mm", kappa_y = 0.5 }')
+    build_model(read(changed(text, uneven)))
+    (fault,) = refused(uneven, ("camshaft = { nodes", "camshaft = { shear = true, nodes"))
+    assert "kappa_y = 0.5" in fault.given
+
+
+@pytest.mark.parametrize("change", [
+    (SHAFT, 'shaft = { shape = "rectangle", width_y = "20 mm", width_z = "20 mm" }'),
+    (SHAFT, CUSTOM.format(1.905e-8)),
+    ('tube = { shape = "tube", outer_diameter = "8 mm", inner_diameter = "5 mm" }',
+     'tube = { shape = "rectangle", width_y = "8 mm", width_z = "6 mm" }'),
+])  # fmt: skip
+def test_round_to_rounding_or_standing_members_are_not(text, changed, read, change):
+    build_model(read(changed(text, change)))
+
+
+def test_cams_of_one_shaft_that_turn_against_each_other_are_refused(refused):
+    (fault,) = refused(*LIFTER, ("[contacts.intake]", OTHER.format("axis = [-1, 0, 0]\n")))
+    assert re.match(r"cams\.\w+\.axis \(line \d+\)|cams\.\w+ \(line \d+\)", fault.where)
+    assert "'intake'" in str(fault)
+    assert "'other'" in str(fault)
+    assert "[-1, 0, 0]" in fault.given
+
+
+@pytest.mark.parametrize("axis", ["", "axis = [2, 0, 0]\n"])
+def test_cams_of_one_shaft_that_turn_one_way_are_not(text, changed, read, axis):
+    build_model(read(changed(text, *LIFTER, ("[contacts.intake]", OTHER.format(axis)))))
+
+
+def test_both_come_in_one_report(refused):
+    rectangle = 'shaft = { shape = "rectangle", width_y = "26 mm", width_z = "10 mm" }'
+    faults = refused((SHAFT, rectangle), *LIFTER, ("[contacts.intake]", OTHER.format("axis = [-1, 0, 0]\n")))
+    assert {one.where.split(".")[0] for one in faults} == {"members", "cams"}
+
+
+LOBE = ('mass = "0.15 kg"', 'mass = "0.15 kg", inertia = {}')
+
+
+@pytest.mark.parametrize(
+    ("inertia", "told"),
+    [("[2e-5, 2e-5, 1.5e-5]", False), ("[4e-3, 3e-3, 3e-3]", False), ("[4e-3, 3e-3, 1.5e-3]", True)],
+)  # fmt: skip
+def test_a_turning_body_of_uneven_inertia_is_told_where_it_is_felt(text, changed, read, inertia, told):
+    """The shaft has 0.69 kg on 180 mm: a hundredth of its bending is 1.1e-5 kg m^2."""
+    said = lobe_doubts(build_model(read(changed(text, (LOBE[0], LOBE[1].format(inertia))))))
+    assert bool(said) == told
+    assert all("masses.lobe" in one and "0.0015 kg m^2" in one for one in said)
