@@ -7,7 +7,7 @@ beyond the harmonic N send at most ``k T W sum(n a_n, n > N)``. N is the last th
 ``k h``, what the whole lift h does to the spring; a rocker's ratio changes both alike.
 
 Linear parts with consistent mass, p of them in half a wave, have a natural frequency too high by ``(pi/p)^2/24`` of it
-(T. J. R. Hughes, The Finite Element Method, 1987, section 9.1): 2.6 % with the four taken here at the last harmonic
+(T. J. R. Hughes, The Finite Element Method, 1987): 2.6 % with the four taken here at the last harmonic
 that matters, 0.6 % at half of its frequency. Half a wave fits into the spring f/f1 times at a frequency f.
 """
 
