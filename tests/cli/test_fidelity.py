@@ -399,7 +399,8 @@ def test_the_estimate_of_a_coarser_model_counts_its_distance_to_beams(ran, fine)
         done = ran(f'model="{model}"', "estimate=true").json
         error = next(one for one in done["errors"] if one["quantity"] == "lift")
         valve = read_result(done["result"]).response["valve"].displacement
-        # The lift is a range, which errs at both ends. What is left besides the model is the error of steps and elements, some 1e-6 m, of 4 mm and of 42 um.
+        # The lift is a range, which errs at both ends.
+        # What is left besides the model is the error of steps and elements, some 1e-6 m, of 4 mm and of 42 um.
         true = np.abs(valve - fine.displacement[::8]).max(), abs(np.ptp(valve) - np.ptp(fine.displacement))
         assert error["model"] == pytest.approx(max(true), rel=rest)
 
