@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from flexcam.linalg import FloatArray
-from flexcam.response import Block, Outline, Response, Series, Sink, Stats, Status
+from flexcam.response import Block, Outline, Response, Series, Sink, Stats, Status, turning_points
 
 
 class Keeper(Sink, Protocol):
@@ -145,6 +145,8 @@ class Recent(Memory):
 class Extremes:
     """The sink that follows the least and the largest of everything over a run, and keeps no history.
 
+    Probes are those of the dense output: they may be least and largest between two instants.
+
     Parameters
     ----------
     outline
@@ -165,6 +167,7 @@ class Extremes:
         self._channel = {name: i for i, (name, _) in enumerate(outline.channels)}
         self._probes = _Bounds(sum(len(components) for _, components in outline.probes))
         self._channels = _Bounds(len(outline.channels))
+        self._before = _empty(outline)
 
     @classmethod
     def of(cls, response: Response) -> Extremes:
@@ -185,6 +188,7 @@ class Extremes:
         if len(block.time):
             self.steps += len(block.time)
             self._probes.widen(block.probes.displacement)
+            self._probes.widen(self._turns(block))
             self._channels.widen(block.channels)
         if block.fields.displacement.size:
             largest = np.abs(block.fields.displacement).max(axis=1)
@@ -194,6 +198,15 @@ class Extremes:
 
     def close(self, status: Status, stats: Stats) -> None:
         """Do nothing: the figures are asked for."""
+
+    def _turns(self, block: Block) -> FloatArray:
+        """Return where probes turn between the instants of a block, and before its first one."""
+        before, now = self._before, block.probes
+        self._before = replace(
+            before, time=block.time[-1:].copy(), probes=Series(*(x[-1:].copy() for x in _arrays(now)))
+        )
+        whole = Series.joined([before.probes, now])
+        return turning_points(np.append(before.time, block.time), whole.displacement, whole.velocity)[1]
 
     def probe(self, name: str) -> tuple[FloatArray, FloatArray]:
         """Return least and largest displacement of a probe, or of one component of it, shape (components,)."""
@@ -220,6 +233,8 @@ class _Bounds:
         self._begun = False
 
     def widen(self, rows: FloatArray) -> None:
+        if not len(rows):
+            return
         least, largest = rows.min(axis=0), rows.max(axis=0)
         self.least = np.minimum(self.least, least) if self._begun else least
         self.largest = np.maximum(self.largest, largest) if self._begun else largest

@@ -18,6 +18,7 @@ from flexcam.case.raw import overridden, parsed, tables_of
 from flexcam.case.records import CamsRecord, CaseRecord
 from flexcam.case.references import References
 from flexcam.case.report import faults
+from flexcam.case.surge import with_spring_parts
 from flexcam.case.tables.base import Record
 from flexcam.case.tables.sweep import SweepOnly, SweepRecord
 from flexcam.checks import Fault, InputError, refuse
@@ -104,7 +105,7 @@ class CaseFile:
         found += coinciding(raw if record is None else {**raw, "nodes": record.nodes}, places)
         if found or record is None:
             raise InputError(in_order(found))
-        return Case(self.path, self.text, tuple(overrides), record, own, places)
+        return with_spring_parts(Case(self.path, self.text, tuple(overrides), record, own, places))
 
     @property
     def sweep(self) -> SweepRecord | None:

@@ -45,13 +45,14 @@ class Unused:
 
 _ACCURACY = ("fidelity.tolerance", "fidelity.estimate")
 _MODEL = ("fidelity.model", "fidelity.masses", "fidelity.modes", "fidelity.reduction")
+_NORM = ("fidelity.norm",)
 _SPEEDS = ("run.speed", "run.crank_speed")
 _LEAVE = "leave it out"
 
 UNUSED = (
     Unused(
         ("campbell", "compare", "limits", "orders", "parting", "plot", "stability", "view"),
-        _ACCURACY,
+        (*_ACCURACY, *_NORM),
         "it takes the model as the case names it",
         "flexcam run chooses a model and estimates errors; name its choice by fidelity.model",
     ),
@@ -62,11 +63,11 @@ UNUSED = (
     ),
     Unused(
         ("modes", "synthesize"),
-        (*_MODEL, *_ACCURACY),
+        (*_MODEL, *_ACCURACY, *_NORM),
         "natural modes are those of all unknowns of the members",
         _LEAVE,
     ),
-    Unused(("cam", "settings"), (*_MODEL, *_ACCURACY), "closed forms need no model of the train", _LEAVE),
+    Unused(("cam", "settings"), (*_MODEL, *_ACCURACY, *_NORM), "closed forms need no model of the train", _LEAVE),
     Unused(
         ("modes",), ("run", "output"), "natural modes need no run", _LEAVE, laid=True,
         but=(*_SPEEDS, "run.gravity", "run.fluctuation", "run.free_running"),

@@ -38,7 +38,8 @@ def trade_table(against: Reference, found: Sequence[Traded]) -> Table:
     own = (_percent(against.errors[kind] / against.size[kind] if against.size[kind] > 0.0 else 0.0) for kind in kinds)
     rows.append(("", "reference", str(against.steps), "", "", "", *own, "its own error"))
     heads = ("", "model", "steps/rev", "unknowns", "work", "cpu s", *(f"{kind}, %" for kind in kinds), "")
-    return table("What a cheaper model costs in error (rms, of the largest value)", heads, rows)
+    norm = {"max": "largest", "rms": "rms", None: "rms, of forces the largest"}[against.norm]
+    return table(f"What a cheaper model costs in error ({norm}; as a part of the largest value)", heads, rows)
 
 
 def _quantities(against: Reference) -> list[str]:

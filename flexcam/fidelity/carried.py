@@ -1,4 +1,4 @@
-"""A start given at the nodes of one mesh, seen at those of another with more or fewer elements."""
+"""A start given at the nodes of one mesh, seen at those of another with more or fewer elements or parts of springs."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from flexcam.case.tables.run import GivenStartRecord
 from flexcam.fem.deflection import deflection
 from flexcam.linalg import FloatArray
 from flexcam.train import Structure, build_structure
+from flexcam.train.springs import inner_name, spring_parts
 
 
 def carried_start(case: Case, other: Case) -> Case:
     """Return a case that starts as another one does, where that is given at nodes.
 
     What lies between two nodes of a member follows the shape of its elements: otherwise a finer mesh would have points
-    at rest between those that are moved, and begin with a blow that the given mesh does not know.
+    at rest between those that are moved, and begin with a blow that the given mesh does not know. Between the ends of a
+    part of a spring the motion is linear.
     """
     start = case.record.run.start
     if not isinstance(start, GivenStartRecord):
@@ -45,7 +47,26 @@ def _seen(
     numbers: list[int] = its.dofs.numbers[free].tolist()
     amounts: list[float] = found[free].tolist()
     moved = {its.dofs.names[i]: x for i, x in zip(numbers, amounts, strict=True) if x}
-    return moved | {name: value for name, value in values.items() if name not in on_nodes}
+    beside = {name: value for name, value in values.items() if name not in on_nodes}
+    return moved | _within_springs(structure, its, values, beside)
+
+
+def _within_springs(
+    structure: Structure, its: Structure, values: Mapping[str, float], beside: Mapping[str, float]
+) -> dict[str, float]:
+    """Return values of what is no node, those within springs as the parts of another mesh have them."""
+    found, row = dict(beside), np.array([values.get(name, 0.0) for name in structure.dofs.names])
+    for name, spring in structure.model.springs.items():
+        own, parts = spring.elements, its.model.springs[name].elements
+        if own == parts:
+            continue
+        ends = spring_parts(structure, name, spring)
+        line = [float(ends[0][0] @ row), *(float(high @ row) for _, high in ends)]
+        for i in range(1, own):
+            found.pop(inner_name(name, i), None)
+        inner = np.interp(np.arange(1, parts) / parts, np.arange(own + 1) / own, line).tolist()
+        found |= {inner_name(name, i): value for i, value in enumerate(inner, start=1) if value}
+    return found
 
 
 def _along(structure: Structure, nodal: FloatArray, elements: slice, parts: int, other: int) -> FloatArray:

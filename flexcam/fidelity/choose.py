@@ -10,7 +10,7 @@ from flexcam.case import Case
 from flexcam.case.tables.run import ResultStartRecord
 from flexcam.checks import refuse
 from flexcam.fidelity.rungs import Rung
-from flexcam.fidelity.trade import Reference, Traded, candidates, reference, tried
+from flexcam.fidelity.trade import Reference, Traded, candidates, reference, tried, work_of
 from flexcam.response import Cause, RunFailedError, Status
 from flexcam.runner import scalar_probe, standing
 
@@ -63,15 +63,17 @@ def choose(
     case: Case, probe: str, tolerance: Mapping[str, float], until: float | None = None
 ) -> Choice:  # fmt: skip
     """Return the cheapest model of a case whose errors are within a tolerance."""
-    against = reference(case, probe, until)
+    rungs = candidates(case)
+    work = work_of(case, rungs)
+    against = reference(case, probe, until, work=work)
     known = list(dict.fromkeys(name.partition(" ")[0] for name in against.errors))
     if missing := [name for name in tolerance if name not in known]:
         where, why = case.place(("fidelity", "tolerance")), "no other quantity is in the case"
         raise refuse(where, ", ".join(missing), ", ".join(known), why, "leave it out")
     met: list[tuple[Rung, Traded]] = []
     missed: list[tuple[Rung, Traded]] = []
-    for rung in candidates(case):
-        found = tried(rung, probe, against, until=until)
+    for rung in rungs:
+        found = tried(rung, probe, against, until=until, work=work)
         if found.status.cause is Cause.TIME_LIMIT:
             raise RunFailedError(found.status)
         if _misses(found, against, tolerance) <= 1.0:

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
-from flexcam.response import Response, Status
+from flexcam.response import SLOPES, History, Response, Status, extent, peak
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Deviation:
     quantity
         ``displacement``, ``velocity`` or ``acceleration``.
     peak, rms
-        Largest and root mean square difference, SI.
+        Largest difference, of the dense output, and root mean square one, SI.
     rigid_peak, flexible_peak
         Largest absolute value of either, SI.
     angle_deg
@@ -118,12 +118,11 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     moved, still = flexible[probe], rigid[probe]
     if moved.displacement.ndim != 1:
         raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in moved.components))
-    lift = float(np.ptp(still.displacement))
+    lift = extent(rigid.time, still.displacement, still.velocity)
     if lift == 0.0:
         why, remedy = "nothing moves it in what is compared with", "add a follower's point to output.probes"
         raise refuse("probe", repr(probe), "a point that the cam moves", why, remedy)
-    pairs = ("displacement", "velocity", "acceleration")
-    found = [_deviation(name, getattr(moved, name), getattr(still, name)[:count], flexible.angle) for name in pairs]
+    found = [_deviation(name, moved, still, flexible) for name in ("displacement", "velocity", "acceleration")]
     return Comparison(probe, speed_rpm, lift, (found[0], found[1], found[2]), flexible.status)
 
 
@@ -144,14 +143,22 @@ _SAME_ANGLE = 1e-6
 """rad."""
 
 
-def _deviation(quantity: str, flexible: FloatArray, rigid: FloatArray, angle: FloatArray) -> Deviation:
-    difference = np.abs(flexible - rigid)
-    where = int(np.argmax(difference))
+def _deviation(quantity: str, moved: History, still: History, flexible: Response) -> Deviation:
+    time = flexible.time
+    (flexed, flexing), (rigid, turning) = (_with_slopes(one, quantity, len(time)) for one in (moved, still))
+    difference = flexed - rigid
+    largest, at = peak(time, difference, None if flexing is None or turning is None else flexing - turning)
     return Deviation(
         quantity,
-        peak=float(difference[where]),
+        peak=largest,
         rms=float(np.sqrt(np.mean(difference**2))),
-        rigid_peak=float(np.abs(rigid).max()),
-        flexible_peak=float(np.abs(flexible).max()),
-        angle_deg=float(np.degrees(angle[where])),
+        rigid_peak=peak(time, rigid, turning)[0],
+        flexible_peak=peak(time, flexed, flexing)[0],
+        angle_deg=float(np.degrees(np.interp(at, time, flexible.angle))),
     )
+
+
+def _with_slopes(history: History, quantity: str, count: int) -> tuple[FloatArray, FloatArray | None]:
+    """Return so many values of a quantity, and their slopes where the dense output has them."""
+    slopes: FloatArray | None = getattr(history, SLOPES[quantity]) if quantity in SLOPES else None
+    return getattr(history, quantity)[:count], None if slopes is None else slopes[:count]

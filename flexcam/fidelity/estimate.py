@@ -64,14 +64,15 @@ def estimate(case: Case, probe: str, until: float | None = None) -> list[Error]:
     finer = Rung("finer", "", with_elements(case, factor=2)).stepped(steps)
     # Half of an odd number of steps is none: then whether runs come together is asked of shorter steps.
     counts = (steps // 2, steps, 2 * steps) if steps % 2 == 0 else (steps, 2 * steps, 4 * steps)
-    runs = {n: measured_run(own.stepped(n), probe, until) for n in counts}
+    asked = own.case.record.fidelity
+    coarse = asked.model != "beams" or asked.modes is not None
+    work = sum(counts) + steps * (2 if coarse else 1)
+    runs = {n: measured_run(own.stepped(n), probe, until, work) for n in counts}
     longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
     base, better = runs[steps], runs[2 * steps]
     beams = as_beams(own.case)
-    asked = own.case.record.fidelity
-    coarse = asked.model != "beams" or asked.modes is not None
-    model = distance(base, measured_run(Rung("beams", "", beams), probe, until)) if coarse else {}
-    mesh = distance(base, measured_run(finer, probe, until))
+    model = distance(base, measured_run(Rung("beams", "", beams), probe, until, work)) if coarse else {}
+    mesh = distance(base, measured_run(finer, probe, until, work))
     return _errors(base, distance(base, better), mesh, model, (longer, shorter))
 
 

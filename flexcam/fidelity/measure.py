@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from flexcam.checks import refuse
 from flexcam.linalg import FloatArray
-from flexcam.response import Response
+from flexcam.response import SLOPES, Response, Series, extent, peak
+
+Norm = Literal["max", "rms"]
+"""How a difference of two histories is told: by its largest value, or by its root mean square."""
 
 _MOTIONS = {"lift": "displacement", "velocity": "velocity", "acceleration": "acceleration"}
 _UNITS = {"lift": "m", "velocity": "m/s", "acceleration": "m/s^2"}
@@ -26,10 +30,13 @@ class Measured:
     values
         Name of the quantity to its history, SI, shape (m,): ``lift``, ``velocity`` and ``acceleration`` of the probe,
         ``force NAME`` of every contact.
+    slopes
+        Name of a quantity that is a cubic between two instants to its rate, shape (m,); others are straight there.
     """
 
     time: FloatArray
     values: Mapping[str, FloatArray]
+    slopes: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
 
     def unit(self, quantity: str) -> str:
         """Return the SI unit of a quantity."""
@@ -37,9 +44,9 @@ class Measured:
 
     def size(self, quantity: str) -> float:
         """Return the largest absolute value of a quantity, of the lift its range unless it stands still."""
-        values = self.values[quantity]
-        moved = float(np.ptp(values)) if quantity == "lift" else 0.0
-        return moved or float(np.abs(values).max(initial=0.0))
+        history = self.time, self.values[quantity], self.slopes.get(quantity)
+        moved = extent(*history) if quantity == "lift" else 0.0
+        return moved or peak(*history)[0]
 
 
 def measured(response: Response, probe: str) -> Measured:
@@ -48,38 +55,65 @@ def measured(response: Response, probe: str) -> Measured:
     if history.displacement.ndim != 1:
         raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components))
     motions: dict[str, FloatArray] = {name: getattr(history, series) for name, series in _MOTIONS.items()}
+    slopes = {name: getattr(history, SLOPES[series]) for name, series in _MOTIONS.items() if series in SLOPES}
     forces = {
         f"force {name.split('.')[1]}": values
         for name, values in response.channels.items()
         if name.startswith("contacts.") and name.endswith(".force")
     }
-    return Measured(response.time, {**motions, **forces})
+    return Measured(response.time, {**motions, **forces}, slopes)
 
 
-def distance(one: Measured, other: Measured, *, rms: bool = False) -> dict[str, float]:
-    """Return the difference of two runs by quantity, SI, at the instants both have."""
+def norm_of(quantity: str, asked: Norm | None) -> Norm:
+    """Return by which norm the error of a quantity is told: the one asked for, else the largest of a force.
+
+    A force acts by its largest value, and an impact of a few steps hardly shows in its root mean square.
+    """
+    return asked or ("max" if quantity.startswith("force") else "rms")
+
+
+def distance(one: Measured, other: Measured, *, norm: Norm | None = "max") -> dict[str, float]:
+    """Return the difference of two runs by quantity, SI; without a norm each by its own, as `norm_of` has it.
+
+    Root mean squares are taken at the instants both have. So are the largest differences, those of motions with slopes
+    at all instants of the finer run; they are no less than the difference of the largest values of both.
+    """
     fine, coarse = (one, other) if len(one.time) >= len(other.time) else (other, one)
     step, shorter = _step(coarse), _step(fine)
     every = max(round(step / shorter), 1) if shorter > 0.0 else 1
     count = min(len(coarse.time), (len(fine.time) - 1) // every + 1)
     if np.abs(fine.time[::every][:count] - coarse.time[:count]).max(initial=0.0) > _SAME * step:
         raise refuse("responses", "instants that do not meet", "steps that divide each other")
-    return {
-        name: _size(fine.values[name][::every][:count] - values[:count], rms)
-        for name, values in coarse.values.items()
-        if name in fine.values
-    }
+    found: dict[str, float] = {}
+    for name in (name for name in coarse.values if name in fine.values):
+        apart = fine.values[name][::every][:count] - coarse.values[name][:count]
+        found[name] = _mean(apart) if norm_of(name, norm) == "rms" else _largest(fine, coarse, name, apart)
+    return found
+
+
+def _largest(fine: Measured, coarse: Measured, name: str, apart: FloatArray) -> float:
+    """Return the largest difference of a quantity, from that at common instants."""
+    found = max(float(np.abs(apart).max(initial=0.0)), abs(fine.size(name) - coarse.size(name)))
+    slopes = coarse.slopes.get(name)
+    if slopes is None or len(coarse.time) < _FEWEST:
+        return found
+    both = fine.time <= coarse.time[-1]
+    values, rates = coarse.values[name][:, None], slopes[:, None]
+    between = Series(values, rates, np.zeros_like(rates)).between(coarse.time, fine.time[both]).displacement[:, 0]
+    return max(found, float(np.abs(fine.values[name][both] - between).max(initial=0.0)))
 
 
 def _step(one: Measured) -> float:
     return float(one.time[-1] - one.time[0]) / (len(one.time) - 1) if len(one.time) > 1 else 0.0
 
 
-def _size(values: FloatArray, rms: bool) -> float:
-    if not len(values):
-        return 0.0
-    return float(np.sqrt(np.mean(values**2)) if rms else np.abs(values).max())
+def _mean(values: FloatArray) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
+
+_FEWEST = 2
+"""Instants between which there is something."""
 
 _SAME = 1e-6
 """Part of a step by which instants may miss each other."""

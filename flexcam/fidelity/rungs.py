@@ -37,13 +37,17 @@ class Rung:
     words: str
     case: Case
 
-    def prepared(self, until: float | None = None) -> Prepared:
-        """Return everything a run needs; the search for a periodic start ends at `until`, s of `time.monotonic`."""
-        return prepare(self.case, until=until)
+    def prepared(self, until: float | None = None, work: int = 0) -> Prepared:
+        """Return everything a run needs; the search for a periodic start ends at `until`, s of `time.monotonic`.
 
-    def run(self, until: float | None = None) -> Response:
+        `work` is the steps per revolution of all runs to come, this one among them: what makes many short runs fast may
+        not be worth its while for one.
+        """
+        return prepare(self.case, until=until, runs=max(round(work / steps_of(self.case)), 1) if work else 1)
+
+    def run(self, until: float | None = None, work: int = 0) -> Response:
         """Return its response, by `until` at the latest."""
-        ready = self.prepared(until)
+        ready = self.prepared(until, work)
         return solve(ready.problem, ready.scheme, save=ready.save, until=until)
 
     def stepped(self, per_revolution: int) -> Rung:
@@ -51,9 +55,9 @@ class Rung:
         return replace(self, case=self.case.with_run({"steps_per_revolution": per_revolution, "step": None}))
 
 
-def measured_run(rung: Rung, probe: str, until: float | None = None) -> Measured:
+def measured_run(rung: Rung, probe: str, until: float | None = None, work: int = 0) -> Measured:
     """Return what a rung's run has to be compared."""
-    response = rung.run(until)
+    response = rung.run(until, work)
     if not response.status.ok:
         raise RunFailedError(response.status)
     return measured(response, probe)
@@ -61,10 +65,11 @@ def measured_run(rung: Rung, probe: str, until: float | None = None) -> Measured
 
 def steps_of(case: Case) -> int:
     """Return the steps per camshaft revolution of a case, rounded where it gives a step."""
+    run = case.record.run
+    if run.step is None:
+        return run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
     ready = prepare(case, rigid=True)
-    return case.record.run.steps_per_revolution or (
-        DEFAULT_STEPS_PER_REVOLUTION if case.record.run.step is None else round(ready.revolution / ready.problem.step)
-    )
+    return round(ready.revolution / ready.problem.step)
 
 
 def with_elements(case: Case, factor: int | None = None, each: int | None = None) -> Case:
@@ -74,7 +79,7 @@ def with_elements(case: Case, factor: int | None = None, each: int | None = None
         for name, one in case.record.members.items()
     }
     springs = {
-        name: one.model_copy(update={"elements": one.elements * (factor or 1)}) if one.elements > 1 else one
+        name: one.model_copy(update={"elements": one.elements * (factor or 1)}) if one.mass or one.elements > 1 else one
         for name, one in case.record.springs.items()
     }
     made = replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from flexcam.case import Case
 from flexcam.case.tables.run import ResultStartRecord
 from flexcam.checks import Fault, InputError, refuse
-from flexcam.fidelity.measure import Measured, distance, measured
+from flexcam.fidelity.measure import Measured, Norm, distance, measured
 from flexcam.fidelity.rungs import Rung, as_beams, ladder, measured_run, steps_of, with_elements
 from flexcam.integrate import integrated, solve
 from flexcam.response import Advance, Cause, Response, RunFailedError, Status, counted, heed
@@ -21,6 +21,9 @@ _REFINED = 4
 """Steps of the reference, times those of the case; its elements are three times as many."""
 
 _FINER = 3
+
+_REFERENCES = (_FINER, _REFINED), (_FINER - 1, _REFINED // 2)
+"""Elements and steps of the reference and of the run that tells its error, times those of the case."""
 
 _COVERS = 2.0
 _FEWEST = 60
@@ -36,17 +39,20 @@ class Reference:
     measured
         Its histories over the run.
     errors
-        Its own root mean square error by quantity, SI: twice the distance to a coarser run.
+        Its own error by quantity, SI: twice the distance to a coarser run.
     size
         Largest value by quantity, SI; of the lift its range.
     steps
         Per camshaft revolution.
+    norm
+        Of all errors; None for that of `flexcam.fidelity.measure.norm_of` for each quantity.
     """
 
     measured: Measured
     errors: dict[str, float]
     size: dict[str, float]
     steps: int
+    norm: Norm | None = None
 
 
 @dataclass(frozen=True)
@@ -66,7 +72,7 @@ class Traded:
     seconds
         Processor time of the run, the median of the repeats; s.
     errors
-        Root mean square error by quantity, as a part of its largest value (of the lift, of its range).
+        Error by quantity in the reference's norm, as a part of its largest value (of the lift, of its range).
     status
         How the run ended.
     best
@@ -90,25 +96,37 @@ class Traded:
         return max(self.errors.values(), default=math.inf)
 
 
-def reference(case: Case, probe: str, until: float | None = None) -> Reference:
-    """Return a converged run of a case, with its own error."""
-    if isinstance(case.record.run.start, ResultStartRecord):
-        where, why = case.place(("run", "start")), "a result fits one mesh, and others are tried"
-        raise refuse(where, "a start from a result", "another start", why, "give rest, equilibrium, periodic or values")
-    steps = steps_of(case)
+def reference(case: Case, probe: str, until: float | None = None, *, work: int = 0) -> Reference:
+    """Return a converged run of a case, with its own error; `work` is the steps per revolution of runs to come."""
+    _refuse_result(case)
+    steps, norm = steps_of(case), case.record.fidelity.norm
+    work = max(work, work_of(case, ()))
     beams = _sound(as_beams(case).with_run({"path": "auto"}))  # which its size decides; the ways agree to rounding
     try:
         finest, coarser = (
-            measured_run(Rung("reference", "", with_elements(beams, factor=elements)).stepped(n * steps), probe, until)
-            for elements, n in ((_FINER, _REFINED), (_FINER - 1, _REFINED // 2))
+            measured_run(
+                Rung("reference", "", with_elements(beams, factor=elements)).stepped(n * steps), probe, until, work
+            )
+            for elements, n in _REFERENCES
         )
     except RunFailedError as failure:
         heed(failure.status)
         raise RunFailedError(_of_reference(failure.status)) from None
     except InputError as refusal:
         raise InputError(_of_finer(fault) for fault in refusal.faults) from None
-    errors = {name: _COVERS * value for name, value in distance(finest, coarser, rms=True).items()}
-    return Reference(finest, errors, {name: finest.size(name) for name in errors}, _REFINED * steps)
+    errors = {name: _COVERS * value for name, value in distance(finest, coarser, norm=norm).items()}
+    return Reference(finest, errors, {name: finest.size(name) for name in errors}, _REFINED * steps, norm)
+
+
+def _refuse_result(case: Case) -> None:
+    if isinstance(case.record.run.start, ResultStartRecord):
+        where, why = case.place(("run", "start")), "a result fits one mesh, and others are tried"
+        raise refuse(where, "a start from a result", "another start", why, "give rest, equilibrium, periodic or values")
+
+
+def work_of(case: Case, rungs: Sequence[Rung], repeats: int = 1) -> int:
+    """Return the steps per revolution of all runs that hold rungs against the reference of a case."""
+    return sum(n for _, n in _REFERENCES) * steps_of(case) + repeats * sum(steps_of(rung.case) for rung in rungs)
 
 
 def _sound(case: Case) -> Case:
@@ -134,6 +152,7 @@ def _of_finer(fault: Fault) -> Fault:
 
 def candidates(case: Case) -> list[Rung]:
     """Return the rungs of a case at its own steps and fewer, least work first."""
+    _refuse_result(case)
     steps = steps_of(case)
     counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _FEWEST or n == 1)]
     return sorted(
@@ -147,18 +166,18 @@ def _size(ready: Prepared) -> int:
 
 
 def tried(
-    rung: Rung, probe: str, against: Reference, *, repeats: int = 1, until: float | None = None
+    rung: Rung, probe: str, against: Reference, *, repeats: int = 1, until: float | None = None, work: int = 0
 ) -> Traded:  # fmt: skip
-    """Return what a rung costs and by how much it errs."""
+    """Return what a rung costs and by how much it errs; `work` is the steps per revolution of all runs to come."""
     try:
-        ready = rung.prepared(until)
+        ready = rung.prepared(until, work)
     except InputError as refusal:
         return _refused(rung, refusal)
     response, first = _timed(ready, until)
     seconds = [first, *(_timed(ready, until)[1] for _ in range(repeats - 1))]
     errors: dict[str, float] = {}
     if response.status.ok:
-        apart = distance(measured(response, probe), against.measured, rms=True)
+        apart = distance(measured(response, probe), against.measured, norm=against.norm)
         errors = {name: value / against.size[name] for name, value in apart.items() if against.size[name] > 0.0}
     return Traded(
         rung.name, rung.words, steps_of(rung.case), response.stats.unknowns,
@@ -187,9 +206,11 @@ def trade(
     case: Case, probe: str, *, repeats: int = 3, advance: Advance | None = None
 ) -> tuple[Reference, list[Traded]]:
     """Return what every rung of a case's ladder costs and by how much it errs."""
-    against = reference(case, probe)
-    rungs = counted(candidates(case), advance)
-    return against, front([tried(rung, probe, against, repeats=repeats) for rung in rungs])
+    rungs = candidates(case)
+    work = work_of(case, rungs, repeats)
+    against = reference(case, probe, work=work)
+    found = [tried(rung, probe, against, repeats=repeats, work=work) for rung in counted(rungs, advance)]
+    return against, front(found)
 
 
 def front(found: Sequence[Traded]) -> list[Traded]:

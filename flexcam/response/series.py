@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from flexcam.linalg import FloatArray, IntArray
 
+SLOPES = {"displacement": "velocity", "velocity": "acceleration"}
+"""Motions that are cubics between two instants, and what their slopes are."""
+
 
 @dataclass(frozen=True, eq=False)
 class Series:

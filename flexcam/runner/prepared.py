@@ -71,7 +71,7 @@ class Prepared:
 
 def prepare(
     case: Case, *, rigid: bool = False, model: Model | None = None, until: float | None = None,
-    allow_large: bool = False,
+    allow_large: bool = False, runs: int = 1,
 ) -> Prepared:  # fmt: skip
     """Build what a case describes, up to the point where time begins.
 
@@ -87,6 +87,8 @@ def prepare(
         When the search for a periodic start ends at the latest, s of `time.monotonic`; None for no limit.
     allow_large
         Whether the matrices may take more memory than there seems to be.
+    runs
+        How many runs like this one are to come, as `flexcam.integrate.Problem` has it.
 
     Returns
     -------
@@ -108,7 +110,7 @@ def prepare(
     save = SaveAt(field_every=case.record.output.field_every)
     scheme = case.record.run.integrator.made()
     try:
-        plain = _problem(case, model, system)
+        plain = replace(_problem(case, model, system), runs=runs)
         if rigid:  # the companion of a flexible run, which its way through time was asked for
             plain = replace(plain, path="auto")
         problem = started(case, model, plain, until=until)

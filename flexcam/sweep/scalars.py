@@ -1,9 +1,9 @@
 """The scalars of a run: what a sweep keeps of a variant, each by a stable name, in SI.
 
 ``probes.POINT.SERIES.largest`` (of a component: ``probes.POINT.COMPONENT.SERIES.largest``) is the largest absolute
-displacement, velocity or acceleration in the last revolution; ``deviation.peak`` and ``deviation.rms`` are those of the
-whole run from the rigid train at the default probe, as parts of the lift; ``energy.residual.largest`` is what does not
-add up. All others are the figures of `flexcam.train.operation`.
+displacement, velocity or acceleration in the last revolution, of the dense output; ``deviation.peak`` and
+``deviation.rms`` are those of the whole run from the rigid train at the default probe, as parts of the lift;
+``energy.residual.largest`` is what does not add up. All others are the figures of `flexcam.train.operation`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from flexcam.fidelity import compare
 from flexcam.integrate import carried_by_cam, outline
 from flexcam.io.csv import component_unit
 from flexcam.io.vtkhdf import SERIES
-from flexcam.response import Response
+from flexcam.response import SLOPES, Response, peak
 from flexcam.runner import Prepared, described, figures_of, scalar_probe
 from flexcam.train import ANY_SPEED, Figure, build_rigid, operation_names
 from flexcam.units import RPM
@@ -68,7 +68,8 @@ def _motions(response: Response, period: float) -> Iterator[Figure]:
         for component, name in zip(components, _components(probe, components), strict=True):
             history = response[name]
             for series, unit in SERIES.items():
-                largest = float(np.abs(getattr(history, series)[last]).max(initial=0.0))
+                slopes = getattr(history, SLOPES[series])[last] if series in SLOPES else None
+                largest, _ = peak(response.time[last], getattr(history, series)[last], slopes)
                 yield Figure(f"probes.{name}.{series}.largest", largest, component_unit(component, unit))
 
 

@@ -142,7 +142,7 @@ def test_another_refusal_of_a_model_ends_the_ladder(trade, monkeypatch):
         raise refusal
 
     monkeypatch.setattr("flexcam.fidelity.rungs.Rung.prepared", prepared)
-    monkeypatch.setattr(TRADE, "reference", lambda *asked: None)
+    monkeypatch.setattr(TRADE, "reference", lambda *asked, **more: None)
     done = trade()
     assert done.code == 2
     assert "memory: given 9 TB" in done.err
@@ -229,7 +229,7 @@ def test_a_tolerance_that_nothing_meets(ran, asked):
     assert done.code == 3
     choice = done.json["choice"]
     assert not choice["met"]
-    assert choice["model"]["model"] in ("beams", "beams x2", "modes 10")
+    assert choice["model"]["model"] in ("beams", "beams x2", "modes 10", "modes 3")  # the same but for rounding
     assert re.search(r"closest of 18 models is off by lift 0\.00\d+ % \(the reference 0\.00\d+ %\)", choice["why"])
     assert "tolerance is not met" in done.err
     assert len(read_result(done.json["result"]).response.time) > 1  # the result is kept
@@ -399,9 +399,10 @@ def test_the_estimate_of_a_coarser_model_counts_its_distance_to_beams(ran, fine)
         done = ran(f'model="{model}"', "estimate=true").json
         error = next(one for one in done["errors"] if one["quantity"] == "lift")
         valve = read_result(done["result"]).response["valve"].displacement
-        true = np.abs(valve - fine.displacement[::8]).max()
+        # The lift is a range, which errs at both ends.
         # What is left besides the model is the error of steps and elements, some 1e-6 m, of 4 mm and of 42 um.
-        assert error["model"] == pytest.approx(true, rel=rest)
+        true = np.abs(valve - fine.displacement[::8]).max(), abs(np.ptp(valve) - np.ptp(fine.displacement))
+        assert error["model"] == pytest.approx(max(true), rel=rest)
 
 
 def test_a_run_whose_errors_cannot_be_estimated_is_told_all_the_same(flexcam, tayeb):

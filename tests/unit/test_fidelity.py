@@ -12,11 +12,24 @@ import pytest
 from flexcam import InputError, prepare, read_case, solve
 from flexcam.console.doubts import unseen
 from flexcam.console.fidelity import choice_words, plus_minus
-from flexcam.fidelity import Choice, Error, Measured, Reference, Traded, distance, estimate, ladder, measured, reference
+from flexcam.fidelity import (
+    Choice,
+    Error,
+    Measured,
+    Reference,
+    Traded,
+    distance,
+    estimate,
+    ladder,
+    measured,
+    reference,
+    tried,
+)
 from flexcam.fidelity.rungs import Rung, steps_of, with_elements
-from flexcam.fidelity.trade import candidates, front
+from flexcam.fidelity.trade import candidates, front, work_of
 from flexcam.integrate import integrated, outline
 from flexcam.response import Cause, Status
+from flexcam.runner import scalar_probe
 
 ROOT = Path(__file__).parents[2]
 INLINE = ROOT / "tests/data/inline.toml"
@@ -32,16 +45,35 @@ def history(steps, *values, **more):
 
 class TestDistance:
     def test_largest_and_root_mean_square(self):
-        one, other = history(4, lift=lambda t: 0.0 * t), history(4, lift=lambda t: np.where(t == 0.5, -3.0, 1.0))
-        assert distance(one, other) == {"lift": 3.0}
-        assert distance(one, other, rms=True)["lift"] == pytest.approx(np.sqrt((9.0 + 4.0) / 5.0), rel=1e-15)
+        one, other = (history(4, velocity=f) for f in (lambda t: 0.0 * t, lambda t: np.where(t == 0.5, -3.0, 1.0)))
+        assert distance(one, other) == {"velocity": 3.0}
+        assert distance(one, other, norm="rms")["velocity"] == pytest.approx(np.sqrt((9.0 + 4.0) / 5.0), rel=1e-15)
 
     def test_at_the_instants_both_have(self):
         """The finer run is off between the instants of the coarser one only."""
         fine = history(8, lift=lambda t: t + np.where(np.arange(len(t)) % 2 == 1, 7.0, 0.0))
         coarse = history(4, lift=lambda t: t)
-        assert distance(fine, coarse)["lift"] == distance(coarse, fine)["lift"] == 0.0
+        assert distance(fine, coarse, norm="rms")["lift"] == distance(coarse, fine, norm="rms")["lift"] == 0.0
         assert distance(coarse, history(8, lift=lambda t: t + 7.0))["lift"] == 7.0
+
+    def test_largest_values_between_the_instants_of_the_coarser_run_count(self):
+        """A force that only the finer run sees errs by what the largest value of the coarser one lacks."""
+        fine, coarse = history(8, lambda t: np.where(t == 0.375, 9.0, 1.0)), history(4, lambda t: 1.0 + 0.0 * t)
+        assert distance(fine, coarse) == distance(coarse, fine) == {"force 0": 8.0}
+
+    def test_motions_are_compared_between_the_instants_of_the_coarser_run(self):
+        """Both agree at common instants; the cubic between them does not know the wave of the finer run."""
+        fine, coarse = history(8, lift=lambda t: t + 1e-3 * np.sin(4.0 * np.pi * t) ** 2), history(4, lift=lambda t: t)
+        coarse = replace(coarse, slopes={"lift": np.ones(5)})
+        assert distance(fine, coarse)["lift"] == pytest.approx(1e-3, rel=1e-12)
+        assert distance(fine, coarse, norm="rms")["lift"] == pytest.approx(0.0, abs=1e-15)
+
+    def test_each_quantity_by_its_own_norm(self):
+        """A force by its largest difference, a motion by the root mean square; where one is asked for, both by that."""
+        one, other = history(4, lambda t: t, lift=lambda t: t), history(4, lambda t: t**2, lift=lambda t: t**2)
+        largest, mean = 0.25, float(np.sqrt(np.mean((one.time - one.time**2) ** 2)))
+        for norm, (force, lift) in {None: (largest, mean), "max": (largest, largest), "rms": (mean, mean)}.items():
+            assert distance(one, other, norm=norm) == pytest.approx({"lift": lift, "force 0": force}, rel=1e-15)
 
     @pytest.mark.parametrize("steps", [5, 7, 11])
     def test_steps_that_do_not_divide(self, steps):
@@ -60,6 +92,12 @@ class TestDistance:
             history(4, lift=lambda t: -5.0 + 0.0 * t).size("lift") == 5.0
         )  # what stands still errs by where it stands
         assert (one.unit("lift"), one.unit("velocity"), one.unit("force intake")) == ("m", "m/s", "N")
+
+    def test_sizes_between_instants(self):
+        """The top of a parabola between two instants: 1/4 above their chord."""
+        one = history(3, lift=lambda t: t * (1.0 - t))
+        assert one.size("lift") == pytest.approx(2.0 / 9.0, rel=1e-15)
+        assert replace(one, slopes={"lift": 1.0 - 2.0 * one.time}).size("lift") == pytest.approx(0.25, rel=1e-15)
 
     def test_a_probe_of_several_scalars(self):
         response = Rung("", "", read_case(INLINE, ["run.revolutions=0.01"])).run()
@@ -194,6 +232,31 @@ def test_all_errors_count():
     assert Error("lift", "m", 1.0, 1e-3, 2e-3, 4e-3, True).total == pytest.approx(7e-3, rel=1e-15)
 
 
+def test_runs_to_come_are_counted_by_their_steps():
+    """Reference of 4 and 2 times the steps, rungs at half of them, twice: 4 runs of 240 steps are as much work."""
+    case = read_case(INLINE, ["run.steps_per_revolution=120"])
+    one = Rung("own", "", case)
+    work = work_of(case, [one.stepped(60)] * 2, repeats=2)
+    assert work == 960
+    assert one.stepped(240).prepared(work=work).problem.runs == 4
+    assert one.stepped(480).prepared().problem.runs == one.stepped(480).prepared(work=1).problem.runs == 1
+
+
+def test_norms_of_a_ladder():
+    """Each is what its reference says: the same runs, told by another norm."""
+    asked = [["run.steps_per_revolution=120"], ['fidelity.norm="max"'], ['fidelity.norm="rms"']]
+    found = {}
+    for one in asked:
+        case = read_case("tests/data/every-contact.toml", [*asked[0], "run.revolutions=0.5", *one])
+        probe = scalar_probe(prepare(case))
+        against = reference(case, probe)
+        assert against.norm == case.record.fidelity.norm
+        found[against.norm] = tried(Rung("own", "", case).stepped(60), probe, against).errors
+    for name in found["max"]:
+        assert found["rms"][name] < found["max"][name]
+        assert found[None][name] == found["max" if name.startswith("force") else "rms"][name]
+
+
 def test_why_names_what_was_asked():
     """Not the worst of all quantities; one of no size has no share."""
     found = replace(rung(100, 0.4), errors={"lift": 0.02, "velocity": 0.4})
@@ -234,6 +297,31 @@ class TestEstimate:
         true = distance(lift_of(case, 180), lift_of(with_elements(case, factor=8), 180))
         assert true["lift"] <= found["lift"].space <= 2.0 * true["lift"]
 
+    @pytest.mark.parametrize("speed", [3000, 600])
+    @pytest.mark.parametrize("law", ["shm", "parabolic", "cycloidal"])
+    def test_largest_values_between_the_saved_steps(self, law, speed):
+        """The largest values of 64 times the steps lie within what is claimed, that of a load that is given as well."""
+        few = ["run.steps_per_revolution=45", f'run.speed="{speed}rpm"']
+        case = read_case(f"cases/tayeb/model-1-{law}.toml", few)
+        true = lift_of(case, 64 * 45)
+        for one in estimate(case, "valve"):
+            assert abs(one.size - true.size(one.quantity)) <= one.total
+
+    @pytest.mark.parametrize(("steps", "way"), [(1440, "compiled"), (180, "general")])
+    def test_all_its_runs_count_for_the_way_through_time(self, steps, way, monkeypatch):
+        """4.5 times 1440 steps are worth compiling, the longest run of 2880 by itself is not."""
+        taken: list[str] = []
+
+        def measured_here(response, probe):
+            taken.append(response.stats.path)
+            return measured(response, probe)
+
+        monkeypatch.setattr("flexcam.fidelity.rungs.measured", measured_here)
+        fewer = ["run.revolutions=1", f"run.steps_per_revolution={steps}", "springs.valve.elements=1"]
+        plain = ["members.pushrod.geometric_stiffness=false", "members.pushrod.bow=0"]
+        estimate(read_case(ENGINE, [*fewer, *plain]), "valve")
+        assert taken == [way] * 4
+
     def test_chatter_has_none(self):
         """At 9000 crank rpm the tappet comes down on its cam again and again, with shorter steps at other moments."""
         fast = ["run.crank_speed=9000rpm", "run.revolutions=0.6", "run.steps_per_revolution=180"]
@@ -245,7 +333,8 @@ class TestEstimate:
         case = read_case(INLINE, ['fidelity.model="rigid"', "run.steps_per_revolution=180"])
         found = estimate(case, "valve")[0]
         beams = case.with_fidelity({"model": "beams"})
-        assert (found.time, found.space) == (0.0, 0.0)
+        assert found.time < 1e-8 * found.size  # the cubics between its instants
+        assert found.space == 0.0
         assert found.model == distance(lift_of(case, 180), lift_of(beams, 180))["lift"]
         assert found.model > 1e-3
 

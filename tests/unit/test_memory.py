@@ -12,7 +12,7 @@ import pytest
 import flexcam
 from flexcam.checks import InputError
 from flexcam.memory import Extremes, Memory, Recent
-from flexcam.response import SaveAt
+from flexcam.response import SaveAt, turning_points
 from flexcam.runner import prepare, recent, result_file
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
@@ -70,7 +70,8 @@ def test_extremes_are_those_of_everything(pair):
         values = whole.channels[name]
         assert seen.channel(name) == after.channel(name) == (values.min(), values.max())
     for name, _ in whole.outline.probes:
-        moved = np.atleast_2d(whole[name].displacement.T).T
+        moved, moving = (np.atleast_2d(one.T).T for one in (whole[name].displacement, whole[name].velocity))
+        moved = np.concatenate([moved, turning_points(whole.time, moved, moving)[1]])
         np.testing.assert_array_equal(seen.probe(name), (moved.min(axis=0), moved.max(axis=0)))
     sizes = np.abs(whole.fields.displacement).max(axis=1)
     np.testing.assert_array_equal(seen.most_bent, whole.fields.displacement[np.argmax(sizes)])

@@ -9,10 +9,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flexcam.integrate.compiled import machine
 
 from flexcam.checks import InputError
-from flexcam.integrate import Adaptive, Problem, SaveAt, State, bathe, exact, generalized_alpha, hht, newmark, solve
+from flexcam.integrate import (
+    Adaptive,
+    Problem,
+    SaveAt,
+    State,
+    bathe,
+    exact,
+    generalized_alpha,
+    hht,
+    newmark,
+    periodic,
+    solve,
+)
 from flexcam.integrate.paths import way_of
 from flexcam.linalg import Triplets
 from flexcam.response import RunFailedError
@@ -258,3 +269,21 @@ def test_a_free_motion_behind_a_massless_unknown_is_no_negative_stiffness(soft):
 def test_a_stiffness_that_pushes_behind_a_massless_unknown(push):
     K = np.array([[10.0, 0.0, -10.0], [0.0, 10.0 + push, -10.0], [-10.0, -10.0, 20.0]])
     assert "not symmetric and positive" in refusal(problem_of(pair(K), "modal"))
+
+
+def test_a_search_for_a_periodic_state_is_many_revolutions(monkeypatch):
+    """600 steps are not worth compiling, ten revolutions of them are; of 100 steps they are not."""
+    taken: list[str] = []
+
+    def revolved(problem, scheme, **asked):
+        response = solve(problem, scheme, **asked)
+        taken.append(response.stats.path)
+        return response
+
+    monkeypatch.setattr(sys.modules["flexcam.integrate.periodic"], "solve", revolved)
+    for steps, way in ((600, "compiled"), (100, "general")):
+        bumper = masses(2, law=Stop(100.0), damping=1.0)
+        search = Problem(bumper, ConstantSpeed(3.0), 2.0 * np.pi / 3.0 / steps, steps)
+        assert periodic(search, newmark()).periodicity < 1e-9
+        assert set(taken) == {way}
+        taken.clear()

@@ -11,7 +11,7 @@ from flexcam.case.tables.base import Record
 
 
 class ToleranceRecord(Record):
-    """Root mean square error by quantity, as a part of its largest value; what is not named may err as it likes."""
+    """Error by quantity in the norm, as a part of its largest value; what is not named may err as it likes."""
 
     lift: q.Tolerance | None = None
     velocity: q.Tolerance | None = None
@@ -41,6 +41,11 @@ class FidelityRecord(Record):
         None,
         description='run the cheapest model whose lift is within it, such as "1 %", or a table by quantity',
         union_mode="left_to_right",
+    )
+    norm: Literal["max", "rms"] | None = Field(
+        None,
+        description="of the errors of `tolerance` and `trade`: the largest or the root mean square; by default the "
+        "largest of forces and the root mean square of motions",
     )
     estimate: bool = Field(
         False, strict=True, description="also run with other steps and elements, and say how far the numbers may be off"

@@ -91,7 +91,10 @@ class SpringRecord(PartRecord[train.Spring]):
     installed_force: q.Force | None = Field(None, description="force it is installed with, against direction")
     installed_compression: q.Length | None = Field(None, description="instead of the force: times the stiffness")
     mass: q.MassValue = Field(0.0, description="spread over its length")
-    elements: int = Field(1, ge=1, le=1000, strict=True, description="equal parts; more than one lets it surge")
+    elements: int = Field(
+        1, ge=1, le=1000, strict=True,
+        description="equal parts; more than one lets it surge; with mass 4 to 16 by default, as its waves need",
+    )  # fmt: skip
     clash_travel: q.Length | None = Field(None, description="along direction from installed until all coils touch")
     clash_stiffness: Annotated[float, q.Unit("stiffness", above=True)] | None = Field(
         None, description="of a contact between neighbouring parts; 50 times a part's own by default"

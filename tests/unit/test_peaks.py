@@ -1,0 +1,61 @@
+"""Largest values between the instants of a history: cubics in closed form, sines, and every command that tells them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexcam import compare, prepare, read_case, run
+from flexcam.fidelity import measured
+from flexcam.memory import Extremes
+from flexcam.response import extent, peak, turning_points
+from flexcam.sweep.scalars import scalars_of
+
+CASE = "cases/tayeb/model-1-cycloidal.toml"
+
+
+def test_turning_points_of_a_cubic():
+    """x^3 - 3 x turns at -1 and at 1, with 2 and -2, wherever its instants are."""
+    time = np.array([-3.0, 0.5, 0.7, 4.0])
+    instants, values = turning_points(time, time**3 - 3.0 * time, 3.0 * time**2 - 3.0)
+    turned = sorted((float(t), float(v)) for t, v in zip(instants, values, strict=True) if t not in time)
+    np.testing.assert_allclose(turned, [(-1.0, 2.0), (1.0, -2.0)], rtol=1e-14)
+
+
+@pytest.mark.parametrize("slope", [0.0, 2.0, -1e-300])
+def test_straight_lines_do_not_turn(slope):
+    time = np.linspace(0.0, 1.0, 5)
+    assert extent(time, 1.0 + slope * time, np.full(5, slope)) == pytest.approx(abs(slope), rel=1e-15)
+    assert peak(time, 1.0 + slope * time, np.full(5, slope))[0] == 1.0 + max(slope, 0.0)
+
+
+@pytest.mark.parametrize("steps", [8, 16, 46])
+def test_a_sine_of_few_steps(steps):
+    """The cubic misses the top by (2 pi/m)^4/384 at most, the instants by 1 - cos(pi/m)."""
+    time = 2.0 * np.pi * (np.arange(steps + 1) - 0.5) / steps
+    largest, at = peak(time, -np.cos(time), np.sin(time))
+    assert abs(largest - 1.0) <= (2.0 * np.pi / steps) ** 4 / 384.0
+    assert peak(time, -np.cos(time))[0] <= np.cos(np.pi / steps) + 1e-15
+    assert min(abs(at - k * np.pi) for k in range(3)) < 1e-9
+
+
+def test_nothing_has_no_peak():
+    nothing = np.zeros(0)
+    assert peak(nothing, nothing, nothing) == (0.0, 0.0)
+    assert extent(nothing, nothing) == 0.0
+    assert peak(np.ones(1), np.array([-2.0]), np.ones(1)) == (2.0, 1.0)
+
+
+def test_all_tell_the_same_largest_motion():
+    """Summary of a run, row of a sweep, comparison and estimate; that of 16 times the steps to a thousandth."""
+    case = read_case(CASE, ["run.steps_per_revolution=45", "run.revolutions=1"])
+    ready, response = prepare(case), run(case)
+    rows = {one.name: one.value for one in scalars_of(ready, response)}
+    least, largest = (float(one[0]) for one in Extremes.of(response).probe("valve"))
+    found = compare(response, run(case, rigid=True), "valve", 1.0).deviations
+    assert rows["probes.valve.displacement.largest"] == found[0].flexible_peak == max(largest, -least)
+    assert (
+        rows["probes.valve.velocity.largest"] == found[1].flexible_peak == measured(response, "valve").size("velocity")
+    )
+    assert measured(response, "valve").size("lift") == largest - least
+    assert found[0].flexible_peak > np.abs(response["valve"].displacement).max()

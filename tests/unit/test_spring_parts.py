@@ -1,0 +1,98 @@
+"""Parts of springs with mass: the rule against closed forms, what a case says itself, and the error of too few."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from flexcam import build_model, prepare, read_case
+from flexcam.fidelity import distance, estimate
+from flexcam.fidelity.rungs import Rung, measured_run, with_elements
+from flexcam.motion import HarmonicLift
+from flexcam.train import Spring, build_structure
+from flexcam.train.surge import parts_for_waves, surge_frequency
+
+FINGER = Path("cases/direct-acting/finger.toml")
+UP = np.eye(6)[1]
+SPRING = Spring("valve", UP, stiffness=32e3, mass=0.04)
+FAST = ['run.crank_speed="7000rpm"', "run.steps_per_revolution=720"]
+
+
+@pytest.fixture
+def untold(tmp_path):
+    """Return the finger case without a word on the parts of its spring."""
+    path = tmp_path / "finger.toml"
+    text = FINGER.read_text(encoding="utf-8")
+    path.write_text(text.replace("\nelements = 8\n", "\n"), encoding="utf-8")
+    assert path.read_text(encoding="utf-8") != text
+    return path
+
+
+def test_four_parts_in_half_a_wave_are_off_by_what_the_rule_says():
+    """Bar held at both ends, p parts in half a wave of its mode j: (pi/p)^2/24 of the frequency, to the next power."""
+    for mode in (1, 2, 4):
+        parts = 4 * mode
+        inner = np.eye(parts - 1)
+        off = np.eye(parts - 1, k=1) + np.eye(parts - 1, k=-1)
+        stiffness, mass = parts * SPRING.stiffness, SPRING.mass / parts
+        squares = eigh(stiffness * (2.0 * inner - off), mass / 6.0 * (4.0 * inner + off), eigvals_only=True)
+        found = math.sqrt(squares[mode - 1]) / (2.0 * math.pi)
+        error = found / (mode * surge_frequency(SPRING)) - 1.0
+        assert error == pytest.approx((math.pi / 4.0) ** 2 / 24.0, rel=0.05)
+
+
+@pytest.mark.parametrize(("harmonic", "parts"), [(1, 4), (4, 4), (6, 6), (7, 7), (13, 13), (16, 16), (40, 16)])
+def test_parts_for_a_lift_of_one_harmonic(harmonic, parts):
+    """At a quarter of the surge's speed the harmonic n has n/4 half waves in the spring, and four parts in each."""
+    speed = 2.0 * math.pi * surge_frequency(SPRING) / 4.0
+    lift = HarmonicLift(5e-3, (*[0.0] * (harmonic - 1), 5e-3), (0.0,) * harmonic)
+    assert parts_for_waves(SPRING, [lift], speed) == parts
+    assert parts_for_waves(SPRING, [lift, HarmonicLift(1e-3, (1e-3,), (0.0,))], speed) == parts
+    assert parts_for_waves(SPRING, [lift], 1e-3 * speed) == 4
+
+
+def test_without_waves_there_are_no_parts():
+    for spring in (Spring("valve", UP, 32e3), Spring("valve", UP, 0.0, mass=0.04)):
+        assert parts_for_waves(spring, [], 100.0) == 1
+
+
+def test_only_springs_with_mass_that_say_nothing_are_divided(untold):
+    def parts(path, *overrides):
+        return read_case(path, overrides).record.springs["valve"].elements
+
+    assert [parts(untold, f'run.crank_speed="{n}rpm"') for n in (700, 3500, 7000)] == [4, 5, 16]
+    assert [parts(untold, f"springs.valve.elements={n}") for n in (1, 3)] == [1, 3]
+    assert parts(FINGER) == 8
+    assert parts("cases/tayeb/model-1-shm.toml") == 1
+    assert build_model(read_case(untold, FAST)).springs["valve"].elements == 16
+
+
+def test_the_default_is_near_the_wave_equation(untold):
+    """Cam and adjuster within half a percent of their largest force of 32 parts; one part is off by 14 %."""
+    true = measured_run(Rung("", "", read_case(untold, [*FAST, "springs.valve.elements=32"])), "valve")
+    for overrides, most, least in (([], 5e-3, 0.0), (["springs.valve.elements=1"], 0.2, 0.1)):
+        found = distance(measured_run(Rung("", "", read_case(untold, [*FAST, *overrides])), "valve"), true)
+        for name in ("force intake", "force adjuster"):
+            assert least < found[name] / true.size(name) < most
+
+
+def test_the_estimate_covers_a_spring_in_one_part():
+    case = read_case(FINGER, [*FAST, "springs.valve.elements=1"])
+    finer = read_case(FINGER, [*FAST, "springs.valve.elements=16", "run.steps_per_revolution=1440"])
+    true = distance(*(measured_run(Rung("", "", one), "valve") for one in (case, finer)))
+    for one in estimate(case, "valve"):
+        assert one.total >= true[one.quantity]
+
+
+def test_a_start_within_a_spring_is_carried_to_its_other_parts():
+    """Linear between the ends of its parts, as the parts are: 8 of them begin as 2 do."""
+    start = 'run.start={ displacement = { "valve" = "4 mm", "springs.valve.1" = "1 mm" }, velocity = {} }'
+    case = read_case(FINGER, ["springs.valve.elements=2", start])
+    finer = with_elements(case, factor=4)
+    names, moved = build_structure(build_model(finer)).dofs.names, prepare(finer).problem.start.displacement
+    along = [float(moved[names.index(f"springs.valve.{i}")]) for i in range(1, 8)]
+    np.testing.assert_allclose(along, [0.25e-3, 0.5e-3, 0.75e-3, 1e-3, 1.75e-3, 2.5e-3, 3.25e-3], atol=1e-15)
