@@ -7,17 +7,17 @@ from dataclasses import replace
 from flexcam.checks import InputError
 from flexcam.integrate import Method, Problem, SaveAt, newmark, solve
 from flexcam.integrate.paths import way_of
-from flexcam.integrate.problem import Path
+from flexcam.integrate.problem import Engine
 from flexcam.response import Response
 
-ALL: tuple[Path, ...] = ("auto", "compiled", "general")
+ALL: tuple[Engine, ...] = ("auto", "kernel", "direct")
 """The way flexcam takes, that in machine code, and the one that fits every system."""
 
 
-def taken(problem: Problem, path: Path, scheme: Method | None = None, save: SaveAt | None = None) -> str | None:
+def taken(problem: Problem, path: Engine, scheme: Method | None = None, save: SaveAt | None = None) -> str | None:
     """Return the path that flexcam takes when it is asked for one; None if it cannot."""
     try:
-        return way_of(replace(problem, path=path), scheme or newmark(), save or SaveAt()).path
+        return way_of(replace(problem, engine=path), scheme or newmark(), save or SaveAt()).engine
     except InputError:
         return None
 
@@ -28,6 +28,8 @@ def ways(problem: Problem, scheme: Method | None = None, save: SaveAt | None = N
     return {path: path == found["auto"] for path in found.values() if path is not None}
 
 
-def solved(problem: Problem, path: str = "auto", save: SaveAt | None = None, scheme: Method | None = None) -> Response:
+def solved(
+    problem: Problem, path: Engine = "auto", save: SaveAt | None = None, scheme: Method | None = None
+) -> Response:
     """Solve by a path."""
-    return solve(replace(problem, path=path), scheme or newmark(), save=save)
+    return solve(replace(problem, engine=path), scheme or newmark(), save=save)

@@ -15,7 +15,7 @@ def test_revolution(benchmark, path):
     response = benchmark(ran, ready, path)
     assert response.status.ok
     assert response.stats.events > 0
-    assert path in ("auto", response.stats.path)
+    assert path in ("auto", response.stats.engine)
     assert np.ptp(response["valve"].displacement) > 0.009  # a lift of 6 mm by a rocker of 1.6, less lash and ramps
 
 

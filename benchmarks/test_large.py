@@ -81,10 +81,10 @@ def test_steps(benchmark, note, spans):
     """Of the general way through time: what a step costs per unknown should not depend on their number."""
     work = Work(spans=spans)
     many = Problem(shaft(work), ConstantSpeed(FIRST), step=work.step(25.0), steps=STEPS + 1)
-    response = benchmark(solved, many, "general")
+    response = benchmark(solved, many, "direct")
     assert response.status.ok
     if not benchmark.disabled:
-        once = least(lambda: solved(replace(many, steps=1), "general"), 3)  # factorization and the start
+        once = least(lambda: solved(replace(many, steps=1), "direct"), 3)  # factorization and the start
         per_step = (benchmark.stats["min"] - once) / STEPS
         benchmark.extra_info["us_per_step"] = round(1e6 * per_step, 2)
         benchmark.extra_info["ns_per_step_and_unknown"] = round(1e9 * per_step / many.system.size, 1)

@@ -149,7 +149,7 @@ def _parts(rows: list[dict]) -> list[tuple[list[dict], str]]:
 
     def kind(row: dict) -> str:
         dense = "dense" if row["unknowns"] <= DENSE else "sparse"
-        return f"general, {dense}" if row["path"] == "general" else row["path"]
+        return f"general, {dense}" if row["path"] == "direct" else row["path"]
 
     found = {name: [row for row in rows if kind(row) == name] for name in dict.fromkeys(map(kind, rows))}
     return [(its, name) for name, its in found.items() if len(its) >= 3]
@@ -314,7 +314,7 @@ def _compiler(tables: dict) -> list[str]:
         "## Machine code",
         "",
         f"`flexcam run cases/pushrod-engine/intake.toml` takes {found['first_s']:.1f} s where machine code is to be made first, which",
-        f"then is kept, {found['later_s']:.1f} s from then on, and {found['without_s']:.1f} s without it (`--set run.path=general`).",
+        f"then is kept, {found['later_s']:.1f} s from then on, and {found['without_s']:.1f} s without it (`--set run.engine=direct`).",
         "",
     ]
 

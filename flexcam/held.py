@@ -25,7 +25,7 @@ def unheld(model: Model, problem: Problem, scheme: Method) -> list[str]:
     if not contacts or not 0 < problem.system.size <= _LARGEST:
         return []
     try:
-        begun = solve(replace(problem, steps=1, path="general", adaptive=None), scheme)
+        begun = solve(replace(problem, steps=1, engine="direct", adaptive=None), scheme)
     except RunFailedError:
         return []  # the run itself will say so
     return [_told(name) for name, one in contacts.items() if _open(name, model.cams[one.cam], begun)]
@@ -56,7 +56,7 @@ def overshot(problem: Problem, scheme: Method) -> list[str]:
         return []  # only a velocity is damped
     scale = max(float(np.abs(one).max()) for one in (start.displacement, problem.step * start.velocity))
     try:
-        first = solve(replace(problem, steps=1, path="general", adaptive=None), scheme, save=SaveAt(field_every=1))
+        first = solve(replace(problem, steps=1, engine="direct", adaptive=None), scheme, save=SaveAt(field_every=1))
     except RunFailedError:
         return []  # the run itself will say so
     beyond = scheme.overshoot * problem.step**2 * np.abs(first.fields.acceleration[0])

@@ -48,7 +48,7 @@ def _left(model: Model, contact: str, speed: float) -> str:
         system = build_system(model, speed)
         if system.size > _LARGEST:
             return ""
-        still = Problem(system, drive, 1e-6 / speed, 1, equilibrium(system, drive), path="general")
+        still = Problem(system, drive, 1e-6 / speed, 1, equilibrium(system, drive), engine="direct")
         force = float(solve(still, newmark()).channels[f"contacts.{contact}.force"][0])
     except FlexcamError:  # what a rigid train does not need may be missing
         return ""

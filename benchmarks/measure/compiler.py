@@ -19,5 +19,5 @@ def measured() -> dict[str, float]:
         run = [sys.executable, "-m", "flexcam", "run", CASE, "--overwrite", "-o", folder / "results"]
         first = [seconds(run, FLEXCAM_CACHE=str(folder / str(i))) for i in range(REPEATS)]
         later = [seconds(run, FLEXCAM_CACHE=str(folder / "0")) for _ in range(REPEATS)]
-        without = [seconds([*run, "--set", "run.path=general"]) for _ in range(REPEATS)]
+        without = [seconds([*run, "--set", "run.engine=direct"]) for _ in range(REPEATS)]
     return {"first_s": min(first), "later_s": min(later), "without_s": min(without)}

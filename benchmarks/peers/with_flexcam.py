@@ -20,7 +20,7 @@ def run(work: Work, path: str = "auto") -> Result:
     """Integrate at all speeds."""
     started, loop, moved = time.perf_counter(), 0.0, []
     system, runs = shaft(work), len(work.frequencies)
-    if path == "compiled":  # fetched once per process, which the whole process tells
+    if path == "kernel":  # fetched once per process, which the whole process tells
         solved(Problem(system, ConstantSpeed(1.0), step=work.step(1.0), steps=1), path)
     for frequency in work.frequencies:
         drive = ConstantSpeed(2.0 * math.pi * frequency)

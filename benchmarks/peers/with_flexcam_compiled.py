@@ -8,4 +8,4 @@ from benchmarks.peers.work import Result, Work
 
 def run(work: Work) -> Result:
     """Integrate at all speeds."""
-    return with_flexcam.run(work, "compiled")
+    return with_flexcam.run(work, "kernel")

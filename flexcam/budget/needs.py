@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from flexcam.fem import Mesh
 from flexcam.integrate import Problem, integrated, outline
-from flexcam.integrate.paths import MOST, wanted_paths
+from flexcam.integrate.paths import MOST, wanted_engines
 from flexcam.integrate.solve import AT_ONCE, LEAST_AT_ONCE
 from flexcam.io import RECOVERED, VECTORS, points_drawn, result_bytes
 from flexcam.linalg import DENSE_LIMIT
@@ -83,10 +83,10 @@ def budget(problem: Problem, mesh: Mesh, save: SaveAt, *, kept: int | None = Non
     histories = (
         rows * row + 3 * unknowns * fields if kept is None else min(kept + save.block, rows) * row + 3 * unknowns
     )
-    inside, paths = integrated(problem), wanted_paths(problem)
+    inside, paths = integrated(problem), wanted_engines(problem)
     return Budget(
-        machine=_ANY + (_COMPILER if "compiled" in paths else 0),
-        equations=_equations(problem, inside, natural=paths[0] != "general" and inside <= MOST),
+        machine=_ANY + (_COMPILER if "kernel" in paths else 0),
+        equations=_equations(problem, inside, natural=paths[0] != "direct" and inside <= MOST),
         blocks=_blocks(inside, mesh, save, min(save.block, rows), row, unknowns),
         histories=_COPIES * _NUMBER * histories,
         file=result_bytes(names, mesh, save, problem.steps),

@@ -75,10 +75,10 @@ def unknowns(response: Response) -> str:
     if not response.stats.told:
         return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
     count = f"{every} unknowns" + (f", {integrated} integrated" if integrated != every else "")
-    return count + _PATHS.get(response.stats.path, "")
+    return count + _ENGINES.get(response.stats.engine, "")
 
 
-_PATHS = {"modal": ", in their natural motions", "compiled": ", in machine code"}
+_ENGINES = {"modal": ", modal engine", "kernel": ", kernel engine"}
 """Ways through time, in words."""
 
 

@@ -13,7 +13,7 @@ from flexcam.integrate.generalized_alpha import Scheme, generalized_alpha, hht, 
 from flexcam.integrate.method import Method
 from flexcam.integrate.outside import Outside, dop853, radau
 from flexcam.integrate.periodic import periodic
-from flexcam.integrate.problem import Adaptive, Path, Problem, State
+from flexcam.integrate.problem import Adaptive, Engine, Problem, State
 from flexcam.integrate.reach import Reach, Still, reach
 from flexcam.integrate.solve import carried_by_cam, outline, solve
 from flexcam.integrate.statics import carried_equilibrium, equilibrium, rest, static_displacement
@@ -25,11 +25,11 @@ __all__ = [
     "Adaptive",
     "Bathe",
     "CentralDifference",
+    "Engine",
     "Exact",
     "Floquet",
     "Method",
     "Outside",
-    "Path",
     "Problem",
     "Reach",
     "SaveAt",

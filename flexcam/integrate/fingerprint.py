@@ -35,7 +35,7 @@ def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
     for matrix in (system.mass, system.damping, system.stiffness):
         parts += [matrix.rows, matrix.cols, matrix.values]
     parts += [probe.rows for probe in system.probes]
-    told = (method, save, problem.step, problem.steps, problem.adaptive, problem.prune, problem.path, system.names)
+    told = (method, save, problem.step, problem.steps, problem.adaptive, problem.prune, problem.engine, system.names)
     digest = sha256(repr((*told, forces.names)).encode())
     for part in parts:
         digest.update(repr(part.shape).encode() + np.ascontiguousarray(part).tobytes())

@@ -1,9 +1,8 @@
-"""Which way through time a problem takes: the general one, or a faster one with the same result.
+"""Selection of the solver engine of a problem.
 
-``general``: every system and method, one step after the other. ``modal``: a linear system in its natural motions, all
-side by side and many steps at once. ``compiled``: natural motions, and what acts between them, in machine code: local
-forces, damping that couples. The choice is automatic and depends on the problem alone where numba is installed, not on
-whether its code is kept already; it is told by the statistics of a run and can be forced by `Problem.path`.
+*modal*: a linear system in modal coordinates, many steps at once, numpy only. *kernel*: modal coordinates and local forces
+in compiled code. *direct*: factorized matrices, every system and every method. The choice depends on the problem alone,
+not on whether compiled code is cached; `Problem.engine` forces one, and the statistics of a run name it.
 """
 
 from __future__ import annotations
@@ -20,7 +19,8 @@ from flexcam.integrate.jit import is_available
 from flexcam.integrate.kernel_engine import KernelEngine, compiled_functions
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.method import Method
-from flexcam.integrate.problem import Path, Problem
+from flexcam.integrate.problem import Engine as EngineName
+from flexcam.integrate.problem import Problem
 from flexcam.integrate.stepwise import Pilot, Stepwise
 from flexcam.integrate.superposed import Superposed
 from flexcam.integrate.uncoupled import Natural, diagonal, natural_motions, uncoupled
@@ -29,101 +29,113 @@ from flexcam.response import SaveAt
 from flexcam.system import Basis, ForceLaw, System
 
 MOST = 500
-"""Unknowns up to which all natural motions are found within half a second."""
+"""Unknowns up to which all modes are computed, within half a second."""
 
-_WORTH, _SQUARED = 1000, 15
-"""Steps from which natural motions are worth finding: so many, and of more unknowns their square over so many."""
+_MODAL_STEPS, _SQUARED = 1000, 15
+"""Steps above which modes are worth computing: so many, and of more unknowns their square over so many."""
 
-_WORTH_COMPILING, _WORTH_COMPILING_LINEAR = 5_000, 100_000
-"""Steps of all runs that cost more elsewhere than the compiler at its first use, with local forces and with damping."""
+_STEP, _LAW, _SQUARE = 1.0e-4, 1.2e-4, 4.0e-9
+"""Measured time of a step of the direct engine, s: at least, per force law, and per square of the unknowns."""
+_COMPILER = 2.5
+"""Time, s, of the direct engine for all runs to come above which the kernel engine is chosen. Compiled code takes some
+seconds to compile once per installation, and half a second to load afterwards."""
 
 _SPARSE = 10
-"""Steps between saved fields from which every one of them can be gone on from bit by bit."""
-
+"""Steps between saved fields from which a run can go on from every one of them bit by bit."""
 _FEW = 24
-"""Scalars of probes up to which they are found without the motions."""
+"""Scalars of probes up to which they are computed without the motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """How a problem is taken.
+    """The engine of a problem.
 
     Parameters
     ----------
-    path
-        Name of the way.
+    engine
+        Its name.
     problem
         What is integrated.
     bases
         How the unknowns shown follow from those integrated, the innermost first.
     natural
-        The natural motions, where it is taken in them.
+        The modes, where the engine works in modal coordinates.
     """
 
-    path: Path
+    engine: EngineName
     problem: Problem
     bases: tuple[Basis, ...]
     natural: Natural | None = None
 
 
 def way_of(problem: Problem, method: Method, save: SaveAt) -> Way:
-    """Return how a problem is taken."""
+    """Return the engine that was asked for, or the fastest that fits."""
     basis = basis_of(problem)
     plain = problem if basis is None else within(problem, basis)
     if refusal := method.refusal(plain.system, plain.step):
         raise refusal
     outer = () if basis is None else (basis,)
     refusals: list[str] = []
-    for path in wanted_paths(plain):
-        if path == "general":
-            return Way("general", plain, outer)
+    for engine in wanted_engines(plain):
+        if engine == "direct":
+            return Way("direct", plain, outer)
         try:
             exactly = save.field_every >= _SPARSE and problem.runs == 1  # nobody goes on from one of many runs
-            natural, inside = _natural(plain, method, path, exactly=exactly)
+            natural, inside = _natural(plain, method, engine, exactly=exactly)
         except _UnfitError as unfit:
             refusals.append(str(unfit))
         else:
-            return Way(path, inside, (natural, *outer), natural)
-    remedy = "leave run.path out, and the fastest way that fits is taken"
-    raise refuse("run.path", problem.path, "another path", refusals[-1], remedy)
+            return Way(engine, inside, (natural, *outer), natural)
+    remedy = "leave run.engine out: flexcam then chooses the fastest engine that fits"
+    raise refuse("run.engine", problem.engine, "another engine", refusals[-1], remedy)
 
 
-def wanted_paths(problem: Problem) -> tuple[Path, ...]:
-    """Return the way that is asked for, or those that its length makes worthwhile, the best one first."""
-    if problem.path != "auto":
-        return (problem.path,)
-    steps = problem.runs * problem.steps if is_available() else 0
-    if problem.system.local_forces:
-        return ("compiled", "general") if steps >= _WORTH_COMPILING else ("general",)
-    if problem.steps < max(_WORTH, problem.system.size**2 // _SQUARED):
-        return ("general",)
-    damped = bool(problem.system.damping.values.any())
-    return ("modal", "compiled", "general") if damped and steps >= _WORTH_COMPILING_LINEAR else ("modal", "general")
+def wanted_engines(problem: Problem) -> tuple[EngineName, ...]:
+    """Return the engine asked for, or those that the length of the run makes worthwhile, the best one first."""
+    if problem.engine != "auto":
+        return (problem.engine,)
+    system = problem.system
+    if system.local_forces:
+        return ("kernel", "direct") if is_available() and direct_time(problem) > _COMPILER else ("direct",)
+    if problem.steps < max(_MODAL_STEPS, system.size**2 // _SQUARED):
+        return ("direct",)
+    damped = bool(system.damping.values.any())
+    return ("modal", "kernel", "direct") if damped and direct_time(problem) > _COMPILER else ("modal", "direct")
+
+
+def direct_time(problem: Problem) -> float:
+    """Return the predicted time of the direct engine for a problem and the runs like it to come, s."""
+    laws = sum(
+        len(force.sense) // force.law.scalars if isinstance(force.law, ForceLaw) else 1
+        for force in problem.system.local_forces
+    )
+    step = _STEP + _LAW * laws + _SQUARE * min(problem.system.size, MOST) ** 2
+    return problem.runs * problem.steps * step
 
 
 class _UnfitError(ValueError):
-    """Why a problem cannot go a way."""
+    """Why an engine cannot integrate a problem."""
 
 
-def _natural(problem: Problem, method: Method, path: Path, *, exactly: bool) -> tuple[Natural, Problem]:
-    """Return the natural motions of a problem that can be taken in them, and the problem in these."""
+def _natural(problem: Problem, method: Method, engine: EngineName, *, exactly: bool) -> tuple[Natural, Problem]:
+    """Return the modes of a problem, and the problem in modal coordinates."""
     system = problem.system
     if not isinstance(method, Scheme):
-        raise _UnfitError("only newmark, hht and generalized-alpha go that way")
+        raise _UnfitError("it integrates with newmark, hht and generalized-alpha only")
     if problem.adaptive is not None:
-        raise _UnfitError("its steps adapt")
+        raise _UnfitError("it has no adaptive steps")
     if not 0 < system.size <= MOST:
-        raise _UnfitError(f"it has {system.size} unknowns, and all motions of 1 to {MOST} are carried")
-    if path == "modal" and system.local_forces:
+        raise _UnfitError(f"the system has {system.size} unknowns; all modes of 1 to {MOST} are computed")
+    if engine == "modal" and system.local_forces:
         raise _UnfitError(f"{system.local_forces[0].name} depends on the motion")
-    if path == "compiled":
+    if engine == "kernel":
         _refuse_uncompiled(system)
     found = natural_motions(system)
     if found is None:
-        raise _UnfitError("mass or stiffness are not symmetric and positive, or natural motions not to be told apart")
+        raise _UnfitError("mass or stiffness are not symmetric and positive, or modes cannot be told apart")
     inside = uncoupled(problem, found)
-    if path == "modal" and diagonal(inside.system.damping) is None:
-        raise _UnfitError("its damping couples the natural motions")
+    if engine == "modal" and diagonal(inside.system.damping) is None:
+        raise _UnfitError("the damping couples the modes")
     return replace(found, exactly=exactly), inside
 
 
@@ -132,20 +144,20 @@ def _refuse_uncompiled(system: System) -> None:
         raise _UnfitError("numba is not installed")
     for force in system.local_forces:
         if not isinstance(force.law, ForceLaw):
-            raise _UnfitError(f"the law of {force.name} is not known in machine code")
+            raise _UnfitError(f"the law of {force.name} is a Python object")
 
 
 def forces_of(way: Way) -> LocalForces:
     """Return the local forces of a problem, their energies evaluated by compiled code where the kernel engine runs."""
-    return LocalForces(way.problem.system, compiled_functions() if way.path == "compiled" else None)
+    return LocalForces(way.problem.system, compiled_functions() if way.engine == "kernel" else None)
 
 
 def engine_of(
     way: Way, method: Method, forces: LocalForces, save: SaveAt, stop: Callable[[], bool], pilot: Pilot
 ) -> Engine:
-    """Return what walks through a problem."""
+    """Return the engine, ready to start."""
     if way.natural is not None and isinstance(method, Scheme):
-        if way.path == "modal":
+        if way.engine == "modal":
             seldom = not save.channels and save.field_every >= _SPARSE
             few = seldom and 0 < len(watched_rows(way.problem)) <= _FEW
             return (Glancing if few else Superposed)(way.problem, method, save, stop, way.natural)

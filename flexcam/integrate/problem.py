@@ -74,10 +74,10 @@ class Adaptive:
             positive("adaptive.smallest", self.smallest, "s")
 
 
-Path = Literal["auto", "general", "modal", "compiled"]
-"""Ways through time, see `flexcam.integrate.paths`."""
+Engine = Literal["auto", "direct", "modal", "kernel"]
+"""Solver engines, see `flexcam.integrate.paths`."""
 
-PATHS: tuple[Path, ...] = get_args(Path)
+ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +102,8 @@ class Problem:
         Other unknowns to integrate in; None for the system's own. The start and all results are in the system's own.
     prune
         Whether unknowns that nothing can move from the start are left out of the integration: it changes no result.
-    path
-        The way through time; ``auto`` takes the fastest that fits.
+    engine
+        The solver engine; ``auto`` takes the fastest that fits.
     runs
         How many runs like this one are to come: together they are worth what one is not.
 
@@ -129,7 +129,7 @@ class Problem:
     adaptive: Adaptive | None = None
     basis: Basis | None = None
     prune: bool = False
-    path: Path = "auto"
+    engine: Engine = "auto"
     runs: int = 1
 
     def times(self, steps: IntArray) -> FloatArray:
@@ -153,8 +153,8 @@ class Problem:
         smallest = None if self.adaptive is None else self.adaptive.smallest
         if smallest is not None and smallest > self.step:
             raise refuse("run.adaptive.smallest", f"{smallest:.4g} s", f"up to the step, {self.step:.4g} s")
-        if self.path not in PATHS:
-            raise refuse("run.path", repr(self.path), ", ".join(PATHS))
+        if self.engine not in ENGINES:
+            raise refuse("run.engine", repr(self.engine), ", ".join(ENGINES))
         if self.steps < 1:
             raise refuse("steps", self.steps, "a whole number from 1")
         for name in ("displacement", "velocity"):

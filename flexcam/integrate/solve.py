@@ -127,7 +127,7 @@ def solve(
     way = way_of(problem, scheme, keep)
     inside = way.problem
     sizes = len(names.unknowns), inside.system.size
-    stats = Stats(path=way.path, size=sizes[0], unknowns=sizes[1], periodicity=-1.0 if returns is None else returns)
+    stats = Stats(engine=way.engine, size=sizes[0], unknowns=sizes[1], periodicity=-1.0 if returns is None else returns)
     status = Status()
     try:
         forces = forces_of(way)

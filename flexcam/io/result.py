@@ -208,7 +208,7 @@ def status_of(file: Any) -> Status:  # noqa: ANN401
 def _stats(file: Any) -> Stats:  # noqa: ANN401
     if "status" not in file:  # a run that was killed: what it had written by then, its way and time are not known
         told = file["history"].attrs
-        return Stats(path="", steps=max(int(told["steps"]) - 1, 0), size=int(told.get("size", 0)), seconds=-1.0)
+        return Stats(engine="", steps=max(int(told["steps"]) - 1, 0), size=int(told.get("size", 0)), seconds=-1.0)
     group = file["status"]
     known = {name: default for name, default in Stats().__dict__.items() if name in group.attrs}
     kept: dict[str, Any] = {

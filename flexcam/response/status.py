@@ -93,8 +93,8 @@ class Stats:
 
     Parameters
     ----------
-    path
-        The way through time that was taken, see `flexcam.integrate.paths`; empty where a run was killed.
+    engine
+        The engine that integrated, see `flexcam.integrate.paths`; empty where a run was killed.
     steps
         Steps done.
     size
@@ -118,7 +118,7 @@ class Stats:
         Time spent in the step loop, s; negative where a run was killed before it could say.
     """
 
-    path: str = "general"
+    engine: str = "direct"
     steps: int = 0
     size: int = 0
     unknowns: int = 0

@@ -112,7 +112,7 @@ def prepare(
     try:
         plain = replace(_problem(case, model, system), runs=runs)
         if rigid:  # the companion of a flexible run, which its way through time was asked for
-            plain = replace(plain, path="auto")
+            plain = replace(plain, engine="auto")
         problem = started(case, model, plain, until=until)
     except InputError as refusal:
         raise _placed(case, refusal) from None
@@ -222,4 +222,4 @@ def _problem(case: Case, model: Model, system: System) -> Problem:
         raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
     adaptive = run.adaptive.made() if run.adaptive else None
     prune = case.record.fidelity.prune
-    return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, path=run.path)
+    return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, engine=run.engine)

@@ -32,7 +32,7 @@ def _late() -> Check:
     turned, step = 2.0 * math.pi / 10.0, 0.01
     stiffness = Triplets.from_dense([[(turned / step) ** 2]])
     system = System(Triplets.from_dense([[1.0]]), Triplets.zeros(1), stiffness, ("x",), probes=(_PROBE,))
-    problem = Problem(system, _STILL, step, 1000, State(np.ones(1), np.zeros(1)), path="general")
+    problem = Problem(system, _STILL, step, 1000, State(np.ones(1), np.zeros(1)), engine="direct")
     end = solve(problem, newmark())["x"].displacement[-1]
     source = "Hughes, The Finite Element Method, ch. 9"
     return Check("Newmark after 100 periods", source, math.cos(2000.0 * math.atan(0.5 * turned)), float(end), 1e-9, "m")
@@ -53,7 +53,7 @@ def _bounced() -> Iterator[Check]:
     contact = 2.0 / w * (math.pi - math.atan(_V0 * w / _G))
     steps, whole = 1000, 1.5 * contact
     start = State(np.zeros(1), np.array([-_V0]))
-    found = solve(Problem(_bouncing(), _STILL, whole / steps, steps, start, path="general"), newmark())["x"]
+    found = solve(Problem(_bouncing(), _STILL, whole / steps, steps, start, engine="direct"), newmark())["x"]
     deepest = sunk + math.hypot(sunk, _V0 / w)
     # Steps of w dt = 0.005: the period is wrong by its square over 12, the speed at an event by as much.
     yield Check("depth of an impact", source, deepest, -float(found.displacement.min()), 1e-5, "m")

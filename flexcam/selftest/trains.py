@@ -11,7 +11,7 @@ from flexcam.case import Case, read_case
 from flexcam.case.starters import new_case
 from flexcam.fidelity import loaded_mode
 from flexcam.integrate import solve
-from flexcam.integrate.compiled.machine import available
+from flexcam.integrate.jit import is_available
 from flexcam.io import read_result, scratch
 from flexcam.response import Response
 from flexcam.runner import Prepared, prepare, result_file
@@ -30,7 +30,7 @@ def trains() -> Iterator[Check]:
         )
         ready = prepare(case)
         sink = result_file(ready, folder)
-        run = solve(replace(ready.problem, path="general"), ready.scheme, save=ready.save, sinks=[sink])
+        run = solve(replace(ready.problem, engine="direct"), ready.scheme, save=ready.save, sinks=[sink])
         yield _balanced(run)
         yield from _ways(ready, run)
         yield _written(run, read_result(sink.path).response)
@@ -45,8 +45,8 @@ def _balanced(run: Response) -> Check:
 
 def _ways(ready: Prepared, run: Response) -> Iterator[Check]:
     """Yield how far the faster ways through time are from the general one, as a part of the motion."""
-    for path in ("modal", "compiled") if available() else ("modal",):
-        other = solve(replace(ready.problem, path=path), ready.scheme, save=ready.save)
+    for path in ("modal", "kernel") if is_available() else ("modal",):
+        other = solve(replace(ready.problem, engine=path), ready.scheme, save=ready.save)
         yield Check(
             f"way through time {path}, against the general one", "the same scheme", 0.0, _apart(run, other), 1e-8
         )

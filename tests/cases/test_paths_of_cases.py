@@ -33,7 +33,7 @@ def shorter(path, *overrides):
 
 def forced(problem, scheme, path):
     """Return the run a way."""
-    return solve(replace(problem, path=path), scheme, save=SaveAt(field_every=20))
+    return solve(replace(problem, engine=path), scheme, save=SaveAt(field_every=20))
 
 
 def unfit(problem, path):
@@ -57,7 +57,7 @@ def assert_one_of(problem, scheme, found, most):
     machine code goes exactly one of these ways.
     """
     for share in (0.0, 1e-12, -1e-12, 3e-12, -3e-12):
-        general = solve(stronger(replace(problem, path="general"), share), scheme, save=SaveAt(field_every=20))
+        general = solve(stronger(replace(problem, engine="direct"), share), scheme, save=SaveAt(field_every=20))
         with suppress(AssertionError):
             assert found.stats.events == pytest.approx(general.stats.events, abs=2)
             assert_near(general, found, most)
@@ -84,7 +84,7 @@ def assert_near(general, found, most, tail=""):
         np.testing.assert_allclose(found.channels[name], values, rtol=0.0, atol=allowed * size, err_msg=f"{name}{tail}")
 
 
-@pytest.mark.parametrize("path", ["modal", "compiled"])
+@pytest.mark.parametrize("path", ["modal", "kernel"])
 @pytest.mark.parametrize("case", CASES, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_every_case(case, path):
     problem, scheme = shorter(case)
@@ -93,7 +93,7 @@ def test_every_case(case, path):
             forced(problem, scheme, path)
         return
     found = forced(problem, scheme, path)
-    assert found.stats.path == path
+    assert found.stats.engine == path
     assert found.status.ok
     assert_one_of(problem, scheme, found, CONTACTS if problem.system.local_forces else LINEAR)
 
@@ -110,7 +110,7 @@ def test_steps_that_hardly_settle(name, rpm, steps):
     """
     coarse = [f'run.crank_speed="{rpm} rpm"', "run.revolutions=1", f"run.steps_per_revolution={steps}"]
     ready = prepare(read_case(ROOT / f"cases/{name}.toml", coarse))
-    runs = [solve(replace(ready.problem, path=path), ready.scheme) for path in ("general", "compiled")]
+    runs = [solve(replace(ready.problem, engine=path), ready.scheme) for path in ("direct", "kernel")]
     one, other = (run.probes.displacement for run in runs)
     assert [run.status.ok for run in runs] == [True, True]
     np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-3 * np.abs(one).max())
@@ -123,21 +123,21 @@ def test_steps_that_hardly_settle(name, rpm, steps):
 def test_schemes_that_weigh_the_old_instant(name, method):
     ready = prepare(read_case(ROOT / "cases" / name, [*SHORT, f'run.integrator={{ method = "{method}" }}']))
     problem = replace(ready.problem, steps=720)
-    found = forced(problem, ready.scheme, "compiled")
+    found = forced(problem, ready.scheme, "kernel")
     assert_one_of(problem, ready.scheme, found, CONTACTS)
 
 
-@pytest.mark.parametrize("path", ["modal", "compiled"])
+@pytest.mark.parametrize("path", ["modal", "kernel"])
 def test_the_rigid_companion_of_a_forced_way(path):
     """What is asked of the flexible train's run is not asked of the rigid one beside it, which has no unknowns."""
-    case = read_case(ROOT / "cases/tayeb/model-1-shm.toml", [*SHORT, f'run.path="{path}"'])
-    assert prepare(case).problem.path == path
+    case = read_case(ROOT / "cases/tayeb/model-1-shm.toml", [*SHORT, f'run.engine="{path}"'])
+    assert prepare(case).problem.engine == path
     companion = prepare(case, rigid=True)
     assert solve(companion.problem, companion.scheme).status.ok
 
 
 @pytest.mark.parametrize("prune", [False, True])
-@pytest.mark.parametrize("path", ["modal", "compiled"])
+@pytest.mark.parametrize("path", ["modal", "kernel"])
 def test_pruned_and_whole(path, prune):
     """What cannot move is left out of the natural motions too; nothing that is shown changes."""
     problem, scheme = shorter(ROOT / "cases/tayeb/model-3-shm.toml")
@@ -156,7 +156,7 @@ def test_what_else_a_case_may_ask(name, change):
     """Few modes, a chain, a periodic start, a speed that swings."""
     ready = prepare(read_case(ROOT / "cases" / name, [*SHORT, change]))
     problem = replace(ready.problem, steps=720)
-    found = forced(problem, ready.scheme, "compiled")
+    found = forced(problem, ready.scheme, "kernel")
     assert_one_of(problem, ready.scheme, found, CONTACTS)
 
 
@@ -164,8 +164,8 @@ def test_a_published_load_that_follows_the_camshaft():
     """It senses the shaft's deflection and acts on shaft and tappet: a local force, linear, that stores no energy."""
     problem, scheme = shorter(ROOT / "cases/tayeb/model-3-shm.toml", "contacts.intake.cam_deflection=true")
     assert problem.system.local_forces
-    found = forced(problem, scheme, "compiled")
-    assert found.stats.path == "compiled"
+    found = forced(problem, scheme, "kernel")
+    assert found.stats.engine == "kernel"
     assert_one_of(problem, scheme, found, CONTACTS)
 
 
@@ -174,12 +174,12 @@ def test_going_on_in_machine_code_from_a_general_run(name):
     """A state with contacts and internal states: half a run the general way, the other half compiled."""
     problem, scheme = shorter(ROOT / "cases" / name)
     save = SaveAt(field_every=20)
-    whole = solve(replace(problem, path="general"), scheme, save=save)
-    first = solve(replace(problem, path="general", steps=360), scheme, save=save)
+    whole = solve(replace(problem, engine="direct"), scheme, save=save)
+    first = solve(replace(problem, engine="direct", steps=360), scheme, save=save)
     d, v, a = (getattr(first.fields, kind)[-1] for kind in KINDS)
     inner = first.inner if len(first.inner) else None
     start = State(d, v, float(first.time[-1]), inner, acceleration=a, taken=360)
-    later = solve(replace(problem, path="compiled", steps=360, start=start), scheme, save=save)
+    later = solve(replace(problem, engine="kernel", steps=360, start=start), scheme, save=save)
     for kind in KINDS:
         one, other = getattr(whole.fields, kind)[18:], getattr(later.fields, kind)
         np.testing.assert_allclose(other, one, rtol=0.0, atol=CONTACTS[kind] * np.abs(one).max(), err_msg=kind)

@@ -218,7 +218,7 @@ def test_the_cheapest_within_a_tolerance(ran, ladder, fine, asked, tolerance):
 
 def test_a_tolerance_on_a_way_that_is_asked_for(ran):
     """The reference and the rigid train go their own way."""
-    done = ran('tolerance="1 %"', words=("--set", "run.path=modal"))
+    done = ran('tolerance="1 %"', words=("--set", "run.engine=modal"))
     assert done.code == 0
     assert done.json["choice"]["model"]["model"] == "sdof"
 

@@ -20,7 +20,7 @@ from flexcam.runner import prepare, result_file, unfinished
 from tests.sinks import Cut
 
 DATA = Path(__file__).parents[1] / "data"
-WALKED = ("--set", "run.path=general", "--set", "run.revolutions=12")
+WALKED = ("--set", "run.engine=direct", "--set", "run.revolutions=12")
 """A second of steps in Python."""
 
 SERIES = ("displacement", "velocity", "acceleration")

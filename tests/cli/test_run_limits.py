@@ -67,13 +67,13 @@ def test_check_tells_what_a_run_takes(flexcam, case):
     assert (told["memory_bytes"], told["result_bytes"]) == (needs.memory, needs.file)
 
 
-@pytest.mark.parametrize("path", ["general", "modal", "compiled"])
+@pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
 def test_a_run_ends_when_its_time_is_over(flexcam, case, path, monkeypatch):
     """By a clock that jumps after it has been looked at some times, wherever the machine is by then."""
     looks = itertools.count()
     monkeypatch.setattr("time.monotonic", lambda: 0.0 if next(looks) < 20 else 1e6)
     endless = ("--set", "run.revolutions=1e6", "--allow-large")
-    ended = flexcam("run", case, *endless, "--set", f"run.path={path}", "--time-limit", "1 h", "--json")
+    ended = flexcam("run", case, *endless, "--set", f"run.engine={path}", "--time-limit", "1 h", "--json")
     assert ended.code == 3
     assert ended.json["status"] == "time-limit"
     kept = read_result(ended.json["result"]).response

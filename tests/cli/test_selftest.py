@@ -53,7 +53,7 @@ def test_a_wrong_element_is_found(monkeypatch):
 def test_extras_that_are_missing_are_told(monkeypatch):
     monkeypatch.setattr("flexcam.selftest.installation.find_spec", lambda name: None if name == "pymoo" else object())
     monkeypatch.setattr("flexcam.selftest.installation._PACKAGES", ("no-such-package",))
-    monkeypatch.setattr("flexcam.integrate.compiled.machine.available", lambda: False)
+    monkeypatch.setattr("flexcam.selftest.trains.is_available", lambda: False)
     parts = installed()
     assert parts["extra design"] == "not there (pymoo): pip install 'flexcam[design]'"
     assert parts["extra tables"] == "usable"

@@ -36,7 +36,7 @@ def test_the_table_names_what_there_is(row):
 
 
 LAID = [
-    "run.revolutions=3", "run.steps_per_revolution=900", "run.path=general", "run.adaptive={tolerance=1e-3}",
+    "run.revolutions=3", "run.steps_per_revolution=900", "run.engine=direct", "run.adaptive={tolerance=1e-3}",
     "run.start=equilibrium", 'run.integrator={method="bathe"}', "run.damping.modal=0.05", "output.field_every=7",
     "fidelity.model=sdof", "fidelity.model=rigid", "fidelity.tolerance=20%", "fidelity.estimate=true",
     "fidelity.modes=3",

@@ -25,7 +25,7 @@ from flexcam.system import (
 from flexcam.system.force_laws import BILATERAL
 
 NAMES = ("cam.uy", "tappet.uy", "valve")
-WAYS = ["general", "modal", "compiled"]
+WAYS = ["direct", "modal", "kernel"]
 
 
 def sine(motion):
@@ -48,7 +48,7 @@ def chain(history=sine, law=None, at=1, stiff=1e4):
 
 
 def problem_of(system, path, steps=2000):
-    return Problem(system, ConstantSpeed(10.0), 1e-3, steps, path=path)
+    return Problem(system, ConstantSpeed(10.0), 1e-3, steps, engine=path)
 
 
 def assert_kept_is_finite(run):
@@ -59,8 +59,8 @@ def assert_kept_is_finite(run):
 @pytest.mark.parametrize("path", WAYS)
 def test_a_motion_that_grows_beyond_numbers(path):
     run = solve(problem_of(chain(growing), path), newmark(), save=SaveAt(field_every=10))
-    general = solve(problem_of(chain(growing), "general"), newmark(), save=SaveAt(field_every=10))
-    assert run.stats.path == path
+    general = solve(problem_of(chain(growing), "direct"), newmark(), save=SaveAt(field_every=10))
+    assert run.stats.engine == path
     assert run.status.cause is Cause.NOT_FINITE
     assert run.status.text.split()[0] in NAMES
     assert "left the range of numbers at t = " in run.status.text
@@ -72,7 +72,7 @@ def test_a_motion_that_grows_beyond_numbers(path):
 
 
 @pytest.mark.parametrize("law", [spring_damper(-3e5), hunt_crossley_contact(1e4, 0.1)])
-@pytest.mark.parametrize("path", ["general", "compiled"])
+@pytest.mark.parametrize("path", ["direct", "kernel"])
 def test_a_motion_that_grows_with_a_local_force(path, law):
     """A negative spring, and a push that ends all numbers through a contact: a cause and a name, no traceback."""
     system = chain(sine if law.kind == BILATERAL else growing, law)
@@ -95,7 +95,7 @@ def test_forces_without_a_balance_within_the_step():
     force = LocalForce("seat", (AngleVector.constant(row),), (AngleVector.constant(-row),),
                        spring_damper(-operator / (0.25 * step**2)), (constant(0.0),))  # fmt: skip
     system = replace(one, local_forces=(force,))
-    general, run = (solve(problem_of(system, path, 5), newmark()) for path in ("general", "compiled"))
+    general, run = (solve(problem_of(system, path, 5), newmark()) for path in ("direct", "kernel"))
     assert general.status.cause is run.status.cause
     np.testing.assert_allclose(run.probes.displacement, general.probes.displacement, rtol=1e-9)
 
@@ -104,9 +104,9 @@ def test_forces_without_a_balance_within_the_step():
 @pytest.mark.parametrize("after", [0, 2])
 def test_asked_to_stop(path, after):
     asked = iter(range(10_000))
-    law = elastic_stop(1e4) if path == "compiled" else None
+    law = elastic_stop(1e4) if path == "kernel" else None
     run = solve(problem_of(chain(law=law), path), newmark(), save=SaveAt(20, 4),
-                stop=lambda: next(asked) >= after * (80 if path == "general" else 1))  # fmt: skip
+                stop=lambda: next(asked) >= after * (80 if path == "direct" else 1))  # fmt: skip
     assert run.status.cause is Cause.INTERRUPTED
     assert len(run.time) == after * 80
     assert run.stats.steps == max(after * 80 - 1, 0)

@@ -53,7 +53,7 @@ BAD = [
     "sections={ a = 1 }", "members=3", "materials.steel={ E = true }", "rockers.rocker.arms=[1]",
     "rockers.rocker.to=true",
     "rockers.rocker.arms={ a = [1, { b = true }] }", "title=true", "format=true", "masses.valve.mass={}",
-    "mesh=true", "supports.front=3", "supports.front=[true]", "fidelity.modes=true", "run.path=3",
+    "mesh=true", "supports.front=3", "supports.front=[true]", "fidelity.modes=true", "run.engine=3",
 ]  # fmt: skip
 
 

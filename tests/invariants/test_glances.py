@@ -30,7 +30,7 @@ def test_probes_and_saved_fields_are_those_of_the_whole_run(published, every, sc
 
     An acceleration has the rounding of a displacement by the step's square: that of both is some 1e-13 of it here.
     """
-    problem = replace(published.problem, path="modal", steps=1500)
+    problem = replace(published.problem, engine="modal", steps=1500)
     whole, few = (solve(problem, scheme, save=SaveAt(every, channels=kept)) for kept in (True, False))
     assert few.status.ok
     assert few.channels == {}
@@ -47,8 +47,8 @@ def test_probes_and_saved_fields_are_those_of_the_whole_run(published, every, sc
 def test_every_way_keeps_them(published):
     problem = replace(published.problem, steps=1500)
     found = [
-        solve(replace(problem, path=path), newmark(), save=SaveAt(100, channels=False))
-        for path in ("general", "modal", "compiled")
+        solve(replace(problem, engine=path), newmark(), save=SaveAt(100, channels=False))
+        for path in ("direct", "modal", "kernel")
     ]
     for other in found[1:]:  # by another order of operations
         np.testing.assert_allclose(other.probes.displacement, found[0].probes.displacement, rtol=0.0, atol=1e-10 * 0.01)
@@ -60,7 +60,7 @@ def test_what_leaves_the_range_is_cut_at_the_same_step():
     push = Load("push", np.ones(1), lambda motion: np.ones_like(motion.angle))
     watch = Probe("x", ("x",), np.eye(1), (None,))
     system = System(one, Triplets.zeros(1), one.scaled(1e4), ("x",), (push,), probes=(watch,))
-    problem = Problem(system, ConstantSpeed(1.0), step=0.03, steps=4000, path="modal")
+    problem = Problem(system, ConstantSpeed(1.0), step=0.03, steps=4000, engine="modal")
     scheme = newmark(beta=1.0 / 12.0)
     whole, few = (solve(problem, scheme, save=SaveAt(50, channels=kept)) for kept in (True, False))
     assert few.status == whole.status
@@ -76,6 +76,6 @@ def test_what_nothing_pushes_is_seen_too():
     system = System(one, Triplets.zeros(1), one, ("x",), probes=(watch,))
     problem = Problem(system, ConstantSpeed(1.0), step=0.01, steps=1500, start=State(np.ones(1), np.zeros(1)))
     whole, few = (solve(problem, newmark(), save=SaveAt(100, channels=kept)) for kept in (True, False))
-    assert few.stats.path == "modal"
+    assert few.stats.engine == "modal"
     most = 1e-14  # of the largest, one: the rounding of a product of matrices
     np.testing.assert_allclose(few.probes.displacement, whole.probes.displacement, rtol=0.0, atol=most)

@@ -105,8 +105,8 @@ def test_a_steady_push_across_wakes_a_plane(rod):
 @pytest.mark.parametrize(("across", "scalars"), [((), 4), ((("uz", 1.0),), 7)])
 def test_machine_code_skips_the_plane_and_agrees(rod, across, scalars):
     ready = rod(2e-4, *across)
-    general, compiled = (solve(replace(ready.problem, path=path), ready.scheme) for path in ("general", "compiled"))
-    way = way_of(replace(ready.problem, path="compiled"), ready.scheme, ready.save)
+    general, compiled = (solve(replace(ready.problem, engine=path), ready.scheme) for path in ("direct", "kernel"))
+    way = way_of(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
     assert set(PackedForces.of(LocalForces(way.problem.system)).laws[:, 2].tolist()) == {scalars}
     for kind in ("displacement", "velocity"):
         one, other = (getattr(run.probes, kind) for run in (general, compiled))
@@ -116,8 +116,8 @@ def test_machine_code_skips_the_plane_and_agrees(rod, across, scalars):
 def test_machine_code_has_a_straight_strut(rod):
     """Nothing bends it: its stretch alone is left of an element, and no force beyond that of a bar."""
     ready = rod(0.0)
-    way = way_of(replace(ready.problem, path="compiled"), ready.scheme, ready.save)
+    way = way_of(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
     assert set(PackedForces.of(LocalForces(way.problem.system)).laws[:, 2].tolist()) == {1}
-    general, compiled = (solve(replace(ready.problem, path=path), ready.scheme) for path in ("general", "compiled"))
+    general, compiled = (solve(replace(ready.problem, engine=path), ready.scheme) for path in ("direct", "kernel"))
     one, other = general.probes.displacement, compiled.probes.displacement
     np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9 * np.abs(one).max())

@@ -119,13 +119,13 @@ def spread_of(problem, scheme, reference):
     return found
 
 
-def ways(problem, scheme, paths=("modal", "compiled")):
+def ways(problem, scheme, paths=("modal", "kernel")):
     """Return the general run and those of the other ways that take the problem."""
-    general = solve(replace(problem, path="general"), scheme)
+    general = solve(replace(problem, engine="direct"), scheme)
     others = {}
     for path in paths:
         try:
-            others[path] = solve(replace(problem, path=path), scheme)
+            others[path] = solve(replace(problem, engine=path), scheme)
         except InputError as refusal:
             others[path] = refusal
     return general, others
@@ -134,13 +134,13 @@ def ways(problem, scheme, paths=("modal", "compiled")):
 def assert_one_physics(problem, scheme, *, modal=True):
     general, others = ways(problem, scheme)
     assert general.status.ok
-    allowed = 10.0 * spread_of(replace(problem, path="general"), scheme, general)
+    allowed = 10.0 * spread_of(replace(problem, engine="direct"), scheme, general)
     for path, run in others.items():
         if path == "modal" and not modal:
             assert "damping couples" in str(run)
             continue
         assert not isinstance(run, InputError), f"{path}: {run}"
-        assert run.stats.path == path
+        assert run.stats.engine == path
         assert run.outline == general.outline
         np.testing.assert_array_equal(run.time, general.time)
         np.testing.assert_array_equal(run.field_time, general.field_time)
@@ -176,9 +176,9 @@ def test_random_systems_with_massless_unknowns(seed, n, decades, massless, kind,
     if kind in ("none", "Rayleigh"):
         assert_one_physics(problem, SCHEMES[scheme])
         return
-    general, others = ways(problem, SCHEMES[scheme], ("compiled",))
-    allowed = 10.0 * spread_of(replace(problem, path="general"), SCHEMES[scheme], general)
-    off = apart(general, others["compiled"])
+    general, others = ways(problem, SCHEMES[scheme], ("kernel",))
+    allowed = 10.0 * spread_of(replace(problem, engine="direct"), SCHEMES[scheme], general)
+    off = apart(general, others["kernel"])
     assert (off <= allowed).all(), (off, allowed)
 
 
@@ -199,13 +199,13 @@ def test_massless_unknowns_that_begin_at_speed(kind, scheme):
     assert_one_physics(problem, SCHEMES[scheme], modal=kind in ("none", "Rayleigh"))
 
 
-@pytest.mark.parametrize("path", ["general", "modal", "compiled"])
+@pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
 def test_a_massless_unknown_is_accelerated_as_what_it_hangs_between(path):
     """Between two springs of one mass that starts at rest under a load: the share of its acceleration at once."""
     M, K = np.diag([1.0, 0.0]), np.array([[3.0, -1.0], [-1.0, 2.0]])
     system = System(*(Triplets.from_dense(one) for one in (M, 0.0 * M, K)), ("heavy", "light"),
                     (Load("push", np.array([1.0, 0.0]), steady),))  # fmt: skip
-    found = solve(Problem(system, ConstantSpeed(1.0), 0.01, 50, path=path), newmark(), save=SaveAt(field_every=1))
+    found = solve(Problem(system, ConstantSpeed(1.0), 0.01, 50, engine=path), newmark(), save=SaveAt(field_every=1))
     a = found.fields.acceleration
     # K a = 0 in the massless row at every instant; Newmark keeps what the start has of it, and rounding over step^2.
     np.testing.assert_allclose(2.0 * a[:, 1], a[:, 0], rtol=0.0, atol=1e-9)
@@ -213,24 +213,24 @@ def test_a_massless_unknown_is_accelerated_as_what_it_hangs_between(path):
 
 
 @pytest.mark.parametrize("scheme", ["newmark", "hht", "generalized-alpha 0"])
-@pytest.mark.parametrize("path", ["modal", "compiled"])
+@pytest.mark.parametrize("path", ["modal", "kernel"])
 def test_going_on_from_a_result_of_another_way(path, scheme):
     """Half a run the general way and half another is the general run; what is between them is a `State`."""
     system, start = some_system(5, 6, 4.0, "Rayleigh")
-    problem = Problem(system, ConstantSpeed(3.0), step_of(system), STEPS, start, path="general")
+    problem = Problem(system, ConstantSpeed(3.0), step_of(system), STEPS, start, engine="direct")
     every = SaveAt(field_every=20)
     whole = solve(problem, SCHEMES[scheme], save=every)
     first = solve(replace(problem, steps=60), SCHEMES[scheme], save=every)
     middle = State(*(getattr(first.fields, kind)[-1] for kind in SERIES[:2]), float(first.time[-1]),
                    acceleration=first.fields.acceleration[-1], taken=60)  # fmt: skip
-    later = solve(replace(problem, steps=60, start=middle, path=path), SCHEMES[scheme], save=every)
+    later = solve(replace(problem, steps=60, start=middle, engine=path), SCHEMES[scheme], save=every)
     allowed = 10.0 * spread_of(problem, SCHEMES[scheme], whole)
     for kind, most in zip(SERIES, allowed, strict=False):
         one, other = getattr(whole.probes, kind), getattr(later.probes, kind)
         assert np.abs(other - one[60:]).max() <= most * np.abs(one).max()
 
 
-@pytest.mark.parametrize("path", ["modal", "compiled"])
+@pytest.mark.parametrize("path", ["modal", "kernel"])
 def test_energy_is_kept_over_a_long_run(path):
     """Average acceleration, no damping, stiffness ratios of 1e6: 1e5 steps add no more than their roundings.
 
@@ -239,29 +239,29 @@ def test_energy_is_kept_over_a_long_run(path):
     """
     system, start = some_system(3, 6, 6.0, "none")
     still = replace(system, loads=())
-    problem = Problem(still, ConstantSpeed(1.0), step_of(system), 100_000, start, path=path)
+    problem = Problem(still, ConstantSpeed(1.0), step_of(system), 100_000, start, engine=path)
     found = solve(problem, newmark(), save=SaveAt(field_every=100_000))
     energy = found.channels["energy.kinetic"] + found.channels["energy.strain"]
-    assert found.stats.path == path
+    assert found.stats.engine == path
     assert np.abs(energy / energy[0] - 1.0).max() < 1e-11
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", ["modal", "compiled"])
+@pytest.mark.parametrize("path", ["modal", "kernel"])
 def test_energy_is_kept_over_a_million_steps(path):
     system, start = some_system(3, 6, 6.0, "none")
-    problem = Problem(replace(system, loads=()), ConstantSpeed(1.0), step_of(system), 1_000_000, start, path=path)
+    problem = Problem(replace(system, loads=()), ConstantSpeed(1.0), step_of(system), 1_000_000, start, engine=path)
     found = solve(problem, newmark(), save=SaveAt(field_every=100_000))
     energy = found.channels["energy.kinetic"] + found.channels["energy.strain"]
     assert np.abs(energy / energy[0] - 1.0).max() < 1e-11
 
 
-@pytest.mark.parametrize("path", ["general", "modal", "compiled"])
+@pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
 @pytest.mark.parametrize("save", [SaveAt(1, 1), SaveAt(1, 2), SaveAt(7, 1), SaveAt(1000), SaveAt(10, 3)])
 def test_what_is_saved_changes_no_history(path, save):
     """Blocks of one instant, of two, longer than the run: the same histories to rounding, the asked fields exactly."""
     system, start = some_system(8, 4, 2.0, "Rayleigh")
-    problem = Problem(system, ConstantSpeed(3.0), step_of(system), 45, start, path=path)
+    problem = Problem(system, ConstantSpeed(3.0), step_of(system), 45, start, engine=path)
     plain, found = solve(problem, newmark()), solve(problem, newmark(), save=save)
     assert (apart(plain, found) <= 10.0 * ROUNDING).all()
     np.testing.assert_array_equal(found.field_time, found.time[np.unique([*range(0, 46, save.field_every), 45])])

@@ -172,14 +172,14 @@ def apart(one, other):
 
 def compare(problem, scheme):
     """Assert that machine code and the general way agree, and return both runs."""
-    general, found = (solve(replace(problem, path=path), scheme) for path in ("general", "compiled"))
-    assert found.stats.path == "compiled"
+    general, found = (solve(replace(problem, engine=path), scheme) for path in ("direct", "kernel"))
+    assert found.stats.engine == "kernel"
     assert general.status.cause is found.status.cause
     if not general.status.ok:  # a lever or an arch that is thrown about
         return general, found
     order = np.random.default_rng(0).permutation(problem.system.size)
     others = [reordered(problem, order), *(stronger(problem, SETTLED * share) for share in SHARES)]
-    spread = np.max([apart(general, solve(replace(one, path="general"), scheme)) for one in others], axis=0)
+    spread = np.max([apart(general, solve(replace(one, engine="direct"), scheme)) for one in others], axis=0)
     off = apart(general, found)
     known = spread < SAME_RUN
     assert known[: STEPS // 10].all()
@@ -233,7 +233,7 @@ def test_many_forces_at_once(seed):
 def test_before_the_first_contact_only_rounding_is_between_them():
     rng = np.random.default_rng(0)
     problem = some_problem(rng, ["stop", "hunt-crossley"], switching=True, ahead=1.0)
-    general, found = (solve(replace(problem, path=path), newmark()) for path in ("general", "compiled"))
+    general, found = (solve(replace(problem, engine=path), newmark()) for path in ("direct", "kernel"))
     assert general.stats.events == found.stats.events == 0
     assert apart(general, found)[-1] < 1e-12
 
@@ -256,7 +256,7 @@ def test_forces_that_react_through_each_other_alone(scheme, gain):
     load = Load("sine", eye[0], sine)
     system = System(*matrices, names, (load,), forces, (Probe("all", names, eye, (None, None)),))
     problem = Problem(system, ConstantSpeed(3.0), step, 20)
-    general, found = (solve(replace(problem, path=path), SCHEMES[scheme]) for path in ("general", "compiled"))
+    general, found = (solve(replace(problem, engine=path), SCHEMES[scheme]) for path in ("direct", "kernel"))
     # Such forces feed the motion: it grows by orders of magnitude, and so does what was settled to 1e-12.
     assert (np.abs(found.probes.displacement - general.probes.displacement).max()
             < 1e-9 * np.abs(general.probes.displacement).max())  # fmt: skip

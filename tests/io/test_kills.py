@@ -35,7 +35,7 @@ from flexcam.runner import prepare, result_file, unfinished
 
 case, folder, kills, seed = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
 draft._SHARE = float("inf")
-ready = prepare(read_case(case, ["run.path=general"]))
+ready = prepare(read_case(case, ["run.engine=direct"]))
 ready = replace(ready, save=SaveAt(field_every=5, fields_per_block=8))
 
 def run(into, told=None, resume=False):

@@ -64,7 +64,7 @@ class Kept:
         return iter(self._blocks)
 
 
-@pytest.mark.parametrize("path", ["general", "modal", "compiled"])
+@pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
 @pytest.mark.parametrize("channels", [True, False])
 @pytest.mark.parametrize("every", [10, 5])
 def test_without_a_file(path, channels, every):
@@ -72,7 +72,7 @@ def test_without_a_file(path, channels, every):
 
     Where fields stand near each other, its blocks end within a group of strides.
     """
-    ready = prepare(read_case(CASE, [f"run.path={path}"]))
+    ready = prepare(read_case(CASE, [f"run.engine={path}"]))
     problem = replace(ready.problem, steps=450)
     save = SaveAt(field_every=every, fields_per_block=100 // every, channels=channels)
     whole = solve(problem, ready.scheme, save=save)

@@ -158,9 +158,9 @@ class TestLadder:
 
     def test_the_way_through_time_is_that_of_models_with_motions(self):
         """A rigid train has none to carry, so that it cannot go the way that the others are asked to."""
-        rungs = ladder(read_case(INLINE, ["run.path=modal"]))
-        assert [one.case.record.run.path for one in rungs] == ["auto", *["modal"] * 5]
-        assert rungs[0].prepared().problem.path == "auto"
+        rungs = ladder(read_case(INLINE, ["run.engine=modal"]))
+        assert [one.case.record.run.engine for one in rungs] == ["auto", *["modal"] * 5]
+        assert rungs[0].prepared().problem.engine == "auto"
 
     def test_candidates_begin_with_the_least_work(self):
         """By what is integrated: one mass at many steps costs less than the beams at few."""
@@ -307,13 +307,13 @@ class TestEstimate:
         for one in estimate(case, "valve"):
             assert abs(one.size - true.size(one.quantity)) <= one.total
 
-    @pytest.mark.parametrize(("steps", "way"), [(1440, "compiled"), (180, "general")])
+    @pytest.mark.parametrize(("steps", "way"), [(1440, "kernel"), (180, "direct")])
     def test_all_its_runs_count_for_the_way_through_time(self, steps, way, monkeypatch):
         """4.5 times 1440 steps are worth compiling, the longest run of 2880 by itself is not."""
         taken: list[str] = []
 
         def measured_here(response, probe):
-            taken.append(response.stats.path)
+            taken.append(response.stats.engine)
             return measured(response, probe)
 
         monkeypatch.setattr("flexcam.fidelity.rungs.measured", measured_here)

@@ -125,10 +125,10 @@ def test_the_same_is_told_of_a_result():
     assert lost_energy(again.extremes) == lost_energy(seen.extremes)
 
 
-@pytest.mark.parametrize("path", ["general", "modal", "compiled"])
+@pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
 def test_forces_are_in_balance(path):
     """To rounding, by whatever way; with HHT between the instants, where its step balances them."""
-    ready = prepare(flexcam.read_case(CASE, [f"run.path={path}"]))
+    ready = prepare(flexcam.read_case(CASE, [f"run.engine={path}"]))
     assert 0.0 < solve(ready.problem, ready.scheme).stats.imbalance < 1e-10
     between = solve(ready.problem, hht(alpha=-0.1)).stats.imbalance
     assert 1e-6 < between < 1e-2
@@ -217,11 +217,11 @@ def test_what_is_out_of_balance_is_told():
     assert balances(seen.extremes, Stats()).endswith("forces not looked at")
 
 
-@pytest.mark.parametrize("path", ["general", "modal", "compiled"])
+@pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
 @pytest.mark.parametrize("steps", [1, 5, 19])
 def test_a_run_shorter_than_a_field_is_looked_at(path, steps, monkeypatch):
     """At its last step; with the loads left out, which are most of what acts so early, it shows."""
-    ready = prepare(flexcam.read_case(CASE, [f"run.path={path}"]))
+    ready = prepare(flexcam.read_case(CASE, [f"run.engine={path}"]))
     short = replace(ready.problem, steps=steps)
     assert 0.0 < solve(short, ready.scheme).stats.imbalance < 1e-10
     look = Imbalance.look
@@ -236,7 +236,7 @@ def test_a_run_shorter_than_a_field_is_looked_at(path, steps, monkeypatch):
 def test_what_was_not_looked_at_is_not_told_as_zero(tmp_path):
     """A run that is stopped before the first saved field."""
     asked = count()
-    ready = prepare(flexcam.read_case(CASE, ["run.path=general"]))
+    ready = prepare(flexcam.read_case(CASE, ["run.engine=direct"]))
     seen, sink = Watched.of(ready), result_file(ready, tmp_path)
     sinks = [*seen.sinks, sink]
     response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, stop=lambda: next(asked) > 3)

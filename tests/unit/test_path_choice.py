@@ -40,7 +40,7 @@ from flexcam.system import (
     elastic_stop,
 )
 
-FORCED = ["modal", "compiled"]
+FORCED = ["modal", "kernel"]
 EVERY = SaveAt()
 
 
@@ -67,17 +67,17 @@ def masses(n, *, law=None, damping=0.0, stiffness=None):
     return System(*matrices, names, (Load("push", eye[0], sine),), local, (Probe("all", names, eye, (None,) * n),))
 
 
-def problem_of(system, path="auto", steps=20, **options):
-    return Problem(system, ConstantSpeed(3.0), 0.01, steps, path=path, **options)
+def problem_of(system, engine="auto", steps=20, **options):
+    return Problem(system, ConstantSpeed(3.0), 0.01, steps, engine=path, **options)
 
 
 def refusal(problem, method=None):
     with pytest.raises(InputError) as caught:
         solve(problem, method or newmark())
     said = str(caught.value)
-    assert "run.path" in said
-    assert repr(problem.path).strip("'") in said
-    assert "leave run.path out" in said
+    assert "run.engine" in said
+    assert repr(problem.engine).strip("'") in said
+    assert "leave run.engine out" in said
     return said
 
 
@@ -89,30 +89,30 @@ def refusal(problem, method=None):
 ])  # fmt: skip
 def test_methods_that_go_the_general_way_alone(path, options, method, words):
     assert words in refusal(problem_of(masses(2), path, **options), method)
-    assert way_of(problem_of(masses(2), steps=2000, **options), method, EVERY).path == "general"
+    assert way_of(problem_of(masses(2), steps=2000, **options), method, EVERY).engine == "direct"
 
 
 @pytest.mark.parametrize("path", FORCED)
 def test_sizes(path):
     assert "501 unknowns" in refusal(problem_of(masses(501), path))
-    assert way_of(problem_of(masses(501), steps=100_000), newmark(), EVERY).path == "general"
-    assert way_of(problem_of(masses(250), path), newmark(), EVERY).path == path
+    assert way_of(problem_of(masses(501), steps=100_000), newmark(), EVERY).engine == "direct"
+    assert way_of(problem_of(masses(250), path), newmark(), EVERY).engine == path
 
 
 @pytest.mark.parametrize(("n", "steps", "path"), [
-    (100, 1000, "modal"), (200, 1000, "general"), (200, 3000, "modal"), (400, 3000, "general"), (400, 12_000, "modal"),
+    (100, 1000, "modal"), (200, 1000, "direct"), (200, 3000, "modal"), (400, 3000, "direct"), (400, 12_000, "modal"),
 ])  # fmt: skip
 def test_what_a_size_makes_worthwhile(n, steps, path):
     """Natural motions take the cube of the unknowns to find, and save a time per step that hardly depends on them."""
-    assert way_of(problem_of(masses(n), steps=steps), newmark(), EVERY).path == path
+    assert way_of(problem_of(masses(n), steps=steps), newmark(), EVERY).engine == path
 
 
 def test_local_forces_and_damping():
     assert "bumper depends on the motion" in refusal(problem_of(masses(2, law=elastic_stop(1e3)), "modal"))
-    assert "the law of bumper is not known in machine code" in refusal(problem_of(masses(2, law=Unknown()), "compiled"))
+    assert "the law of bumper is not known in machine code" in refusal(problem_of(masses(2, law=Unknown()), "kernel"))
     # Friction needs a second scalar: its law is known, this use of it is not.
     assert "the law of bumper" in refusal(
-        problem_of(masses(2, law=replace(elastic_stop(1e3), friction=(0.1, 1e-3))), "compiled")
+        problem_of(masses(2, law=replace(elastic_stop(1e3), friction=(0.1, 1e-3))), "kernel")
     )
     assert "its damping couples the natural motions" in refusal(problem_of(masses(2, damping=1.0), "modal"))
 
@@ -124,14 +124,12 @@ def test_local_forces_and_damping():
 def test_stiffness_that_is_not_symmetric_and_positive(path, K):
     """Beyond buckling, or of a follower force: motions that grow, which no natural motion does."""
     assert "not symmetric and positive" in refusal(problem_of(masses(2, stiffness=K), path))
-    automatic, general = (
-        solve(problem_of(masses(2, stiffness=K), one, 2000), newmark()) for one in ("auto", "general")
-    )
-    assert automatic.stats.path == "general"
+    automatic, general = (solve(problem_of(masses(2, stiffness=K), one, 2000), newmark()) for one in ("auto", "direct"))
+    assert automatic.stats.engine == "direct"
     np.testing.assert_array_equal(automatic.probes.displacement, general.probes.displacement)
 
 
-@pytest.mark.parametrize("path", ["auto", "general"])
+@pytest.mark.parametrize("path", ["auto", "direct"])
 @pytest.mark.parametrize("damping", [0.0, 1.0])
 def test_nothing_to_place_an_unknown_is_a_failure_with_its_name(path, damping):
     system = masses(2)
@@ -143,28 +141,28 @@ def test_nothing_to_place_an_unknown_is_a_failure_with_its_name(path, damping):
 
 def test_without_a_compiler(monkeypatch):
     monkeypatch.setattr("flexcam.integrate.paths.available", lambda: False)
-    assert "numba is not installed" in refusal(problem_of(masses(2), "compiled"))
-    assert way_of(problem_of(masses(2, law=elastic_stop(1e3)), steps=10_000), newmark(), EVERY).path == "general"
-    assert way_of(problem_of(masses(2), steps=400_000), newmark(), EVERY).path == "modal"
+    assert "numba is not installed" in refusal(problem_of(masses(2), "kernel"))
+    assert way_of(problem_of(masses(2, law=elastic_stop(1e3)), steps=10_000), newmark(), EVERY).engine == "direct"
+    assert way_of(problem_of(masses(2), steps=400_000), newmark(), EVERY).engine == "modal"
 
 
 @pytest.mark.parametrize(("law", "steps", "runs", "path"), [
-    (None, 999, 1, "general"), (None, 1000, 1, "modal"), (None, 1_000_000, 1, "modal"), (None, 999, 100, "general"),
-    (None, 1000, 100, "modal"), (elastic_stop(1e3), 4999, 1, "general"),
-    (elastic_stop(1e3), 5000, 1, "compiled"), (elastic_stop(1e3), 50, 100, "compiled"), (Unknown(), 5000, 1, "general"),
+    (None, 999, 1, "direct"), (None, 1000, 1, "modal"), (None, 1_000_000, 1, "modal"), (None, 999, 100, "direct"),
+    (None, 1000, 100, "modal"), (elastic_stop(1e3), 4999, 1, "direct"),
+    (elastic_stop(1e3), 5000, 1, "kernel"), (elastic_stop(1e3), 50, 100, "kernel"), (Unknown(), 5000, 1, "direct"),
 ])  # fmt: skip
 def test_what_the_length_of_all_runs_makes_worthwhile(law, steps, runs, path):
     for method in (newmark(), hht(), generalized_alpha()):
-        assert way_of(problem_of(masses(3, law=law), steps=steps, runs=runs), method, EVERY).path == path
+        assert way_of(problem_of(masses(3, law=law), steps=steps, runs=runs), method, EVERY).engine == path
 
 
 @pytest.mark.parametrize(("steps", "runs", "path"), [
-    (2000, 1, "general"), (99_999, 1, "general"), (100_000, 1, "compiled"), (1000, 100, "compiled"),
+    (2000, 1, "direct"), (99_999, 1, "direct"), (100_000, 1, "kernel"), (1000, 100, "kernel"),
 ])  # fmt: skip
 def test_damping_that_couples(steps, runs, path):
     """No motion goes by itself: it is left to machine code, or to the general way where that is not worthwhile."""
     problem = problem_of(masses(2, damping=1.0), steps=steps, runs=runs)
-    assert way_of(problem, newmark(), EVERY).path == path
+    assert way_of(problem, newmark(), EVERY).engine == path
 
 
 def test_what_is_left_of_a_pruned_system_counts():
@@ -172,29 +170,29 @@ def test_what_is_left_of_a_pruned_system_counts():
     far = np.eye(3)[2]
     force = LocalForce("far", (AngleVector.constant(far),), (AngleVector.constant(-far),), Unknown(), (constant(0.0),))
     system = replace(masses(3), local_forces=(force,))
-    assert way_of(problem_of(system, steps=2000, prune=True), newmark(), EVERY).path in ("general", "modal")
+    assert way_of(problem_of(system, steps=2000, prune=True), newmark(), EVERY).engine in ("direct", "modal")
     whole, pruned = (solve(problem_of(system, steps=2000, prune=prune), newmark()) for prune in (False, True))
-    assert whole.stats.path == "general"
+    assert whole.stats.engine == "direct"
     np.testing.assert_allclose(
         pruned.probes.displacement, whole.probes.displacement, rtol=0.0,
         atol=1e-12 * np.abs(whole.probes.displacement).max(),
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("path", ["general", *FORCED])
+@pytest.mark.parametrize("path", ["direct", *FORCED])
 def test_other_unknowns(path):
     """Amounts of shapes go every way as well: the rigid one of two, and both."""
     system = masses(3)
     for T in (np.array([[1.0], [0.5], [0.2]]), np.array([[1.0, 0.0], [0.5, 1.0], [0.2, -1.0]])):
-        problem = problem_of(system, "general", 300, basis=Shapes(T))
-        general, found = (solve(replace(problem, path=one), newmark()) for one in ("general", path))
-        assert found.stats.path == path
+        problem = problem_of(system, "direct", 300, basis=Shapes(T))
+        general, found = (solve(replace(problem, path=one), newmark()) for one in ("direct", path))
+        assert found.stats.engine == path
         for kind, most in (("displacement", 1e-12), ("velocity", 1e-12), ("acceleration", 1e-11)):
             one, other = (getattr(run.fields, kind) for run in (general, found))
             np.testing.assert_allclose(other, one, rtol=0.0, atol=most * np.abs(one).max())
 
 
-@pytest.mark.parametrize(("path", "law"), [("modal", None), ("compiled", None), ("compiled", elastic_stop(1e4, 1.0))])
+@pytest.mark.parametrize(("path", "law"), [("modal", None), ("kernel", None), ("kernel", elastic_stop(1e4, 1.0))])
 def test_the_same_problem_has_the_same_bits(path, law):
     problem = problem_of(masses(6, law=law), path, 700)
     one, other = (solve(problem, hht()) for _ in range(2))
@@ -207,7 +205,7 @@ import hashlib, sys
 sys.path.insert(0, {folder!r})
 import importlib
 tests = importlib.import_module("test_path_choice")
-law = tests.elastic_stop(1e4, 1.0) if {path!r} == "compiled" else None
+law = tests.elastic_stop(1e4, 1.0) if {path!r} == "kernel" else None
 run = tests.solve(tests.problem_of(tests.masses(6, law=law), {path!r}, 700), tests.hht())
 print(hashlib.sha256(run.probes.acceleration.tobytes()).hexdigest())
 """
@@ -226,12 +224,12 @@ def test_two_processes_have_the_same_bits(path):
 
 @pytest.mark.parametrize("prune", [False, True])
 @pytest.mark.parametrize("method", [newmark(), hht(), generalized_alpha(rho_inf=0.5)])
-@pytest.mark.parametrize("path", ["general", "modal"])
+@pytest.mark.parametrize("path", ["direct", "modal"])
 def test_going_on_from_a_saved_field_is_the_same_run_bit_by_bit(path, method, prune):
     """Under several loads, and at every kind of place: within a block, at its end, beside it."""
     system = masses(7)
     loads = tuple(Load(f"l{i}", np.random.default_rng(i).normal(size=7), sine) for i in range(3))
-    problem = Problem(replace(system, loads=loads), ConstantSpeed(3.0), 0.01, 900, path=path, prune=prune)
+    problem = Problem(replace(system, loads=loads), ConstantSpeed(3.0), 0.01, 900, engine=path, prune=prune)
     save = SaveAt(field_every=10)
     whole = solve(problem, method, save=save)
     for taken in (10, 320, 630, 640, 650):
@@ -259,7 +257,7 @@ def test_a_free_motion_behind_a_massless_unknown_is_no_negative_stiffness(soft):
     stiff = 2.0823e7
     K = np.array([[stiff, 0.0, -stiff], [0.0, soft, -soft], [-stiff, -soft, stiff + soft]])
     for path in FORCED:
-        general, found = (solve(problem_of(pair(K), one, 200), newmark()) for one in ("general", path))
+        general, found = (solve(problem_of(pair(K), one, 200), newmark()) for one in ("direct", path))
         one, other = general.probes.displacement, found.probes.displacement
         # The soft spring is what rounding of the stiff one leaves: eps stiff/soft of its force.
         np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-5 * np.abs(one).max())
@@ -277,11 +275,11 @@ def test_a_search_for_a_periodic_state_is_many_revolutions(monkeypatch):
 
     def revolved(problem, scheme, **asked):
         response = solve(problem, scheme, **asked)
-        taken.append(response.stats.path)
+        taken.append(response.stats.engine)
         return response
 
     monkeypatch.setattr(sys.modules["flexcam.integrate.periodic"], "solve", revolved)
-    for steps, way in ((600, "compiled"), (100, "general")):
+    for steps, way in ((600, "kernel"), (100, "direct")):
         bumper = masses(2, law=Stop(100.0), damping=1.0)
         search = Problem(bumper, ConstantSpeed(3.0), 2.0 * np.pi / 3.0 / steps, steps)
         assert periodic(search, newmark()).periodicity < 1e-9

@@ -167,7 +167,7 @@ def test_compliance_at_the_contact_is_exact(record, sensed):
 
 def test_an_engine_in_contact(record):
     """Camshaft, contact, play and seat stay: what contacts sense is kept beside the chain. Below surge and bowing."""
-    case = read_case(ENGINE, ["run.crank_speed=2000rpm", "run.steps_per_revolution=1800", "run.path=compiled"])
+    case = read_case(ENGINE, ["run.crank_speed=2000rpm", "run.steps_per_revolution=1800", "run.engine=kernel"])
     ready, beams = chain_run(case, 3), run(case)
     found = solve(ready.problem, ready.scheme, save=ready.save)
     assert found.status.ok

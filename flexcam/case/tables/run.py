@@ -208,8 +208,8 @@ class RunRecord(Record):
         None, ge=1, le=100_000_000, strict=True, description="3600 where no step is given"
     )
     step: q.Time | None = Field(None, description="instead of steps_per_revolution")
-    path: integrate.Path = Field(
-        "auto", description="way through time: auto takes the fastest; modal and compiled give what general gives"
+    engine: integrate.Engine = Field(
+        "auto", description="solver engine: auto chooses the fastest that fits; all give the same numbers"
     )
     adaptive: AdaptiveRecord | None = Field(None, description="dividing the steps by their error; fixed by default")
     fluctuation: FluctuationRecord | None = Field(None, description="swing of the speed about its mean")
