@@ -14,7 +14,7 @@ CASES = ROOT / "cases"
 TAYEB = str(CASES / "tayeb/model-3-shm.toml")
 INTAKE = str(CASES / "pushrod-engine/intake.toml")
 MATHIEU = str(CASES / "checks/mathieu.toml")
-LINEAR, HERTZ, LEVER = (str(MODELS / f"{name}.toml") for name in ("linear-train", "hertz-train", "lever-rocker"))
+LINEAR, LEVER = (str(MODELS / f"{name}.toml") for name in ("linear-train", "lever-rocker"))
 CAMS = (*sorted((CASES / "cams").glob("*.toml")), ROOT / "tests/data/every-cam.toml", MODELS / "hertz-train.toml")
 COARSE = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1")
 FLAT = '{ type = "roller", radius = "10 mm" }'
@@ -133,7 +133,7 @@ def _results() -> list[Command]:
 def _speeds() -> list[Command]:
     around = ("--lowest", "2000rpm", "--highest", "4000rpm")
     return [
-        Command("commands-speeds", "limits", ("limits", HERTZ, *around, "--tolerance", "100rpm", *COARSE)),
+        Command("commands-speeds", "limits", ("limits", LEVER, *around, "--tolerance", "100rpm", *COARSE)),
         Command("commands-speeds", "parting", ("parting", LEVER, *around, "--count", "2", *COARSE)),
         Command("commands-speeds", "campbell", ("campbell", TAYEB, *around, "--count", "3", "--orders", "1:6")),
         Command("commands-speeds", "orders", ("orders", LINEAR, *around, "--count", "2", "--orders", "8", *COARSE)),
@@ -153,9 +153,7 @@ def _models() -> list[Command]:
         Command("commands-models", "modes", ("modes", frame, "--count", "8")),
         Command("commands-models", "modes rest", ("modes", INTAKE, "--prestress", "rest")),
         Command("commands-models", "modes equilibrium", ("modes", INTAKE, "--prestress", "equilibrium")),
-        Command(
-            "commands-models", "modes mac", ("modes", LINEAR, "--count", "6", "--mac", str(MODELS / "friction.toml"))
-        ),
+        Command("commands-models", "modes mac", ("modes", frame, "--count", "6", "--mac", frame)),
         Command("commands-models", "trade", ("trade", LINEAR, "--repeats", "1", *COARSE)),
         Command("commands-models", "schema", ("schema",), take=digest),
         Command("commands-models", "selftest", ("selftest",)),
@@ -181,7 +179,7 @@ def _studies() -> list[Command]:
             ("sweep", LINEAR, "--set", "masses.valve.mass=80:100g", "--sample", "lhs:3", *alone),
             take=_table,
         ),
-        Command("commands-studies", "sensitivity", ("sensitivity", LINEAR, "--of", "frequency.2", *mass)),
+        Command("commands-studies", "sensitivity", ("sensitivity", LINEAR, "--of", "frequency.1", *mass)),
         Command(
             "commands-studies",
             "sensitivity run",
@@ -190,9 +188,9 @@ def _studies() -> list[Command]:
         Command(
             "commands-studies",
             "scatter",
-            ("sensitivity", LINEAR, "--of", "frequency.1", "--tolerance", "masses.valve.mass=±5%", "--count", "5"),
+            ("sensitivity", LINEAR, "--of", "frequency.1", "--tolerance", "masses.valve.mass=±5%", "--count", "8"),
         ),
-        Command("commands-studies", "optimize", ("optimize", LINEAR, *best, "--evaluations", "6", *COARSE)),
+        Command("commands-studies", "optimize", ("optimize", LINEAR, *best, "--evaluations", "24", *COARSE)),
     ]
 
 

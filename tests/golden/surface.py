@@ -26,14 +26,15 @@ import numpy as np
 Record = dict[str, object]
 """Quantity to a word, a whole number, or a row of numbers that begins with its maximum, minimum and root mean square."""
 
-FULL, LIGHT, BARE = 32, 4, 0
-"""Samples of a history: of the run that stands for a model, of the same on another engine, of one that only ends."""
+FULL, LIGHT, BARE = 28, 4, 0
+"""Samples of a history: of the run that stands for a model, of the same another way, of one that only has to end."""
 
 DROPPED = {
     "seconds", "message", "remedy", "text", "result", "files", "file", "title", "about", "given", "allowed", "why",
     "memory_bytes", "result_bytes", "cpu_seconds", "time", "times", "measured_seconds", "case",
+    "multipliers", "reached", "installed", "rounding",
 }  # fmt: skip
-"""Keys of JSON whose values are prose, paths, versions or times."""
+"""Keys of JSON whose values are prose, paths, versions or times, or stand in an order that rounding chooses."""
 
 COUNTED = {"warnings", "doubts", "notes", "left_out", "sentences"}
 """Keys of JSON whose values are lists of sentences: only their number is kept."""
@@ -45,6 +46,9 @@ UNSIGNED = {"mean"}
 """Keys of JSON whose sign rounding chooses: a section in bending bears both."""
 
 NEGLIGIBLE = 1e-7
+
+WORD = re.compile(r"[\w.\-+#]{1,60}")
+"""A code or a name; other text is prose."""
 
 
 def called(words: Sequence[str], folder: Path) -> tuple[int, str]:
@@ -125,11 +129,23 @@ def _listed(values: list[object], path: str) -> Iterator[tuple[str, object]]:
     elif values and all(isinstance(value, dict) for value in values) and len({tuple(value) for value in values}) == 1:
         for key in values[0]:
             yield from _flat([value[key] for value in values], f"{path}/{key}")
+    elif values and all(isinstance(value, bool) for value in values):
+        yield path, "".join("FT"[value] for value in values)
     elif all(isinstance(value, str) for value in values):
-        yield f"{path}#", len(values)
+        yield from _worded(values, path)
     else:
         for number, value in enumerate(values):
             yield from _flat(value, f"{path}/{number}")
+
+
+def _worded(values: list[str], path: str) -> Iterator[tuple[str, object]]:
+    """Yield a list of words as they are, places of refused input without their lines, and of prose the number."""
+    if path.endswith("/where"):
+        yield path, [re.sub(r" \(line \d+\)", "", value) for value in values]
+    elif values and all(WORD.fullmatch(value) for value in values):
+        yield path, values
+    else:
+        yield f"{path}#", len(values)
 
 
 def _is_number(value: object) -> bool:
@@ -139,7 +155,7 @@ def _is_number(value: object) -> bool:
 def _scalar(value: object, name: str) -> object:
     """Return a scalar as it is kept, or None for prose."""
     if isinstance(value, str):
-        return value if re.fullmatch(r"[\w.\-+#]{1,60}", value) else None
+        return value if WORD.fullmatch(value) else None
     if value is None or isinstance(value, bool | int):
         return "null" if value is None else value
     if name in ROUNDING and abs(value) < NEGLIGIBLE:
