@@ -166,7 +166,7 @@ def _models() -> list[Command]:
 
 
 def _studies() -> list[Command]:
-    alone = ("--workers", "0", "-o", "out", *COARSE)
+    alone = ("--workers", "0", "-o", "out", "--scalars", "contacts,springs,members", *COARSE)
     mass = ("--to", "masses.valve.mass")
     best = ("--vary", "springs.valve.stiffness=30:60kN/m", "--least", "springs.valve.force.largest")
     return [

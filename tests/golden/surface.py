@@ -24,7 +24,7 @@ import h5py
 import numpy as np
 
 Record = dict[str, object]
-"""Quantity to a word, a whole number, or a row of numbers that begins with its maximum, minimum and root mean square."""
+"""Quantity to a word, a whole number, or a row of numbers: maximum, minimum, root mean square, samples."""
 
 FULL, LIGHT, BARE = 28, 4, 0
 """Samples of a history: of the run that stands for a model, of the same another way, of one that only has to end."""
