@@ -94,10 +94,16 @@ def computed(job: Job) -> Record:
     with tempfile.TemporaryDirectory(prefix="flexcam-golden-") as folder:
         try:
             if isinstance(job, Run):
-                return run_record(job.words, Path(folder), job.samples)
+                return run_record([_laid(word) for word in job.words], Path(folder), job.samples)
             return job.record(Path(folder))
         except Exception as fault:  # noqa: BLE001 - whatever leaves the command is what is recorded
             return {"raised": type(fault).__name__, "with": str(fault)[:200]}
+
+
+def _laid(word: str) -> str:
+    """Return a word of a command line with the engine it names as that is called now."""
+    key, sign, engine = word.partition("=")
+    return f"{key}={RENAMED.get(engine, engine)}" if sign and key == "run.path" else word
 
 
 def recomputed(asked: Sequence[Job], workers: int) -> Iterator[tuple[Job, Record]]:
