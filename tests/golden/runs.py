@@ -1,0 +1,142 @@
+"""The runs that goldens are kept of: every case and every small model, on each rung of the ladder and each engine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.golden.surface import BARE, FULL, LIGHT
+
+ROOT = Path(__file__).parents[2]
+MODELS = Path(__file__).parent / "models"
+
+SHORT = ("run.revolutions=1", "run.steps_per_revolution=720")
+"""One revolution: longer trajectories with contacts multiply rounding until nothing can be compared."""
+
+LADDER: dict[str, tuple[tuple[str, ...], dict[str, int]]] = {
+    "beams": ((), {"auto": BARE, "general": FULL, "modal": LIGHT, "compiled": LIGHT}),
+    "rigid": (("fidelity.model=rigid",), {"auto": FULL // 2, "general": BARE, "compiled": BARE}),
+    "sdof": (("fidelity.model=sdof",), {"general": LIGHT, "compiled": BARE}),
+    "chain": (("fidelity.model=chain",), {"general": LIGHT, "modal": BARE, "compiled": LIGHT}),
+    "modes": (("fidelity.modes=5",), {"general": LIGHT, "compiled": BARE}),
+    "craig-bampton": (("fidelity.modes=3", "fidelity.reduction=craig-bampton"), {"general": LIGHT, "compiled": BARE}),
+}
+"""Rung to what is laid over the case, and its engines with the samples that are kept of each."""
+
+BEAMS = {"general": LIGHT, "compiled": LIGHT}
+LINEAR = {"general": LIGHT, "modal": LIGHT, "compiled": LIGHT}
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: the golden file it stands in, its name there, the case, what is laid over it, the samples kept."""
+
+    golden: str
+    name: str
+    case: Path
+    overrides: tuple[str, ...]
+    samples: int
+
+    @property
+    def words(self) -> list[str]:
+        """Words of `flexcam run` but for the folder of the results."""
+        laid = [word for override in self.overrides for word in ("--set", override)]
+        return [str(self.case), *laid]
+
+
+OWN: dict[str, tuple[str, ...]] = {
+    "checks/cantilever": (),
+    "checks/mathieu": ("run.revolutions=1",),
+    "cams/": (),
+    "camshaft-4cyl/camshaft": ("run.revolutions=1", "run.steps_per_revolution=360"),
+    "data/every-key": (),
+    "data/every-engine": ("run.revolutions=0.1", "run.steps_per_revolution=2880"),
+    "data/every-contact": ("run.steps_per_revolution=720",),
+}
+"""Cases that are not run over `SHORT`."""
+
+METHODS = {
+    "hht": ('run.integrator={ method = "hht" }',),
+    "generalized-alpha": ('run.integrator={ method = "generalized-alpha", rho_inf = 0.7 }',),
+    "newmark-damped": ('run.integrator={ method = "newmark", beta = 0.3025, gamma = 0.6 }',),
+    "bathe": ('run.integrator={ method = "bathe" }',),
+    "adaptive": ("run.adaptive={ tolerance = 1e-6 }",),
+}
+
+VARIANTS: dict[str, dict[str, tuple[tuple[str, ...], dict[str, int]]]] = {
+    "models/linear-train": {
+        **{name: (laid, LINEAR) for name, laid in METHODS.items()},
+        "exact": (('run.integrator={ method = "exact" }',), {"auto": LIGHT}),
+        "radau": (('run.integrator={ method = "radau" }', "run.steps_per_revolution=90"), {"auto": LIGHT}),
+        "rayleigh": (('run.damping={ alpha = "20 1/s", beta = "1e-6 s" }',), LINEAR),
+        "modal-damping": (("run.damping={ modal = 0.02 }",), LINEAR),
+        "periodic": (('run.start="periodic"', "run.damping={ modal = 0.05 }"), LINEAR),
+        "rest": (('run.start="rest"',), LINEAR),
+        "whole": (("fidelity.prune=false",), {"general": LIGHT}),
+        "gravity": (('run.gravity=[0, "-9.81 m/s^2", 0]',), {"general": LIGHT}),
+        "fluctuation": (("run.fluctuation={ orders = [2], amplitudes = [0.05] }",), LINEAR),
+    },
+    "models/lever-rocker": {
+        **{name: (laid, BEAMS) for name, laid in METHODS.items()},
+        "periodic": (('run.start="periodic"',), BEAMS),
+        "rest": (('run.start="rest"',), BEAMS),
+        "chain-2": (("fidelity.model=chain", "fidelity.masses=2"), {"general": LIGHT}),
+    },
+    "models/massless": {"hht": (METHODS["hht"], BEAMS), "slow": (('run.speed="600 rpm"',), BEAMS)},
+    "models/swing": {"periodic": (('run.start="periodic"',), BEAMS), "adaptive": (METHODS["adaptive"], BEAMS)},
+    "models/hertz-train": {"rest": (('run.start="rest"',), BEAMS)},
+    "models/two-cams": {"rest": (('run.start="rest"',), LINEAR), "hht": (METHODS["hht"], LINEAR)},
+    "models/frame": {
+        "central-difference": (('run.integrator={ method = "central-difference" }',), {"auto": LIGHT}),
+        "central-difference-fine": (
+            ('run.integrator={ method = "central-difference" }', "run.damping={ alpha = 2 }",
+             "run.steps_per_revolution=36000", "run.revolutions=0.02"), LINEAR,
+        ),
+        "equilibrium": (('run.start="equilibrium"',), LINEAR),
+        "consistent": (("members.post.mass=consistent", "members.arm.mass=consistent"), {"general": LIGHT}),
+    },
+    "cases/pushrod-engine/intake": {"fast": (("run.crank_speed=\"6500 rpm\"",), BEAMS)},
+    # The few modes of a finger on oil that strikes its seat multiply rounding to hundredths.
+    "cases/direct-acting/finger": {"modes": (LADDER["modes"][0], {"general": BARE})},
+    "cases/tayeb/model-3-shm": {"deflection": (("contacts.intake.cam_deflection=true",), BEAMS)},
+}  # fmt: skip
+"""Further runs of some cases: what is laid over them, and the engines."""
+
+
+def cases() -> dict[str, Path]:
+    """Return every case by name: those that are shipped, the small models, and the data of other tests."""
+    folders = {"cases": ROOT / "cases", "models": MODELS}
+    found = {
+        f"{start}/{path.relative_to(folder).with_suffix('').as_posix()}": path
+        for start, folder in folders.items()
+        for path in sorted(folder.rglob("*.toml"))
+    }
+    return found | {f"data/{path.stem}": path for path in sorted((ROOT / "tests/data").glob("*.toml"))}
+
+
+def _own(name: str) -> tuple[str, ...]:
+    short = name.removeprefix("cases/")
+    return next((laid for start, laid in OWN.items() if short.startswith(start)), SHORT)
+
+
+def _of(name: str, path: Path) -> list[Run]:
+    golden, base = name.replace("/", "-"), _own(name)
+    rungs = LADDER | VARIANTS.get(name, {})
+    if "/cams/" in name or name == "data/every-cam":
+        rungs = {"beams": ((), {"auto": BARE})}
+    return [
+        Run(
+            golden,
+            f"{rung}/{engine}",
+            path,
+            (*base, *laid, *([] if engine == "auto" else [f"run.path={engine}"])),
+            kept,
+        )
+        for rung, (laid, engines) in rungs.items()
+        for engine, kept in engines.items()
+    ]
+
+
+def runs() -> list[Run]:
+    """Return every run."""
+    return [run for name, path in cases().items() for run in _of(name, path)]
