@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-import shutil
+import pickle
 import sys
 import tempfile
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -43,16 +43,46 @@ def bind(functions: Sequence[FunctionType], overrides: Mapping[str, Callable[...
 
 
 @lru_cache
-def compile_functions(functions: tuple[FunctionType, ...], entries: tuple[str, ...]) -> Functions:
+def compile_functions(
+    functions: tuple[FunctionType, ...], entries: tuple[str, ...], *, cached: bool = True
+) -> Functions:
     """Return the functions as compiled code; numba compiles or loads an entry at its first call.
 
     Only entries may be called from Python and are cached; the other functions are compiled into them.
     """
     numba: Any = import_module("numba")
-    with _cache_folder(_digest(functions)) as cached:
+    with _cache_folder(_digest(functions)) as writable:
+        keep = cached and writable
         inner = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
-        entry = numba.njit(cache=cached, **_OPTIONS)
-        return _bound(functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function))
+        entry = numba.njit(cache=keep, **_OPTIONS)
+        found = _bound(functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function))
+    if keep:
+        for name in entries:
+            found[name] = _CachedEntry(
+                found[name], lambda name=name: compile_functions(functions, entries, cached=False)[name]
+            )
+    return found
+
+
+class _CachedEntry:
+    """An entry whose cached code may be damaged or impossible to write: then it is compiled without a cache."""
+
+    def __init__(self, entry: Callable[..., Any], uncached: Callable[[], Callable[..., Any]]) -> None:
+        self._entry, self._uncached, self._called = entry, uncached, False
+
+    def __call__(self, *arguments: object) -> Any:  # noqa: ANN401 - what the entry returns
+        if not self._called:
+            try:  # numba loads or compiles before it runs: a failure has changed nothing
+                self._entry.compile(tuple(map(_typeof(), arguments)))
+            except (OSError, EOFError, ValueError, pickle.UnpicklingError):
+                self._entry = self._uncached()
+            self._called = True
+        return self._entry(*arguments)
+
+
+def _typeof() -> Callable[[object], Any]:
+    numba: Any = import_module("numba")
+    return numba.typeof
 
 
 def _bound(
@@ -95,8 +125,3 @@ def _cache_folder(name: str) -> Generator[bool]:
         yield True
     finally:
         settings.CACHE_DIR = before
-
-
-def clear_cache() -> None:
-    """Remove all compiled code that is kept."""
-    shutil.rmtree(cache_root(), ignore_errors=True)

@@ -6,7 +6,7 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 
-from flexcam.integrate.compiled import machine
+from flexcam.integrate import jit
 
 _PACKAGES = ("flexcam", "numpy", "scipy", "h5py", "meshio", "pydantic", "matplotlib", "pyvista", "numba")
 _EXTRAS = {
@@ -26,7 +26,7 @@ def installed() -> dict[str, str]:
     return {
         "python": f"{platform.python_version()}, {platform.platform()}",
         **versions,
-        "machine code": _code(),
+        "compiled code": _code(),
         **extras,
     }
 
@@ -39,10 +39,9 @@ def _version(package: str) -> str:
 
 
 def _code() -> str:
-    if not machine.available():
+    if not jit.is_available():
         return "no compiler: install numba for long runs and contacts"
-    kept = machine.folder()
-    return "compiled anew by every process: nothing can be kept" if kept is None else f"compiled, kept in {kept}"
+    return f"compiled, cached in {jit.cache_root()}"
 
 
 def _usable(extra: str, modules: tuple[str, ...]) -> str:

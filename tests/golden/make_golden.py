@@ -103,7 +103,7 @@ def computed(job: Job) -> Record:
 def _laid(word: str) -> str:
     """Return a word of a command line with the engine it names as that is called now."""
     key, sign, engine = word.partition("=")
-    return f"{key}={RENAMED.get(engine, engine)}" if sign and key == "run.path" else word
+    return f"{key}={RENAMED.get(engine, engine)}" if sign and key == "run.engine" else word
 
 
 def recomputed(asked: Sequence[Job], workers: int) -> Iterator[tuple[Job, Record]]:

@@ -14,17 +14,17 @@ SHORT = ("run.revolutions=1", "run.steps_per_revolution=720")
 """One revolution: longer trajectories with contacts multiply rounding until nothing can be compared."""
 
 LADDER: dict[str, tuple[tuple[str, ...], dict[str, int]]] = {
-    "beams": ((), {"auto": BARE, "general": FULL, "modal": LIGHT, "compiled": LIGHT}),
-    "rigid": (("fidelity.model=rigid",), {"auto": FULL // 2, "general": BARE, "compiled": BARE}),
-    "sdof": (("fidelity.model=sdof",), {"general": LIGHT, "compiled": BARE}),
-    "chain": (("fidelity.model=chain",), {"general": LIGHT, "modal": BARE, "compiled": LIGHT}),
-    "modes": (("fidelity.modes=5",), {"general": LIGHT, "compiled": BARE}),
-    "craig-bampton": (("fidelity.modes=3", "fidelity.reduction=craig-bampton"), {"general": LIGHT, "compiled": BARE}),
+    "beams": ((), {"auto": BARE, "direct": FULL, "modal": LIGHT, "kernel": LIGHT}),
+    "rigid": (("fidelity.model=rigid",), {"auto": FULL // 2, "direct": BARE, "kernel": BARE}),
+    "sdof": (("fidelity.model=sdof",), {"direct": LIGHT, "kernel": BARE}),
+    "chain": (("fidelity.model=chain",), {"direct": LIGHT, "modal": BARE, "kernel": LIGHT}),
+    "modes": (("fidelity.modes=5",), {"direct": LIGHT, "kernel": BARE}),
+    "craig-bampton": (("fidelity.modes=3", "fidelity.reduction=craig-bampton"), {"direct": LIGHT, "kernel": BARE}),
 }
 """Rung to what is laid over the case, and its engines with the samples that are kept of each."""
 
-BEAMS = {"general": LIGHT, "compiled": LIGHT}
-LINEAR = {"general": LIGHT, "modal": LIGHT, "compiled": LIGHT}
+BEAMS = {"direct": LIGHT, "kernel": LIGHT}
+LINEAR = {"direct": LIGHT, "modal": LIGHT, "kernel": LIGHT}
 
 
 @dataclass(frozen=True)
@@ -72,15 +72,15 @@ VARIANTS: dict[str, dict[str, tuple[tuple[str, ...], dict[str, int]]]] = {
         "modal-damping": (("run.damping={ modal = 0.02 }",), LINEAR),
         "periodic": (('run.start="periodic"', "run.damping={ modal = 0.05 }"), LINEAR),
         "rest": (('run.start="rest"',), LINEAR),
-        "whole": (("fidelity.prune=false",), {"general": LIGHT}),
-        "gravity": (('run.gravity=[0, "-9.81 m/s^2", 0]',), {"general": LIGHT}),
+        "whole": (("fidelity.prune=false",), {"direct": LIGHT}),
+        "gravity": (('run.gravity=[0, "-9.81 m/s^2", 0]',), {"direct": LIGHT}),
         "fluctuation": (("run.fluctuation={ orders = [2], amplitudes = [0.05] }",), LINEAR),
     },
     "models/lever-rocker": {
         **{name: (laid, BEAMS) for name, laid in METHODS.items()},
         "periodic": (('run.start="periodic"',), BEAMS),
         "rest": (('run.start="rest"',), BEAMS),
-        "chain-2": (("fidelity.model=chain", "fidelity.masses=2"), {"general": LIGHT}),
+        "chain-2": (("fidelity.model=chain", "fidelity.masses=2"), {"direct": LIGHT}),
     },
     "models/massless": {"hht": (METHODS["hht"], BEAMS), "slow": (('run.speed="600 rpm"',), BEAMS)},
     "models/swing": {"periodic": (('run.start="periodic"',), BEAMS), "adaptive": (METHODS["adaptive"], BEAMS)},
@@ -93,11 +93,11 @@ VARIANTS: dict[str, dict[str, tuple[tuple[str, ...], dict[str, int]]]] = {
              "run.steps_per_revolution=36000", "run.revolutions=0.02"), LINEAR,
         ),
         "equilibrium": (('run.start="equilibrium"',), LINEAR),
-        "consistent": (("members.post.mass=consistent", "members.arm.mass=consistent"), {"general": LIGHT}),
+        "consistent": (("members.post.mass=consistent", "members.arm.mass=consistent"), {"direct": LIGHT}),
     },
     "cases/pushrod-engine/intake": {"fast": (("run.crank_speed=\"6500 rpm\"",), BEAMS)},
     # The few modes of a finger on oil that strikes its seat multiply rounding to hundredths.
-    "cases/direct-acting/finger": {"modes": (LADDER["modes"][0], {"general": BARE})},
+    "cases/direct-acting/finger": {"modes": (LADDER["modes"][0], {"direct": BARE})},
     "cases/tayeb/model-3-shm": {"deflection": (("contacts.intake.cam_deflection=true",), BEAMS)},
 }  # fmt: skip
 """Further runs of some cases: what is laid over them, and the engines."""
@@ -129,7 +129,7 @@ def _of(name: str, path: Path) -> list[Run]:
             golden,
             f"{rung}/{engine}",
             path,
-            (*base, *laid, *([] if engine == "auto" else [f"run.path={engine}"])),
+            (*base, *laid, *([] if engine == "auto" else [f"run.engine={engine}"])),
             kept,
         )
         for rung, (laid, engines) in rungs.items()

@@ -182,7 +182,7 @@ def _result(path: Path, samples: int) -> Record:
         record: Record = {
             "cause": status["cause"][()].decode(),
             "kind": _kind(status),
-            "stats/path": str(status.attrs["path"]),
+            "stats/engine": str(status.attrs["engine"]),
             **{
                 f"stats/{name}": int(status.attrs[name]) for name in ("steps", "size", "unknowns", "events", "rejected")
             },

@@ -11,7 +11,7 @@ import pytest
 from tests.golden.commands import Command
 from tests.golden.make_golden import DATA, Job, compared, computed, jobs, kept
 
-QUICK_RUNS = {"beams/general", "beams/compiled", "beams/modal", "rigid/auto", "chain/general"}
+QUICK_RUNS = {"beams/direct", "beams/kernel", "beams/modal", "rigid/auto", "chain/direct"}
 """Runs of small models in the normal suite."""
 
 QUICK_COMMANDS = {
@@ -47,9 +47,9 @@ def test_every_golden_is_of_a_run():
 
 def test_what_moved_is_told():
     """A row that differs by 1e-8 of its peak is found in a linear run, and not in one whose contacts switch."""
-    old = {"kind": "linear", "channels/a [N]": [2.0, 0.0, 1.0], "stats/path": "modal"}
-    new = {"kind": "linear", "channels/a [N]": [2.0 + 2e-8, 0.0, 1.0], "stats/path": "general"}
+    old = {"kind": "linear", "channels/a [N]": [2.0, 0.0, 1.0], "stats/engine": "modal"}
+    new = {"kind": "linear", "channels/a [N]": [2.0 + 2e-8, 0.0, 1.0], "stats/engine": "direct"}
     told = [one.quantity for one in compared("golden", "run", old, new)]
-    assert told == ["channels/a [N]", "stats/path"]
+    assert told == ["channels/a [N]", "stats/engine"]
     told = [one.quantity for one in compared("golden", "run", {**old, "kind": "switching"}, new)]
-    assert told == ["kind", "stats/path"]
+    assert told == ["kind", "stats/engine"]

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flexcam.integrate.compiled.packed import PackedForces
 
 from flexcam import prepare, read_case
 from flexcam.integrate import State, equilibrium, solve
@@ -107,7 +106,7 @@ def test_machine_code_skips_the_plane_and_agrees(rod, across, scalars):
     ready = rod(2e-4, *across)
     general, compiled = (solve(replace(ready.problem, engine=path), ready.scheme) for path in ("direct", "kernel"))
     way = way_of(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
-    assert set(PackedForces.of(LocalForces(way.problem.system)).laws[:, 2].tolist()) == {scalars}
+    assert set(LocalForces(way.problem.system).table.laws[:, 2].tolist()) == {scalars}
     for kind in ("displacement", "velocity"):
         one, other = (getattr(run.probes, kind) for run in (general, compiled))
         np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9 * np.abs(one).max())
@@ -117,7 +116,7 @@ def test_machine_code_has_a_straight_strut(rod):
     """Nothing bends it: its stretch alone is left of an element, and no force beyond that of a bar."""
     ready = rod(0.0)
     way = way_of(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
-    assert set(PackedForces.of(LocalForces(way.problem.system)).laws[:, 2].tolist()) == {1}
+    assert set(LocalForces(way.problem.system).table.laws[:, 2].tolist()) == {1}
     general, compiled = (solve(replace(ready.problem, engine=path), ready.scheme) for path in ("direct", "kernel"))
     one, other = general.probes.displacement, compiled.probes.displacement
     np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9 * np.abs(one).max())

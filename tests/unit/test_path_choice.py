@@ -24,6 +24,7 @@ from flexcam.integrate import (
     periodic,
     solve,
 )
+from flexcam.integrate.jit import is_available
 from flexcam.integrate.paths import way_of
 from flexcam.linalg import Triplets
 from flexcam.response import RunFailedError
@@ -68,7 +69,7 @@ def masses(n, *, law=None, damping=0.0, stiffness=None):
 
 
 def problem_of(system, engine="auto", steps=20, **options):
-    return Problem(system, ConstantSpeed(3.0), 0.01, steps, engine=path, **options)
+    return Problem(system, ConstantSpeed(3.0), 0.01, steps, engine=engine, **options)
 
 
 def refusal(problem, method=None):
@@ -242,8 +243,8 @@ def test_going_on_from_a_saved_field_is_the_same_run_bit_by_bit(path, method, pr
             assert getattr(later.fields, kind).tobytes() == expected.tobytes(), (taken, kind)
 
 
-def test_machine_code_is_available_here():
-    assert machine.available()
+def test_numba_is_available_here():
+    assert is_available()
 
 
 def pair(K, mass=(1.0, 1.0, 0.0)):
@@ -280,7 +281,7 @@ def test_a_search_for_a_periodic_state_is_many_revolutions(monkeypatch):
 
     monkeypatch.setattr(sys.modules["flexcam.integrate.periodic"], "solve", revolved)
     for steps, way in ((600, "kernel"), (100, "direct")):
-        bumper = masses(2, law=Stop(100.0), damping=1.0)
+        bumper = masses(2, law=elastic_stop(100.0), damping=1.0)
         search = Problem(bumper, ConstantSpeed(3.0), 2.0 * np.pi / 3.0 / steps, steps)
         assert periodic(search, newmark()).periodicity < 1e-9
         assert set(taken) == {way}

@@ -1,0 +1,56 @@
+"""Compiled code: where it is kept, and runs without a cache, with a spoiled one and in two processes."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from flexcam.integrate import jit
+
+RUN = """
+import numpy as np
+from flexcam.integrate import Problem, newmark, solve
+from flexcam.linalg import Triplets
+from flexcam.system import ConstantSpeed, Load, Probe, System
+one, row = Triplets.from_dense([[1.0]]), np.ones(1)
+push = Load("push", row, lambda motion: np.sin(motion.angle))
+system = System(one, Triplets.zeros(1), one, ("x",), (push,), probes=(Probe("x", ("x",), np.eye(1), (None,)),))
+run = solve(Problem(system, ConstantSpeed(3.0), 0.01, 100, engine="kernel"), newmark())
+print(run.stats.engine, run.status.cause, run["x"].displacement[-1].hex())
+"""
+
+
+def start(folder):
+    environment = {**os.environ, "FLEXCAM_CACHE": str(folder)}
+    return subprocess.Popen([sys.executable, "-c", RUN], env=environment, stdout=subprocess.PIPE, text=True)
+
+
+def output(process):
+    out, _ = process.communicate(timeout=240)
+    assert process.returncode == 0
+    assert out.startswith("kernel done")
+    return out
+
+
+def test_the_cache_is_in_the_folder_that_is_named(monkeypatch, tmp_path):
+    monkeypatch.setenv("FLEXCAM_CACHE", str(tmp_path))
+    assert jit.cache_root() == tmp_path / "flexcam"
+    monkeypatch.delenv("FLEXCAM_CACHE")
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert jit.cache_root() == tmp_path / ".cache/flexcam"
+
+
+@pytest.mark.slow
+def test_fresh_cached_spoiled_and_missing_code_give_the_same_numbers(tmp_path):
+    fresh = output(start(tmp_path))
+    both = [start(tmp_path), start(tmp_path)]
+    assert [output(one) for one in both] == [fresh, fresh]
+    for path in tmp_path.rglob("*.nb[ci]"):
+        path.write_bytes(path.read_bytes()[:100])
+    assert output(start(tmp_path)) == fresh
+    assert output(start(Path("/dev/null"))) == fresh
