@@ -23,6 +23,7 @@ from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Reactio
 from flexcam.train.penalty import Stop
 
 SOURCE = "Mathieu's equation"
+IMPACTS = "Disturbances through impacts and contacts"
 FINGER = "cases/direct-acting/finger.toml"
 
 
@@ -143,7 +144,7 @@ def test_an_impact_oscillator_against_differences_of_its_map(record):
     assert found.events >= 1
     exact_values = np.linalg.eigvals(derivative(problem, np.full(2, 1e-6)))
     for name, pick in (("largest", np.max), ("smallest", np.min)):
-        record(source=SOURCE, case=f"impact oscillator, {found.events} impacts", quantity=f"{name} multiplier",
+        record(source=IMPACTS, case=f"impact oscillator, {found.events} impacts", quantity=f"{name} multiplier",
                unit="1", reference=float(pick(np.abs(exact_values))), computed=float(pick(np.abs(found.multipliers))),
                tolerance=1e-5, reason="central differences of the map of the run")  # fmt: skip
 
@@ -186,7 +187,7 @@ def test_the_impact_oscillator_in_closed_form(record, e):
     start = State(np.array([x]), np.array([v]))
     found = floquet(Problem(bouncing(w, e, phase + w * half), ConstantSpeed(w), T / steps, steps, start))
     assert found.events == 1
-    record(source=SOURCE, case=f"impact oscillator, one impact per period, e = {e:g}", quantity="largest multiplier",
+    record(source=IMPACTS, case=f"impact oscillator, one impact per period, e = {e:g}", quantity="largest multiplier",
            unit="1", reference=float(np.abs(reference).max()), computed=float(abs(found.multipliers[0])),
            tolerance=1e-5, reason="average acceleration at 4000 steps")  # fmt: skip
     assert abs(np.prod(found.multipliers)) == pytest.approx(e**2, rel=1e-6)
@@ -238,6 +239,6 @@ def test_a_train_with_an_adjuster_against_differences(record, speed):
 
     change, expected = found.derivative @ unit, 0.5 * (after(1.0) - after(-1.0))
     missed = np.linalg.norm(weights * (change - expected)) / np.linalg.norm(weights * expected)
-    record(source=SOURCE, case=f"finger follower with adjuster, {speed}, {found.events} events",
+    record(source=IMPACTS, case=f"finger follower with adjuster, {speed}, {found.events} events",
            quantity="change after a revolution", unit="1", reference=0.0, computed=missed, tolerance=1e-4,
            absolute=True, reason="central differences of the map of the run")  # fmt: skip
