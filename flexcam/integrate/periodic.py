@@ -34,7 +34,7 @@ _LATE = Status(
 
 _MEMORY = 40
 _MOST_REVOLUTIONS = 100
-_PATIENCE = 12
+_PATIENCE, _PATIENCE_OF_NEWTON = 12, 8
 """Revolutions without halving the miss after which the search ends: contacts that open and close leave a floor."""
 
 _GOOD = 0.1
@@ -82,15 +82,16 @@ def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9, until
 
 @dataclass(frozen=True, eq=False)
 class _Turn:
-    """A revolution: the state behind it, displacements and velocities within, shape (m, 2n), and events."""
+    """A revolution: the state behind it, displacements and velocities within, shape (m, 2n)."""
 
     end: FloatArray
     fields: FloatArray
-    events: int
 
 
 class _Search(Protocol):
     """A way to the state that returns."""
+
+    patience: int
 
     def turn(self, x: FloatArray) -> _Turn | None:
         """Return a revolution from a state; None where it breaks off."""
@@ -116,8 +117,7 @@ def _fixed_point(problem: Problem, search: _Search, tolerance: float) -> State:
         if error < least:
             least, best = error, x
         level, since = (error, 0) if error < 0.5 * level else (level, since + 1)
-        patience = max(_PATIENCE, 0 if turn is None or turn.events else len(x))
-        x = search.next(x, turn, error) if error > tolerance and since <= patience else None
+        x = search.next(x, turn, error) if error > tolerance and since <= search.patience else None
         if x is None:
             break
     return replace(_unpacked(problem, best), periodicity=float(least))
@@ -137,7 +137,7 @@ class _Newton:
         self._weights = np.concatenate([np.where(weights > 0.0, weights, 1.0), inner])
         self._derivative: FloatArray | None = None
         self._end: FloatArray | None = None
-        self._least = np.inf
+        self._least, self.patience = np.inf, _PATIENCE_OF_NEWTON
 
     def turn(self, x: FloatArray) -> _Turn | None:
         """Return a revolution, as `_Search` says."""
@@ -150,7 +150,7 @@ class _Newton:
             return None
         if found.derivative.size:
             self._derivative = found.derivative
-        return _Turn(found.end, found.fields, found.events)
+        return _Turn(found.end, found.fields)
 
     def next(self, x: FloatArray, turn: _Turn | None, error: float) -> FloatArray | None:
         """Return the next state, as `_Search` says."""
@@ -180,7 +180,7 @@ class _Anderson:
 
     def __init__(self, problem: Problem, scheme: Method, until: float | None) -> None:
         self._problem, self._scheme, self._until = problem, scheme, until
-        self._weights = _weights(problem)
+        self._weights, self.patience = _weights(problem), _PATIENCE
         self._points: list[FloatArray] = []
         self._misses: list[FloatArray] = []
 
@@ -193,8 +193,9 @@ class _Anderson:
             raise RunFailedError(_LATE)
         if not response.status.ok:
             return None
+        self.patience = max(_PATIENCE, 0 if response.stats.events else len(x))
         fields = np.concatenate([response.fields.displacement, response.fields.velocity], axis=1)
-        return _Turn(np.concatenate([fields[-1], response.inner]), fields, response.stats.events)
+        return _Turn(np.concatenate([fields[-1], response.inner]), fields)
 
     def next(self, x: FloatArray, turn: _Turn | None, error: float) -> FloatArray | None:
         """Return the next state, as `_Search` says."""
