@@ -147,13 +147,15 @@ class Walker:
         return moment, there
 
     def _struck(self, moment: Moment, there: Instant, closed: Bools) -> list[Moment]:
-        rates = self._gaps(moment)[1]
-        struck = np.flatnonzero(closed & (rates > _SLOW) & ~np.isnan(self._forces.restitution)).tolist()
-        if not struck or moment.pressed is None:
+        restitution = self._forces.restitution
+        bouncing = ~np.isnan(restitution)
+        struck = closed & (self._gaps(moment)[1] > _SLOW) & bouncing
+        if not struck.any() or moment.pressed is None:
             return [moment]
-        after = self._starter.impact(moment, there, struck)
-        pressed, gap = moment.pressed.copy(), after.gap.copy()
-        pressed[struck] = self._forces.restitution[struck] == 0.0
+        after = self._starter.impact(moment, there, np.flatnonzero(moment.pressed & bouncing))
+        # Without restitution a contact stays closed, unless another one's impulse drives its bodies apart.
+        stays = self._gaps(after)[1] > np.where(restitution == 0.0, -_SLOW, 0.0)
+        pressed, gap = np.where(struck, stays, moment.pressed), after.gap.copy()
         gap[self._forces.switching[struck]] = 0.0  # what is left of it is rounding, which would say when it opens again
         return [moment, replace(after, pressed=pressed, gap=gap)]
 

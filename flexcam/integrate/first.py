@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from flexcam.checks import Fault, InputError
+from flexcam.integrate.impact import Impact
 from flexcam.integrate.local import LocalForces
 from flexcam.integrate.massless import TOUCHED, Massless
 from flexcam.integrate.moment import Instant, Moment
 from flexcam.integrate.problem import State
 from flexcam.integrate.schedule import Schedule
-from flexcam.linalg import Factor, FloatArray
+from flexcam.linalg import Factor, FloatArray, IntArray
 from flexcam.system import System
 
 
@@ -60,24 +61,21 @@ class Starter:
         right = moment.applied - system.damping.times(moment.v) - system.stiffness.times(moment.d)
         return replace(moment, a=self._accelerated(right))
 
-    def impact(self, moment: Moment, to: Instant, struck: list[int]) -> Moment:
-        """Return the instant after impacts at some of the switching scalars.
-
-        The bodies part with the restitution times the rate at which they met, Newton's law: the impulse is
-        ``(1 + e) gamma' / (G M^-1 G^T)``, of all scalars at once.
-        """
-        forces, i = self._forces, to.row
-        which = forces.switching[struck]
-        sense = to.schedule.sensing(i)[which] @ forces.sense.vectors
-        act = to.schedule.acting(i)[which] @ forces.act.vectors
-        rate = moment.rate[which]
-        gained = self._accelerated_all(act.T)  # velocity per unit of each impulse
-        turned = -(1.0 + forces.restitution[struck]) * rate
-        size = np.asarray(np.linalg.solve(sense @ gained, turned), dtype=float)
-        impulse = np.zeros(forces.count)
-        impulse[which] = np.maximum(size, 0.0)
-        after = self.answered(moment.d, moment.v + gained @ impulse[which], moment.inner, to)
+    def impact(self, moment: Moment, to: Instant, closed: IntArray) -> Moment:
+        """Return the instant after an impact, in which all closed ones of the switching scalars take part."""
+        which = self._forces.switching[closed]
+        struck, impulse = self.struck(to, closed), np.zeros(self._forces.count)
+        impulse[which] = struck.impulse(moment.rate[which])
+        after = self.answered(moment.d, moment.v + struck.gained @ impulse[which], moment.inner, to)
         return replace(self.restarted(after), impulse=impulse)
+
+    def struck(self, to: Instant, closed: IntArray) -> Impact:
+        """Return what an impact at some of the switching scalars depends on."""
+        forces, schedule, i = self._forces, to.schedule, to.row
+        which = forces.switching[closed]
+        sense, turning = (rows[which] @ forces.sense.vectors for rows in (schedule.sensing(i), schedule.turning(i)))
+        act = schedule.acting(i)[which] @ forces.act.vectors
+        return Impact(sense, turning, self._accelerated_all(act.T), forces.restitution[closed])
 
     def answered(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: Instant) -> Moment:
         """Return an instant with the forces that its motion causes, and no acceleration yet."""

@@ -1,9 +1,9 @@
 """Floquet multipliers: whether small disturbances of a periodic motion grow from revolution to revolution.
 
-The system is linearized about a motion: local forces give their tangents, which change with the cam angle, with what
-is pressed and what is not, and with the axial force of a pushrod. A basis of disturbances is carried over one period by
-the implicit midpoint rule; the eigenvalues of what becomes of it are the multipliers. Above 1 in modulus the motion is
-unstable. A. H. Nayfeh and D. T. Mook, Nonlinear Oscillations (1979), ch. 5.
+A basis of disturbances is carried over one period by the derivatives of the steps themselves (`monodromy`); the
+eigenvalues of what becomes of it are the multipliers. Above 1 in modulus the motion is unstable. A. H. Nayfeh and D. T.
+Mook, Nonlinear Oscillations (1979), ch. 5. Unknowns in which nothing moves are not left out: a disturbance in them
+may grow as well, as beside a straight member under a pulsating load.
 """
 
 from __future__ import annotations
@@ -15,16 +15,11 @@ import numpy as np
 
 from flexcam.checks import refuse
 from flexcam.integrate.generalized_alpha import newmark
-from flexcam.integrate.massless import massless
 from flexcam.integrate.method import Method
+from flexcam.integrate.monodromy import LARGEST, revolution
 from flexcam.integrate.problem import Problem
-from flexcam.integrate.solve import solve
-from flexcam.integrate.tangent import Tangents
-from flexcam.linalg import ComplexArray, FloatArray
-from flexcam.response import RunFailedError, SaveAt
-
-_MOST = 400
-"""Unknowns up to which a basis of disturbances is carried along."""
+from flexcam.integrate.within import within
+from flexcam.linalg import ComplexArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +29,9 @@ class Floquet:
     Parameters
     ----------
     multipliers
-        Largest first, complex, shape (2n,).
+        Largest first, complex, shape (2m + s,): of m unknowns integrated and s internal states of local forces.
     shapes
-        Displacements at the period's beginning that belong to them, complex, shape (n, 2n).
+        Displacements of all unknowns at the period's beginning that belong to them, complex, shape (n, 2m + s).
     period
         s.
     names
@@ -71,38 +66,38 @@ class Floquet:
 
 
 def floquet(problem: Problem, method: Method | None = None) -> Floquet:
-    """Return the Floquet multipliers of a motion over one period."""
-    system, n = problem.system, problem.system.size
-    if not 0 < n <= _MOST:
-        raise refuse("system", f"{n} unknowns", f"1 to {_MOST}", "a basis of disturbances is carried along")
-    if any(force.states for force in system.local_forces):
-        raise refuse("system", "local forces with internal states", "none", "their disturbances are not followed")
-    response = solve(problem, method or newmark(), save=SaveAt(field_every=1))
-    if not response.status.ok:
-        raise RunFailedError(response.status)
-    times, fields = response.field_time, response.fields
-    d, v = (0.5 * (one[1:] + one[:-1]) for one in (fields.displacement, fields.velocity))
-    tangents = Tangents(system, problem.drive.at(0.5 * (times[1:] + times[:-1])), d, v)
-    carried = _carried(tangents, massless(system), len(times) - 1, problem.step)
-    values, vectors = np.linalg.eig(carried)
-    order = np.argsort(-np.abs(values))
-    period = float(response.field_time[-1] - response.field_time[0])
-    return Floquet(values[order], vectors[:n, order], period, system.names, response.stats.events)
+    """Return the Floquet multipliers of a motion over one period.
 
+    Parameters
+    ----------
+    problem
+        One period, from the state that returns behind it.
+    method
+        By which the motion is found; disturbances of it follow the average acceleration. None for that as well.
 
-def _carried(tangents: Tangents, light: FloatArray, instants: int, step: float) -> FloatArray:
-    """Return what becomes of a unit disturbance of every displacement and velocity, shape (2n, 2n).
+    Returns
+    -------
+    Floquet
+        The multipliers.
 
-    By the implicit midpoint rule, each step with the one tangent of its middle: where a contact's stiffness comes and
-    goes from step to step, no acceleration of the old law is carried into the new one. Motions without mass have no
-    motion of their own: they are left where the middle of the step has them.
+    Raises
+    ------
+    InputError
+        If there are no unknowns, or too many to carry a disturbance of each.
+    RunFailedError
+        If the run of the period breaks off.
     """
-    M, n = tangents.mass, len(tangents.mass)
-    x, v = np.hstack([np.eye(n), np.zeros((n, n))]), np.hstack([np.zeros((n, n)), np.eye(n)])
-    for i in range(instants):
-        C, K = tangents.at(i)
-        middle = np.linalg.solve(2.0 * M + step * C + 0.5 * step**2 * K, 2.0 * (M @ v) - step * (K @ x))
-        new, speed = x + step * middle, 2.0 * middle - v
-        x = new - 0.5 * step * (light @ (light.T @ middle))
-        v = speed - light @ (light.T @ (speed - middle))
-    return np.vstack([x, v])
+    basis = problem.basis
+    inside = problem if basis is None else within(problem, basis)
+    n = inside.system.size
+    if not 0 < n <= LARGEST:
+        raise refuse("system", f"{n} unknowns", f"1 to {LARGEST}", "a basis of disturbances is carried along")
+    found = revolution(inside, method or newmark(), lambda: False)
+    values, vectors = np.linalg.eig(found.derivative)
+    order = np.argsort(-np.abs(values))
+    shapes = np.asarray(vectors[:n, order], dtype=complex)
+    if basis is not None:
+        real, imaginary = (np.asarray(part(shapes.T), dtype=float) for part in (np.real, np.imag))
+        shapes = (basis.spread(real) + 1j * basis.spread(imaginary)).T
+    values = np.asarray(values[order], dtype=complex)
+    return Floquet(values, shapes, problem.step * problem.steps, problem.system.names, found.events)

@@ -35,6 +35,7 @@ from flexcam.system.force_laws import (
     FIRST,
     FLOW,
     FUNCTIONS_OF_LAWS,
+    LAW_STATE,
     LAWS,
     LOCAL_ROWS,
     OWN,
@@ -315,6 +316,15 @@ class LocalForces:
             table.laws, table.constants, schedule.rows, i, schedule.functions, 0.0, local, tangent, states
         )
         return self._reaction()
+
+    def state_rates(self, gap: FloatArray, state: FloatArray) -> FloatArray:
+        """Return the rates of the internal states, shape (s,), for all sensed scalars and states at an instant."""
+        work, table = self.workspace, self.table
+        rows = table.laws[table.laws[:, LAW_STATE] >= 0]
+        work.local[PENETRATION], work.states[STATE], work.states[BEGIN] = gap, state, gap[table.owners]
+        none = np.zeros((1, len(table.functions)))
+        self.functions["respond"](rows, table.constants, none, 0, 0, 0.0, work.local, work.tangent, work.states)
+        return work.states[STATE_RATE].copy()
 
     def _reaction(self) -> Reaction:
         """Return what `respond` wrote, as matrices of all scalars."""

@@ -131,7 +131,7 @@ def solve(
     status = Status()
     try:
         forces = forces_of(way)
-        engine = engine_of(way, scheme, forces, keep, clock.stopped, _pilot)
+        engine = engine_of(way, scheme, forces, keep, clock.stopped, pilot)
         run = _Run(inside, engine, forces, keep)
         if resume is not None:
             for block in resume.blocks():
@@ -149,7 +149,7 @@ def solve(
     except KeyboardInterrupt:
         status = STOPPED
     except SingularMatrixError as fault:
-        status = _singular(fault, inside.system)
+        status = singular(fault, inside.system)
     except OSError as fault:  # of a sink: the numbers computed so far are still in memory
         status = _not_saved(fault)
     stats = replace(stats, steps=max(stats.steps - 1, 0), seconds=time.perf_counter() - started)
@@ -181,7 +181,8 @@ def _not_saved(fault: OSError) -> Status:
     return Status(Cause.NOT_SAVED, text, remedy)
 
 
-def _singular(fault: SingularMatrixError, system: System) -> Status:
+def singular(fault: SingularMatrixError, system: System) -> Status:
+    """Return the status of a motion that nothing determines."""
     where = ", ".join(system.names[i] for i in fault.unknowns[:6]) or "an unknown"
     text = f"nothing determines the motion of {where}: no mass, and no stiffness to place it"
     return Status(Cause.SINGULAR, text, "support it, or give it a mass or a spring")
@@ -338,7 +339,7 @@ class _Clock:
         return self.late or self._stop()
 
 
-def _pilot(problem: Problem, method: Method) -> Series:
+def pilot(problem: Problem, method: Method) -> Series:
     """Return the motion of the first revolution by the steps as given: errors are measured against its size.
 
     Steps as given may be beyond what the method stands: what grows without bound would be no measure.

@@ -61,7 +61,12 @@ class Stepwise:
         self._iterations, self._substeps = 0, 0
 
     def advance(self, steps: IntArray) -> tuple[Track, Status]:
-        """Return the instants of some successive steps, as `Engine` says.
+        """Return the instants of some successive steps, as `Engine` says."""
+        _, track, status = self.walk(steps)
+        return track, status
+
+    def walk(self, steps: IntArray) -> tuple[list[list[Moment]], Track, Status]:
+        """Return the instants of some successive steps one by one as well, with all that the next step needs.
 
         At saved fields the forces are taken anew from the motion, so that a run from there is this one bit by bit.
         """
@@ -71,11 +76,11 @@ class Stepwise:
         before = None if self._last is None else everything(Track.of([[self._last]]))[0]
         walked, status = self._walked(steps, at, motion.angle, schedule, self._system.applied(motion))
         if not walked:
-            return Track.none(self._system.size, self._forces), status
+            return walked, Track.none(self._system.size, self._forces), status
         self._iterations += sum(m.iterations for part in walked for m in part)
         self._substeps += sum(len(part) for part in walked)
         track, left = in_range(Track.of(walked), before, self._system, motion.angle)
-        return track, status if left.ok else left
+        return walked, track, status if left.ok else left
 
     def _walked(
         self, steps: IntArray, at: FloatArray, angle: FloatArray, schedule: Schedule, loads: FloatArray

@@ -8,18 +8,23 @@ characteristic exponent is also computed here with solve_ivp at 1e-12.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexcam.integrate import Problem
-from flexcam.integrate.floquet import floquet
+from flexcam import prepare, read_case
+from flexcam.integrate import Problem, SaveAt, State, basis_of, floquet, newmark, solve
+from flexcam.integrate.monodromy import revolution
+from flexcam.integrate.within import within
 from flexcam.linalg import Triplets
-from flexcam.system import AngleVector, ConstantSpeed, LocalForce, Reaction, System, constant
+from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Reaction, System, constant
+from flexcam.train.penalty import Stop
 
 SOURCE = "Mathieu's equation"
+IMPACTS = "Disturbances through impacts and contacts"
+FINGER = "cases/direct-acting/finger.toml"
 
 
 @dataclass(frozen=True)
@@ -97,3 +102,137 @@ def test_a_local_spring_adds_its_stiffness(record):
     record(source=SOURCE, case=case, quantity="turn", unit="rad", reference=1.0, computed=abs(np.angle(found[0])),
            tolerance=1e-6, reason="period error (w dt)^2/12")  # fmt: skip
     assert abs(found[0]) == pytest.approx(1.0, abs=1e-9)
+
+
+def bouncing(w, e, phase=0.0):
+    """Return a mass on a spring of 1 under cos(w t + phase), on a seat at its middle."""
+    one, row = Triplets.from_dense([[1.0]]), np.array([1.0])
+    push = Load("drive", np.ones(1), lambda motion: np.cos(motion.angle + phase))
+    seat = LocalForce(
+        "seat", (AngleVector.constant(-row),), (AngleVector.constant(row),), Stop(1e9), (constant(0.0),), (0,), e
+    )
+    return System(one, Triplets.zeros(1), one, ("x",), (push,), (seat,))
+
+
+def derivative(problem, step):
+    """Return the derivative of the map of a period by central differences, inner states behind the velocities."""
+    n, inner = problem.system.size, problem.start.inner
+    state = np.concatenate([problem.start.displacement, problem.start.velocity, [] if inner is None else inner])
+
+    def after(x):
+        start = State(x[:n], x[n : 2 * n], problem.start.time, None if inner is None else x[2 * n :])
+        done = solve(replace(problem, start=start, path="general"), newmark(), save=SaveAt(field_every=problem.steps))
+        assert done.status.ok
+        return np.concatenate([done.fields.displacement[-1], done.fields.velocity[-1], done.inner])
+
+    units = step[:, None] * np.eye(len(state))
+    return np.array([(after(state + unit) - after(state - unit)) / (2.0 * unit.max()) for unit in units]).T
+
+
+def test_an_impact_oscillator_against_differences_of_its_map(record):
+    """The disturbance shifts the times of the impacts."""
+    w, steps = 2.6, 1000
+    start = State(np.array([0.197423]), np.array([-1.2]))
+    problem = Problem(bouncing(w, 0.8), ConstantSpeed(w), 2.0 * math.pi / w / steps, steps, start)
+    found = floquet(problem)
+    assert found.events >= 1
+    exact_values = np.linalg.eigvals(derivative(problem, np.full(2, 1e-6)))
+    for name, pick in (("largest", np.max), ("smallest", np.min)):
+        record(source=IMPACTS, case=f"impact oscillator, {found.events} impacts", quantity=f"{name} multiplier",
+               unit="1", reference=float(pick(np.abs(exact_values))), computed=float(pick(np.abs(found.multipliers))),
+               tolerance=1e-5, reason="central differences of the map of the run")  # fmt: skip
+
+
+@pytest.mark.parametrize("e", [0.3, 0.8, 1.0])
+def test_the_impact_oscillator_in_closed_form(record, e):
+    """One impact per period of the drive, of x'' + x = cos w t with x > 0.
+
+    The velocity before the impact is -V and e V behind it, at a phase by x = 0 on both ends. With the free motion's
+    matrix over T, F, and the saltation matrix S = [[-e, 0], [-(e a- + a+)/V, -e]], S = R_x + (f+ - R f-) g_x/g', the
+    multipliers are those of F S: S. W. Shaw and P. J. Holmes, J. Sound Vib. 90 (1983). det F S = e^2.
+    """
+    w, steps = 2.6, 4000
+    T = 2.0 * math.pi / w
+    amount = 1.0 / (1.0 - w**2)
+    c, s = math.cos(T), math.sin(T)
+    # Behind the impact at t = 0: x = A cos t + B sin t + amount cos(w t + p), x(0) = 0 = x(T), x'(T) = -x'(0)/e.
+    # Unknown A, B, amount cos p, amount sin p up to the scale: three equations, the scale by |amount|.
+    rows = np.array([
+        [1.0, 0.0, 1.0, 0.0], [c, s, 1.0, 0.0], [-e * s, e * c + 1.0, 0.0, -w * (1.0 + e)],
+    ])  # fmt: skip
+    A, B, pc, ps = np.linalg.svd(rows)[2][-1]
+    sign = math.copysign(1.0, B - w * ps)  # the velocity behind the impact is up
+    A, B, pc, ps = (sign * abs(amount) / math.hypot(pc, ps) * one for one in (A, B, pc, ps))
+    phase = math.atan2(ps / amount, pc / amount)
+    after = B - w * ps
+    times = np.linspace(0.0, T, 2001)[1:-1]
+    flight = A * np.cos(times) + B * np.sin(times) + amount * np.cos(w * times + phase)
+    assert after > 0.0
+    assert flight.min() > 0.0
+    force = math.cos(phase)  # at x = 0 the acceleration, before and behind
+    V = after / e
+    free = np.array([[c, s], [-s, c]])
+    jump = np.array([[-e, 0.0], [-(1.0 + e) * force / V, -e]])
+    reference = np.linalg.eigvals(free @ jump)
+    # The period begins in mid-flight, so that the impact lies inside it.
+    half = 0.4 * T
+    x = A * math.cos(half) + B * math.sin(half) + amount * math.cos(w * half + phase)
+    v = -A * math.sin(half) + B * math.cos(half) - w * amount * math.sin(w * half + phase)
+    start = State(np.array([x]), np.array([v]))
+    found = floquet(Problem(bouncing(w, e, phase + w * half), ConstantSpeed(w), T / steps, steps, start))
+    assert found.events == 1
+    record(source=IMPACTS, case=f"impact oscillator, one impact per period, e = {e:g}", quantity="largest multiplier",
+           unit="1", reference=float(np.abs(reference).max()), computed=float(abs(found.multipliers[0])),
+           tolerance=1e-5, reason="average acceleration at 4000 steps")  # fmt: skip
+    assert abs(np.prod(found.multipliers)) == pytest.approx(e**2, rel=1e-6)
+
+
+class Lift:
+    """The lift of a moving seat and its derivatives."""
+
+    def __call__(self, angle, order):
+        return 0.05 * np.sin(angle + order * math.pi / 2.0)
+
+
+def test_a_seat_that_moves_against_differences():
+    """What the cam prescribes shifts the time of the impact and the rate at which the bodies meet."""
+    w, steps = 2.6, 700
+    still = bouncing(w, 0.7)
+    seat = replace(still.local_forces[0], offset=(Lift(),))
+    start = State(np.array([0.3]), np.array([-0.4]))
+    problem = Problem(replace(still, local_forces=(seat,)), ConstantSpeed(w), 2.0 * math.pi / w / steps, steps, start)
+    found, differences = floquet(problem), derivative(problem, np.full(2, 1e-6))
+    assert found.events >= 1
+    np.testing.assert_allclose(
+        np.sort(np.abs(found.multipliers)), np.sort(np.abs(np.linalg.eigvals(differences))), rtol=1e-6
+    )
+
+
+@pytest.mark.parametrize("speed", ["6000rpm", "8500rpm"])
+def test_a_train_with_an_adjuster_against_differences(record, speed):
+    """Internal state, a lever without mass, contacts that open and close: a direction at random."""
+    case = read_case(FINGER, [f"run.crank_speed={speed}", "run.revolutions=1", "run.steps_per_revolution=360"])
+    ready = prepare(case)
+    basis = basis_of(ready.problem)
+    inside = within(ready.problem, basis)
+    n = inside.system.size
+    first = revolution(inside, newmark(), lambda: False).end
+    inside = replace(inside, start=State(first[:n], first[n : 2 * n], 0.0, first[2 * n :]))
+    found = revolution(inside, newmark(), lambda: False)
+    stiff, heavy = (np.sqrt(np.abs(one.diagonal())) for one in (inside.system.stiffness, inside.system.mass))
+    weights = np.concatenate([stiff, heavy, [stiff.max()]])
+    random = np.random.default_rng(0)
+    unit = random.normal(size=2 * n + 1) / np.where(weights > 0.0, weights, np.inf)
+    unit *= 1e-6 / np.linalg.norm(weights * unit)
+
+    def after(sign):
+        x = first + sign * unit
+        return revolution(
+            replace(inside, start=State(x[:n], x[n : 2 * n], 0.0, x[2 * n :])), newmark(), lambda: False, derived=False
+        ).end
+
+    change, expected = found.derivative @ unit, 0.5 * (after(1.0) - after(-1.0))
+    missed = np.linalg.norm(weights * (change - expected)) / np.linalg.norm(weights * expected)
+    record(source=IMPACTS, case=f"finger follower with adjuster, {speed}, {found.events} events",
+           quantity="change after a revolution", unit="1", reference=0.0, computed=missed, tolerance=1e-4,
+           absolute=True, reason="central differences of the map of the run")  # fmt: skip

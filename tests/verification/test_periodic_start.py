@@ -8,16 +8,19 @@ Hartog, Mechanical Vibrations, 4th ed. (1956), secs. 2.8-2.9, 4.1.
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, run
 from flexcam.integrate import Problem, State, newmark, periodic, solve
+from flexcam.integrate.monodromy import revolution
 from flexcam.linalg import Triplets
 from flexcam.system import ConstantSpeed, Load, Probe, System
 
 SOURCE = "Periodic start"
+SEARCH = sys.modules["flexcam.integrate.periodic"]  # the package shows the function of that name
 LINEAR = "cases/tayeb/model-1-cycloidal.toml"
 
 
@@ -179,3 +182,30 @@ def test_rigid_model():
 def test_rigid_model_says_so():
     response = run(read_case(LINEAR, [*DAMPED, "run.start=periodic"]), rigid=True)
     assert 0.0 <= response.stats.periodicity <= 1e-9
+
+
+@pytest.mark.parametrize(("case", "damped", "most"), [
+    (LINEAR, DAMPED, 2), (LINEAR, ("run.revolutions=1",), 2),
+    ("cases/direct-acting/finger.toml", ("run.steps_per_revolution=360", "run.revolutions=1"), 5),
+])  # fmt: skip
+def test_revolutions_of_the_search(monkeypatch, case, damped, most):
+    """Newton's method: the second revolution of a linear train returns, damped or not."""
+    taken: list[bool] = []
+
+    def counted(*arguments, derived):
+        taken.append(derived)
+        return revolution(*arguments, derived=derived)
+
+    monkeypatch.setattr(SEARCH, "revolution", counted)
+    ready = prepare(read_case(case, [*damped, "run.start=periodic"]))
+    assert len(taken) <= most
+    assert ready.problem.start.periodicity <= 1e-9
+
+
+def test_large_systems_find_the_same_state(monkeypatch):
+    """Above the limit Anderson's method seeks it."""
+    found = [prepare(read_case(LINEAR, [*DAMPED, "run.start=periodic"])).problem.start]
+    monkeypatch.setattr(SEARCH, "LARGEST", 0)
+    found.append(prepare(read_case(LINEAR, [*DAMPED, "run.start=periodic"])).problem.start)
+    newton, anderson = (one.displacement for one in found)
+    np.testing.assert_allclose(newton, anderson, atol=1e-7 * np.abs(newton).max())
