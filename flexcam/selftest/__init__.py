@@ -4,19 +4,8 @@ Needs nothing but the installed package. May import `fidelity` and everything be
 one of the files yields.
 """
 
-from collections.abc import Iterator
-
+from flexcam.selftest.all_checks import checks
 from flexcam.selftest.check import Check
 from flexcam.selftest.installation import installed
-from flexcam.selftest.oscillators import oscillators
-from flexcam.selftest.structures import structures
-from flexcam.selftest.trains import trains
 
 __all__ = ["Check", "checks", "installed"]
-
-
-def checks() -> Iterator[Check]:
-    """Yield all checks, each as it is computed."""
-    yield from structures()
-    yield from oscillators()
-    yield from trains()
