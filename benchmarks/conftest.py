@@ -8,8 +8,7 @@ import pytest
 
 from benchmarks.peers.with_flexcam import shaft
 from benchmarks.peers.work import B1
-from flexcam.integrate import Problem
-from flexcam.system import ConstantSpeed
+from flexcam.dynamics import ConstantSpeed, Problem
 
 collect_ignore_glob = ["peers/*", "measure/*"]  # no tests, and not every solver is installed
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from flexcam.checks import InputError
-from flexcam.integrate import Method, Problem, SaveAt, newmark, solve
-from flexcam.integrate.paths import way_of
-from flexcam.integrate.problem import Engine
-from flexcam.response import Response
+from flexcam.core.errors import InputError
+from flexcam.dynamics import Engine, Method, Problem, Response, SaveAt, newmark, solve
+from flexcam.dynamics.engine_selection import select_engine
 
 ALL: tuple[Engine, ...] = ("auto", "kernel", "direct")
 """The way flexcam takes, that in machine code, and the one that fits every system."""
@@ -17,7 +15,7 @@ ALL: tuple[Engine, ...] = ("auto", "kernel", "direct")
 def taken(problem: Problem, path: Engine, scheme: Method | None = None, save: SaveAt | None = None) -> str | None:
     """Return the path that flexcam takes when it is asked for one; None if it cannot."""
     try:
-        return way_of(replace(problem, engine=path), scheme or newmark(), save or SaveAt()).engine
+        return select_engine(replace(problem, engine=path), scheme or newmark(), save or SaveAt()).engine
     except InputError:
         return None
 

@@ -5,16 +5,21 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.measure.assembly import assembled
-from flexcam import fem
-from flexcam.fem.generate import chain
+from flexcam.fem.assembly import stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.members import Member
+from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.mesh import chain
+from flexcam.fem.sections import Material, Section
 
 
 @pytest.mark.parametrize("elements", [1_000, 100_000])
 def test_stiffness(benchmark, elements):
     mesh = chain((0, 0, 0), (10.0, 3.0, 2.0), elements)
-    member = fem.Member(fem.Material(E=2e11, nu=0.3, density=7800.0), fem.Section.circle(0.02))
-    beams, dofs = fem.beams(mesh, {"shaft": member}), fem.dof_map(mesh, [("start", fem.COMPONENTS)])
-    assert benchmark(fem.stiffness, beams, dofs).size == 6 * elements
+    member = Member(Material(E=2e11, nu=0.3, density=7800.0), Section.circle(0.02))
+    beams, dofs = fem_beams(mesh, {"shaft": member}), dof_map(mesh, [("start", COMPONENTS)])
+    assert benchmark(stiffness, beams, dofs).size == 6 * elements
 
 
 @pytest.mark.parametrize("elements", [1_000, 10_000])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.integrate import solve
+from flexcam.dynamics import solve
 
 MODEL = Path(__file__).parents[1] / "cases" / "tayeb" / "model-3-shm.toml"
 WAYS = {

@@ -16,12 +16,17 @@ from benchmarks.paths import solved
 from benchmarks.peers.with_flexcam import shaft
 from benchmarks.peers.work import Work
 from benchmarks.timing import least
-from flexcam import fem, modal, modes, read_case
-from flexcam.case import build_model
-from flexcam.fem.generate import chain
-from flexcam.integrate import Problem
-from flexcam.system import ConstantSpeed
-from flexcam.train import build_structure, build_system
+from flexcam import dynamics, modes, read_case
+from flexcam.case.builder import build_model
+from flexcam.dynamics import ConstantSpeed, Problem
+from flexcam.fem.assembly import mass, stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.members import Member
+from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.mesh import chain
+from flexcam.fem.sections import Material, Section
+from flexcam.valvetrain import build_structure, build_system
 
 
 def large(*sizes):
@@ -56,9 +61,9 @@ def long_case(tmp_path):
 def test_stiffness_and_mass(benchmark, note, elements):
     """Of a shaft across the axes of space, whose element matrices are full."""
     mesh = chain((0, 0, 0), (10.0, 3.0, 2.0), elements)
-    member = fem.Member(fem.Material(E=2e11, nu=0.3, density=7800.0), fem.Section.circle(0.02))
-    beams, dofs = fem.beams(mesh, {"shaft": member}), fem.dof_map(mesh, [("start", fem.COMPONENTS)])
-    found = benchmark(lambda: (fem.stiffness(beams, dofs), fem.mass(beams, dofs)))
+    member = Member(Material(E=2e11, nu=0.3, density=7800.0), Section.circle(0.02))
+    beams, dofs = fem_beams(mesh, {"shaft": member}), dof_map(mesh, [("start", COMPONENTS)])
+    found = benchmark(lambda: (stiffness(beams, dofs), mass(beams, dofs)))
     assert all(matrix.size == 6 * elements for matrix in found)
     note(f"from benchmarks.measure.assembly import assembled; assembled({elements})")
 
@@ -98,7 +103,7 @@ def test_steps(benchmark, note, spans):
 def test_modes_on_a_hundred_bearings(benchmark, long_case, per_span):
     """Twenty lowest ones: torsion, axial motion and bending, which comes in pairs close to each other."""
     structure = build_structure(build_model(read_case(long_case(per_span))))
-    found = benchmark(modal.modes, structure.mass, structure.stiffness, 20, free=structure.free)
+    found = benchmark(dynamics.modes, structure.mass, structure.stiffness, 20, free=structure.free)
     _check(structure, found)
 
 

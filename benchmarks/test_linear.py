@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.paths import solved
-from flexcam.integrate import SaveAt
-from flexcam.integrate.problem import ENGINES
+from flexcam.dynamics import SaveAt
+from flexcam.dynamics.problem import ENGINES
 
 SAVED = {"probes": SaveAt(field_every=7200), "all": SaveAt(field_every=1)}
 

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.peers.with_flexcam import shaft
 from benchmarks.peers.work import Work
-from flexcam.modal import modes
+from flexcam.dynamics import modes
 
 
 @pytest.mark.parametrize("spans", [1, 17, 172])

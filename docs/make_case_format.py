@@ -6,8 +6,8 @@ import inspect
 import json
 from pathlib import Path
 
-from flexcam.case import CaseRecord
-from flexcam.motion import KINDS, LAWS
+from flexcam.cams import KINDS, LAWS
+from flexcam.case.records import CaseRecord
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs/case-format.md"

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from flexcam import read_case, run
-from flexcam.response import Response
-from flexcam.view import Look, draw_channel, draw_motion
+from flexcam.dynamics import Response
+from flexcam.plotting.histories import Look, draw_channel, draw_motion
 
 ROOT = Path(__file__).parents[1]
 PICTURES = ROOT / "docs/pictures"

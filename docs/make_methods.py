@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from flexcam.integrate import bathe, central_difference, generalized_alpha, hht, newmark
-from flexcam.view import method_figure, save_figure
+from flexcam.dynamics import bathe, central_difference, generalized_alpha, hht, newmark
+from flexcam.plotting.curves import method_figure
+from flexcam.plotting.figures import save_figure
 
 METHODS = {
     "average acceleration": newmark(),

@@ -141,7 +141,7 @@ def _model(rows: list[dict]) -> list[str]:
 
 
 DENSE = 300
-"""Unknowns up to which the general path is dense (`flexcam.linalg.DENSE_LIMIT`)."""
+"""Unknowns up to which the general path is dense (`flexcam.core.DENSE_LIMIT`)."""
 
 
 def _parts(rows: list[dict]) -> list[tuple[list[dict], str]]:

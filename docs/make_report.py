@@ -8,8 +8,9 @@ import tempfile
 from pathlib import Path
 
 from flexcam import prepare, read_case, solve
-from flexcam.report import page, report_of, subject
-from flexcam.runner import result_file
+from flexcam.analysis.run import result_file
+from flexcam.report.page import page, report_of
+from flexcam.report.sentences import subject
 
 ROOT = Path(__file__).parents[1]
 SIZE = {"width": 1100, "height": 1330}

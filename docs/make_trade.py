@@ -10,8 +10,8 @@ import platform
 from pathlib import Path
 
 from flexcam import read_case
-from flexcam.case import Case
-from flexcam.fidelity import Reference, Traded, trade
+from flexcam.analysis.trade import Reference, Traded, trade
+from flexcam.case.case import Case
 
 ROOT = Path(__file__).parents[1]
 PUBLISHED = [f"cases/tayeb/model-{n}-{law}.toml" for n in (1, 2, 3) for law in ("shm", "parabolic", "cycloidal")]

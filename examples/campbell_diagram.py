@@ -10,13 +10,13 @@ share of the contact force.
 import numpy as np
 
 import flexcam
-from flexcam import view
-from flexcam.stability import campbell
+from flexcam.analysis.campbell import campbell
+from flexcam.plotting.spectra import campbell_figure
 
 case = flexcam.read_case("../cases/li/valve-train.toml")
 speeds = np.radians(6.0 * np.linspace(1000.0, 3000.0, 5))  # rpm to rad/s
 found = campbell(case, list(speeds), orders=range(1, 20))
-figure = view.campbell_figure(found, 1.0, "camshaft")
+figure = campbell_figure(found, 1.0, "camshaft")
 
 # %%
 # At a crossing, so many turns of the camshaft take a second as the mode has swings per order.

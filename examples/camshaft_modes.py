@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexcam
-from flexcam import view
-from flexcam.train import build_structure
+from flexcam.plotting.spectra import draw_mode
+from flexcam.valvetrain import build_structure
 
 FOLLOWERS, DRAWN = 8, (8, 9, 10, 12)
 
@@ -32,7 +32,7 @@ shapes = structure.dofs.nodal(found.modes.shapes.T)
 for axes, mode in zip(figure.subplots(len(DRAWN), sharex=True), DRAWN, strict=True):
     shape = shapes[mode]
     largest = float(np.abs(shape[:, :4] * (1.0, 1.0, 1.0, radius)).max())  # its twist, as a motion of the surface
-    view.draw_mode(axes, structure, "camshaft", shape, largest)
+    draw_mode(axes, structure, "camshaft", shape, largest)
     axes.set_title(
         f"{found.modes.frequencies[mode]:.0f} Hz: {found.words(mode).split(', ')[0]}", fontsize="small", loc="left"
     )

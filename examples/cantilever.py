@@ -9,27 +9,33 @@ converge with the fourth power of the element's length.
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexcam import Material, Member, Mesh, Section, fem
-from flexcam.integrate import static_displacement
-from flexcam.modal import modes
+from flexcam import Material, Member, Mesh, Section
+from flexcam.dynamics import modes, static_displacement
+from flexcam.fem.assembly import mass as fem_mass
+from flexcam.fem.assembly import stiffness as fem_stiffness
+from flexcam.fem.dofs import DofMap, dof_map
+from flexcam.fem.elements.beam import Beams
+from flexcam.fem.frames import COMPONENTS, direction
+from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.mesh import refined
 
 steel = Material(E=207e9, nu=0.29, density=7800.0)
 bar, length = Section.circle(0.020), 0.5
 
 
-def cantilever(elements: int) -> tuple[fem.Beams, fem.DofMap]:
+def cantilever(elements: int) -> tuple[Beams, DofMap]:
     """Return the bar, clamped at its root, and its unknowns."""
     line = Mesh([[0, 0, 0], [length, 0, 0]], {"bar": [0, 1]}, {"root": [0], "tip": [1]})
-    mesh = fem.refined(line, {"bar": elements})
-    beams = fem.beams(mesh, {"bar": Member(steel, bar, rotary_inertia=False)})
-    return beams, fem.dof_map(mesh, [("root", fem.COMPONENTS)])
+    mesh = refined(line, {"bar": elements})
+    beams = fem_beams(mesh, {"bar": Member(steel, bar, rotary_inertia=False)})
+    return beams, dof_map(mesh, [("root", COMPONENTS)])
 
 
 # %%
 # Static deflection under 100 N at the tip: :math:`F L^3/(3 E I)`.
 beams, dofs = cantilever(10)
-mass, stiffness = fem.mass(beams, dofs), fem.stiffness(beams, dofs)
-load = 100.0 * dofs.vector(1, fem.direction("uy"))  # node 1 of the line is the tip
+mass, stiffness = fem_mass(beams, dofs), fem_stiffness(beams, dofs)
+load = 100.0 * dofs.vector(1, direction("uy"))  # node 1 of the line is the tip
 bent = static_displacement(stiffness, load, dofs.names)
 deflection = bent[dofs.names.index("tip.uy")]
 np.testing.assert_allclose(deflection, 100.0 * length**3 / (3.0 * steel.E * bar.Iz), rtol=1e-9)
@@ -45,7 +51,7 @@ counts = np.array([2, 4, 8, 16])
 errors = np.empty((len(counts), len(roots)))
 for row, count in zip(errors, counts, strict=True):
     beams, dofs = cantilever(int(count))
-    bending = modes(fem.mass(beams, dofs), fem.stiffness(beams, dofs), 6).omegas[:6:2]
+    bending = modes(fem_mass(beams, dofs), fem_stiffness(beams, dofs), 6).omegas[:6:2]
     row[:] = bending / theory - 1.0
 
 # %%

@@ -8,11 +8,12 @@ them is paid for in another: the parabolic law has the least acceleration there 
 
 import math
 
-from flexcam import LAWS, view
-from flexcam.motion import criteria
+from flexcam import LAWS
+from flexcam.cams import criteria
+from flexcam.plotting.curves import law_figure
 
 chosen = {name: LAWS[name] for name in ("parabolic", "shm", "cycloidal", "4-5-6-7")}
-figure = view.law_figure(chosen)
+figure = law_figure(chosen)
 
 # %%
 # The largest accelerations, by lift and rise angle, are closed forms. ``criteria`` finds the extremes of every

@@ -9,12 +9,12 @@ limits`` finds its tappet in the air.
 import numpy as np
 
 import flexcam
-from flexcam import view
+from flexcam.plotting.histories import motion_figure
 
 CASE = "../cases/pushrod-engine/intake.toml"
 
 responses = {f"{rpm} rpm": flexcam.run(flexcam.read_case(CASE, [f"run.crank_speed={rpm}rpm"])) for rpm in (5000, 7500)}
-figure = view.motion_figure(responses, "valve", ["contacts.intake.force"])
+figure = motion_figure(responses, "valve", ["contacts.intake.force"])
 
 # %%
 # Between the ramps the slow train stays on its cam. The fast one flies over the nose, and lands hard. Where there is

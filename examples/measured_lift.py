@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexcam import LAWS, LiftEvent
-from flexcam.motion import lift_table
+from flexcam.cams import lift_table
 
 true = LiftEvent(LAWS["4-5-6-7"], lift=9e-3, rise=1.2, fall=1.2, phase=1.0)
 angle = np.radians(np.arange(0.0, 360.0, 0.5))

@@ -10,7 +10,7 @@ the further the flexible valve leaves the rigid one.
 import math
 
 import flexcam
-from flexcam import view
+from flexcam.plotting.histories import motion_figure
 
 CASE = "../cases/tayeb/model-1-shm.toml"
 
@@ -26,4 +26,4 @@ assert deviations[1000] < deviations[2000] < deviations[3000]
 
 # %%
 # Dashed curves are the rigid mechanism.
-figure = view.motion_figure({"3000 rpm": responses["3000 rpm"]}, "valve", rigid={"3000 rpm": rigid["3000 rpm"]})
+figure = motion_figure({"3000 rpm": responses["3000 rpm"]}, "valve", rigid={"3000 rpm": rigid["3000 rpm"]})

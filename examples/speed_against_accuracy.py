@@ -7,12 +7,12 @@ few modes, all beams, at several steps. Squares mark the models that no other be
 """
 
 import flexcam
-from flexcam import view
-from flexcam.fidelity import trade
+from flexcam.analysis.trade import trade
+from flexcam.plotting.study_curves import work_precision_figure
 
 case = flexcam.read_case("../cases/tayeb/model-3-shm.toml", ["run.revolutions=1"])
 reference, models = trade(case, "valve", repeats=1)
-figure = view.work_precision_figure(models)
+figure = work_precision_figure(models)
 
 # %%
 # Three masses do what the beams do, at an eighth of the unknowns; one mass is a thousandth off, the rigid train a

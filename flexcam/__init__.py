@@ -9,30 +9,66 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from flexcam.case import Case, build_model, read_case
-    from flexcam.checks import FlexcamError, InputError
-    from flexcam.fem import Damping, Material, Member, Mesh, PointMass, Section
-    from flexcam.fidelity import compare
-    from flexcam.integrate import Problem, generalized_alpha, hht, newmark, solve
+    from flexcam.analysis.comparison import compare
+    from flexcam.analysis.natural_modes import modes
+    from flexcam.analysis.preparation import prepare
+    from flexcam.analysis.run import run
+    from flexcam.cams import LAWS, LiftEvent
+    from flexcam.case.builder import build_model
+    from flexcam.case.case import Case
+    from flexcam.case.reader import read_case
+    from flexcam.core.errors import FlexcamError, InputError
+    from flexcam.dynamics import (
+        ConstantSpeed,
+        Problem,
+        Response,
+        RunFailedError,
+        SaveAt,
+        Status,
+        System,
+        generalized_alpha,
+        hht,
+        newmark,
+        solve,
+    )
+    from flexcam.fem.assembly import Damping
+    from flexcam.fem.members import Member
+    from flexcam.fem.mesh import Mesh
+    from flexcam.fem.rigid_bodies import PointMass
+    from flexcam.fem.sections import Material, Section
     from flexcam.io import Result, read_mesh, read_result, write_mesh
-    from flexcam.motion import LAWS, LiftEvent
-    from flexcam.response import Response, RunFailedError, SaveAt, Status
-    from flexcam.runner import modes, prepare, run
-    from flexcam.system import ConstantSpeed, System
-    from flexcam.train import Model
+    from flexcam.valvetrain import Model
 
 _ROOMS = {
-    "case": ("Case", "build_model", "read_case"),
-    "checks": ("FlexcamError", "InputError"),
-    "fem": ("Damping", "Material", "Member", "Mesh", "PointMass", "Section"),
-    "fidelity": ("compare",),
-    "integrate": ("Problem", "generalized_alpha", "hht", "newmark", "solve"),
+    "analysis.comparison": ("compare",),
+    "analysis.natural_modes": ("modes",),
+    "analysis.preparation": ("prepare",),
+    "analysis.run": ("run",),
+    "cams": ("LAWS", "LiftEvent"),
+    "case.builder": ("build_model",),
+    "case.case": ("Case",),
+    "case.reader": ("read_case",),
+    "core.errors": ("FlexcamError", "InputError"),
+    "dynamics": (
+        "ConstantSpeed",
+        "Problem",
+        "Response",
+        "RunFailedError",
+        "SaveAt",
+        "Status",
+        "System",
+        "generalized_alpha",
+        "hht",
+        "newmark",
+        "solve",
+    ),
+    "fem.assembly": ("Damping",),
+    "fem.members": ("Member",),
+    "fem.mesh": ("Mesh",),
+    "fem.rigid_bodies": ("PointMass",),
+    "fem.sections": ("Material", "Section"),
     "io": ("Result", "read_mesh", "read_result", "write_mesh"),
-    "motion": ("LAWS", "LiftEvent"),
-    "response": ("Response", "RunFailedError", "SaveAt", "Status"),
-    "runner": ("modes", "prepare", "run"),
-    "system": ("ConstantSpeed", "System"),
-    "train": ("Model",),
+    "valvetrain": ("Model",),
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 

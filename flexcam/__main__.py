@@ -7,7 +7,7 @@ def start() -> None:
     """Load the command line and run it."""
     gc.disable()  # what is loaded stays: looking through it for garbage, now or at the end, is a tenth of a short run
     try:
-        from flexcam.cli import main
+        from flexcam.cli.main import main
     except KeyboardInterrupt:
         raise SystemExit(130) from None
     gc.freeze()

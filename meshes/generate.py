@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from flexcam.fem.generate import published_model
+from flexcam.fem.mesh import published_model
 from flexcam.io import write_mesh
 
 if __name__ == "__main__":

@@ -22,12 +22,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam.fem import Material, Member, PointMass, Section, direction, dof_map
-from flexcam.fem.generate import published_model
-from flexcam.linalg import Triplets
-from flexcam.motion import LAWS, LiftEvent
-from flexcam.system import Load, LocalForce, Probe, System
-from flexcam.train.model import Cam, MassAt, Model, PublishedLoad, Rocker, Spring
+from flexcam.cams import LAWS, LiftEvent
+from flexcam.core import Triplets
+from flexcam.dynamics import Load, LocalForce, Probe, System
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.frames import direction
+from flexcam.fem.members import Member
+from flexcam.fem.mesh import published_model
+from flexcam.fem.rigid_bodies import PointMass
+from flexcam.fem.sections import Material, Section
+from flexcam.valvetrain import Cam, MassAt, Model, PublishedLoad, Rocker, Spring
 
 ROWS = pytest.StashKey[dict[str, list[dict[str, object]]]]()
 """Rows by the page they stand on."""
@@ -211,7 +215,7 @@ def system_of():
 @pytest.fixture(scope="session")
 def local_force():
     """Return a local force that senses and acts on one scalar through one law."""
-    from flexcam.system import AngleVector, constant
+    from flexcam.dynamics import AngleVector, constant
 
     def make(name, row, law):
         row = np.asarray(row, float)
@@ -228,8 +232,8 @@ def on_a_screen():
 
 @pytest.fixture
 def machine_code(monkeypatch):
-    """Let runs with contacts take machine code however short, as long ones do; it is there for the session anyway."""
-    monkeypatch.setattr("flexcam.integrate.paths._WORTH_COMPILING", 0)
+    """Choose the kernel engine for runs with contacts however short."""
+    monkeypatch.setattr("flexcam.dynamics.engine_selection._COMPILER", 0.0)
 
 
 @pytest.fixture(scope="session")

@@ -8,9 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from flexcam.integrate import bathe, central_difference, exact, generalized_alpha, hht, newmark
-from flexcam.integrate.generalized_alpha import Scheme
-from flexcam.integrate.method import Method
+from flexcam.dynamics import Method, Scheme, bathe, central_difference, exact, generalized_alpha, hht, newmark
 
 
 @dataclass(frozen=True)

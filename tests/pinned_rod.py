@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexcam.fem import Section
+from flexcam.fem.sections import Section
 
 LENGTH, TUBE = 0.4, Section.tube(0.008, 0.005)
 

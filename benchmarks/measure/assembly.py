@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from benchmarks.timing import least
-from flexcam import fem
-from flexcam.fem.generate import chain
+from flexcam.fem.assembly import mass, stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.members import Member
+from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.mesh import chain
+from flexcam.fem.sections import Material, Section
 
 ELEMENTS = (10, 100, 1_000, 10_000, 100_000)
 
@@ -17,6 +22,6 @@ def measured() -> list[dict[str, float]]:
 def assembled(elements: int) -> int:
     """Make mesh, elements and both matrices of a shaft and return its number of unknowns."""
     mesh = chain((0.0, 0.0, 0.0), (10.0, 3.0, 2.0), elements)
-    member = fem.Member(fem.Material(E=2e11, nu=0.3, density=7800.0), fem.Section.circle(0.02))
-    beams, dofs = fem.beams(mesh, {"shaft": member}), fem.dof_map(mesh, [("start", fem.COMPONENTS)])
-    return (fem.stiffness(beams, dofs) + fem.mass(beams, dofs)).size
+    member = Member(Material(E=2e11, nu=0.3, density=7800.0), Section.circle(0.02))
+    beams, dofs = fem_beams(mesh, {"shaft": member}), dof_map(mesh, [("start", COMPONENTS)])
+    return (stiffness(beams, dofs) + mass(beams, dofs)).size

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from benchmarks.paths import solved, ways
 from benchmarks.processes import ROOT
 from flexcam import prepare, read_case
-from flexcam.integrate import SaveAt
-from flexcam.response import Response
-from flexcam.runner import Prepared
+from flexcam.analysis.preparation import Prepared
+from flexcam.dynamics import Response, SaveAt
 
 STRAIGHT = ("members.pushrod.geometric_stiffness=false", "members.pushrod.bow=0")
 """Of the pushrod engine: its contacts and its spring alone, without the pushrod's bending under its load."""

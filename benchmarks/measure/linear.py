@@ -9,8 +9,7 @@ from benchmarks.paths import solved, ways
 from benchmarks.peers.with_flexcam import shaft
 from benchmarks.peers.work import Work
 from benchmarks.timing import least
-from flexcam.integrate import Problem, SaveAt
-from flexcam.system import ConstantSpeed
+from flexcam.dynamics import ConstantSpeed, Problem, SaveAt
 
 SHAFTS = (Work(elements=2), *(Work(spans=spans) for spans in (1, 2, 4, 17, 52, 172, 517, 1724)))
 """From 12 to 99994 unknowns; the second is B1."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from benchmarks.peers.with_flexcam import shaft
 from benchmarks.peers.work import Work
 from benchmarks.timing import least
-from flexcam.modal import modes
+from flexcam.dynamics import modes
 
 SHAFTS = (Work(), Work(spans=17), Work(spans=172), Work(spans=99, elements=168), Work(spans=1724))
 COUNT, REPEATS = 20, 3

@@ -9,10 +9,10 @@ from pathlib import Path
 from benchmarks.processes import ROOT
 from benchmarks.timing import least
 from flexcam import prepare, read_case
-from flexcam.fidelity.rungs import with_elements
-from flexcam.integrate import solve
-from flexcam.response import Block, Response, Stats, Status
-from flexcam.runner import Prepared, result_file
+from flexcam.analysis.model_ladder import with_elements
+from flexcam.analysis.preparation import Prepared
+from flexcam.analysis.run import result_file
+from flexcam.dynamics import Block, Response, Stats, Status, solve
 
 CASE = ROOT / "cases/tayeb/model-3-shm.toml"
 RUNS = ("tayeb/model-1-shm", "tayeb/model-3-shm", "li/valve-train", "pushrod-engine/intake", "direct-acting/bucket")

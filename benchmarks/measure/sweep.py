@@ -12,9 +12,9 @@ import numpy as np
 
 from benchmarks.processes import ROOT, seconds
 from flexcam import prepare, read_case
-from flexcam.integrate import SaveAt, solve
-from flexcam.sweep import evaluate
-from flexcam.units import RPM
+from flexcam.core.units import RPM
+from flexcam.dynamics import SaveAt, solve
+from flexcam.studies.evaluation import evaluate
 
 CASE = ROOT / "cases/tayeb/model-3-shm.toml"
 SPEEDS, COMMANDED = 200, 1000

@@ -10,10 +10,16 @@ import numpy as np
 
 from benchmarks.paths import solved
 from benchmarks.peers.work import Result, Work
-from flexcam import fem
-from flexcam.fem.generate import chain
-from flexcam.integrate import Problem, SaveAt
-from flexcam.system import ConstantSpeed, Load, Probe, System
+from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, SaveAt, System
+from flexcam.fem.assembly import mass as fem_mass
+from flexcam.fem.assembly import stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.frames import direction
+from flexcam.fem.members import Member
+from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.mesh import chain
+from flexcam.fem.rigid_bodies import PointMass, mass_at
+from flexcam.fem.sections import Material, Section
 
 
 def run(work: Work, path: str = "auto") -> Result:
@@ -37,14 +43,14 @@ def shaft(work: Work) -> System:
     line = chain((0.0, 0.0, 0.0), (work.spans * work.length, 0.0, 0.0), work.last)
     bearings = np.arange(work.elements, work.last + 1, work.elements)
     mesh = replace(line, points={"start": np.array([0]), "bearings": bearings})
-    steel = fem.Material(E=work.E, nu=work.E / (2.0 * work.G) - 1.0, density=work.density)
-    beams = fem.beams(mesh, {"shaft": fem.Member(steel, fem.Section.circle(work.diameter), rotary_inertia=False)})
-    dofs = fem.dof_map(mesh, [("start", ("ux", "uy", "uz", "rx")), ("bearings", ("uy", "uz"))])
-    mass = fem.mass(beams, dofs) + fem.mass_at(work.middle, fem.PointMass(work.mass), dofs)
-    push, twist = (dofs.vector(work.middle, fem.direction(name)) for name in ("uy", "rx"))
+    steel = Material(E=work.E, nu=work.E / (2.0 * work.G) - 1.0, density=work.density)
+    beams = fem_beams(mesh, {"shaft": Member(steel, Section.circle(work.diameter), rotary_inertia=False)})
+    dofs = dof_map(mesh, [("start", ("ux", "uy", "uz", "rx")), ("bearings", ("uy", "uz"))])
+    mass = fem_mass(beams, dofs) + mass_at(work.middle, PointMass(work.mass), dofs)
+    push, twist = (dofs.vector(work.middle, direction(name)) for name in ("uy", "rx"))
     loads = (
         Load("force", push, lambda motion: work.force * (1.0 - np.cos(motion.angle))),
         Load("torque", twist, lambda motion: work.torque * np.sin(motion.angle)),
     )
     probe = Probe("middle", ("uy", "rx"), np.array([push, twist]), (None, None))
-    return System(mass, mass.scaled(0.0), fem.stiffness(beams, dofs), dofs.names, loads, probes=(probe,))
+    return System(mass, mass.scaled(0.0), stiffness(beams, dofs), dofs.names, loads, probes=(probe,))

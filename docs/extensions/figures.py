@@ -1,4 +1,4 @@
-"""Pictures of the gallery: every `Figure` that a block of a script has made. Scripts open no window and need no pyplot."""
+"""Pictures of the gallery: every `Metric` that a block of a script has made. Scripts open no window and need no pyplot."""
 
 from __future__ import annotations
 

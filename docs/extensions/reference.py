@@ -17,7 +17,8 @@ from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
 
 import flexcam
-from flexcam import commands
+from flexcam.cli.app import app
+from flexcam.cli.registry import FILES, load
 
 ROOMS = {
     "The easy door": ("flexcam", "runner", "starting", "response"),
@@ -46,7 +47,7 @@ INDEX = """API
 ===
 
 Everything that is public, room by room. The names of the first page are enough for most scripts; the others are the parts
-behind them. What is imported is ``flexcam`` or a room: ``from flexcam import fem``, ``from flexcam.motion import Polynomial``.
+behind them. What is imported is ``flexcam`` or a room: ``from flexcam import fem``, ``from flexcam.cams import Polynomial``.
 
 """
 
@@ -86,7 +87,7 @@ def words_of(module: ModuleType, name: str) -> str:
 def _files(module: ModuleType) -> list[str]:
     folders = [Path(folder) for folder in getattr(module, "__path__", [])]
     if module is flexcam:
-        return [f"flexcam.{room}" for room in flexcam._ROOMS] + _files(importlib.import_module("flexcam.motion"))
+        return [f"flexcam.{room}" for room in flexcam._ROOMS] + _files(importlib.import_module("flexcam.cams"))
     return [f"{module.__name__}.{file.stem}" for folder in folders for file in sorted(folder.glob("[!_]*.py"))]
 
 
@@ -151,14 +152,14 @@ def command_page(name: str, app: App) -> str:
 
 
 def command_pages() -> dict[str, str]:
-    commands.load([])
-    known = sorted(name for names in commands.FILES.values() for name in names)
-    return {name: command_page(name, commands.app[name]) for name in known}
+    load([])
+    known = sorted(name for names in FILES.values() for name in names)
+    return {name: command_page(name, app[name]) for name in known}
 
 
 def command_list() -> str:
     """Return all commands with what they do, as ``flexcam --help`` lists them, in Markdown."""
-    rows = [f"| {{doc}}`{name} <commands/{name}>` | {purpose(commands.app[name])} |" for name in command_pages()]
+    rows = [f"| {{doc}}`{name} <commands/{name}>` | {purpose(app[name])} |" for name in command_pages()]
     return "\n".join(["| command | |", "|---|---|", *rows, ""])
 
 

@@ -12,15 +12,16 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from flexcam import read_case, run
-from flexcam.cam import cam_profile
-from flexcam.case import Case, read_cams
-from flexcam.fidelity import OneMass
-from flexcam.motion import LAWS, LiftEvent, quinquinomial
-from flexcam.response import Response
-from flexcam.train import free_speed
-from flexcam.units import RPM
-from flexcam.view import law_figure, lift_figure, motion_figure, profile_figure
-from flexcam.view.axes import legend, looks, stacked
+from flexcam.analysis.petrescu import OneMass
+from flexcam.cams import LAWS, LiftEvent, cam_profile, quinquinomial
+from flexcam.case.case import Case
+from flexcam.case.reader import read_cams
+from flexcam.core.units import RPM
+from flexcam.dynamics import Response
+from flexcam.plotting.curves import law_figure, lift_figure, profile_figure
+from flexcam.plotting.figures import legend, looks, stacked
+from flexcam.plotting.histories import motion_figure
+from flexcam.valvetrain import free_speed
 
 ROOT = Path(__file__).resolve().parents[2]
 STYLE = {"svg.hashsalt": "flexcam", "svg.fonttype": "none", "path.simplify": True, "path.simplify_threshold": 0.05}

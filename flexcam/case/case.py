@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from flexcam.case.lines import Path as KeyPath
-from flexcam.case.lines import Places
 from flexcam.case.records import CaseRecord
-from flexcam.case.tables.base import Record
-from flexcam.case.tables.run import NewmarkRecord
-from flexcam.fem import Mesh
-from flexcam.units import shaft_speed
+from flexcam.case.schema.base import Record
+from flexcam.case.schema.run import NewmarkRecord
+from flexcam.case.toml_lines import Path as KeyPath
+from flexcam.case.toml_lines import Places
+from flexcam.core.units import shaft_speed
+from flexcam.fem.mesh import Mesh
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,16 +9,14 @@ from typing import Literal
 
 from pydantic import Field
 
-from flexcam.case import quantity as q
-from flexcam.case.tables.base import Name, Point, Record
-from flexcam.case.tables.cams import CamRecord, FreeCamRecord
-from flexcam.case.tables.contacts import ContactRecord
-from flexcam.case.tables.fidelity import FidelityRecord
-from flexcam.case.tables.members import MaterialRecord, MemberRecord, SectionRecord
-from flexcam.case.tables.parts import BearingRecord, LoadRecord, MassRecord, RockerRecord, SpringRecord
-from flexcam.case.tables.run import OutputRecord, RunRecord
-from flexcam.case.tables.settings import SettingRecord
-from flexcam.case.tables.sweep import SweepRecord
+from flexcam.case import quantities as q
+from flexcam.case.schema.base import Name, Point, Record
+from flexcam.case.schema.cams import CamRecord, FreeCamRecord
+from flexcam.case.schema.contacts import ContactRecord
+from flexcam.case.schema.members import MaterialRecord, MemberRecord, SectionRecord
+from flexcam.case.schema.parts import BearingRecord, LoadRecord, MassRecord, RockerRecord, SpringRecord
+from flexcam.case.schema.run import FidelityRecord, OutputRecord, RunRecord
+from flexcam.case.schema.studies import SettingRecord, SweepRecord
 
 
 class CaseRecord(Record):

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-from flexcam.case.lines import Path, Places
-from flexcam.case.tables.cams import OF_A_LAW
-from flexcam.checks import Fault, did_you_mean
-from flexcam.fem import Mesh
+from flexcam.case.schema.cams import OF_A_LAW
+from flexcam.case.toml_lines import Path, Places
+from flexcam.core.errors import Fault, did_you_mean
+from flexcam.fem.mesh import Mesh
 
 Table = Mapping[str, Any]
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 
-from flexcam.checks import did_you_mean, refuse
+from flexcam.core.errors import did_you_mean, refuse
 from flexcam.io import free_to_write, write_text
 
 _FOLDER = files("flexcam") / "templates"

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
+from flexcam.core import FloatArray, IntArray, Triplets
+from flexcam.core.errors import positive
 from flexcam.fem.dofs import DofMap
 from flexcam.fem.elements import beam
 from flexcam.fem.elements.beam import Beams
-from flexcam.linalg import FloatArray, IntArray, Triplets
 
 _AT_ONCE = 1000
 """Elements whose matrices are in memory together: as many as the processor's cache holds."""
@@ -61,3 +63,80 @@ def mass(beams: Beams, dofs: DofMap) -> Triplets:
 def geometric(beams: Beams, axial_force: FloatArray, dofs: DofMap) -> Triplets:
     """Return the assembled geometric stiffness under given axial forces."""
     return _assembled(beams, lambda part: beam.geometric(beams.part(part), axial_force[part]), dofs)
+
+
+def spread_force(beams: Beams, elements: slice, per_length: FloatArray) -> FloatArray:
+    """Return the element loads of a force spread evenly over some elements.
+
+    They do the same work as the spread force on the element's own (cubic) shapes: q L/2 at both ends and the
+    fixed-end moments q L^2/12. Source: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), sec. 7.2.
+    """
+    L = beams.length[elements]
+    x, y, z = (beams.triads[elements] @ per_length).T
+    zero = 0.0 * L
+    half, moment = L / 2.0, L**2 / 12.0
+    loads = np.zeros((len(beams), 12))
+    first = [x * half, y * half, z * half, zero, -z * moment, y * moment]
+    second = [x * half, y * half, z * half, zero, z * moment, -y * moment]
+    loads[elements] = np.stack([*first, *second], axis=-1)
+    return loads
+
+
+def element_weight(beams: Beams, gravity: FloatArray) -> FloatArray:
+    """Return the element loads of their own weight, the mass matrix times the acceleration."""
+    pulled = beams.triads @ gravity
+    still = np.zeros_like(pulled)
+    return np.einsum("eij,ej->ei", beam.mass(beams), np.hstack([pulled, still, pulled, still]))
+
+
+def gathered(beams: Beams, loads: FloatArray, dofs: DofMap) -> FloatArray:
+    """Return the load vector of element loads."""
+    turned = np.einsum("eji,ekj->eki", beams.triads, loads.reshape(-1, 4, 3)).ravel()
+    numbers = dofs.numbers[beams.nodes].ravel()
+    free = numbers >= 0
+    return np.bincount(numbers[free], weights=turned[free], minlength=dofs.size).astype(float, copy=False)
+
+
+@dataclass(frozen=True)
+class Damping:
+    """Damping of the whole structure; both kinds add up, beside dampers given as parts.
+
+    Parameters
+    ----------
+    alpha
+        Factor of the mass, 1/s.
+    beta
+        Factor of the stiffness, s.
+    modal
+        Damping ratio of every mode of the undamped structure.
+
+    Examples
+    --------
+    >>> Damping(alpha=5.36, beta=7.46e-5).modal
+    0.0
+    """
+
+    alpha: float = 0.0
+    beta: float = 0.0
+    modal: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("damping.alpha", self.alpha, "1/s", zero=True)
+        positive("damping.beta", self.beta, "s", zero=True)
+        positive("damping.modal", self.modal, "", zero=True)
+
+
+def rayleigh_damping(mass: Triplets, stiffness: Triplets, alpha: float, beta: float) -> Triplets:
+    """Return ``alpha M + beta K``."""
+    parts = [matrix.scaled(factor) for matrix, factor in ((mass, alpha), (stiffness, beta)) if factor != 0.0]
+    return sum(parts, start=Triplets.zeros(mass.size))
+
+
+def modal_damping(mass: Triplets, shapes: FloatArray, omegas: FloatArray, ratio: float) -> Triplets:
+    """Return the matrix that damps given modes by one ratio.
+
+    C = M Phi diag(2 zeta omega) Phi^T M with Phi^T M Phi = I; it is full, as modal damping is.
+    Source: R. W. Clough and J. Penzien, Dynamics of Structures, 3rd ed. (2003), eq. 12-56.
+    """
+    spread = np.column_stack([mass.times(shape) for shape in shapes.T]) if shapes.size else shapes
+    return Triplets.from_dense((spread * (2.0 * ratio * omegas)) @ spread.T)

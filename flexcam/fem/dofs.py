@@ -8,9 +8,9 @@ from operator import add
 
 import numpy as np
 
-from flexcam.fem.conventions import COMPONENTS, ROTATIONS, component
+from flexcam.core import FloatArray, IntArray
+from flexcam.fem.frames import COMPONENTS, ROTATIONS, component
 from flexcam.fem.mesh import Mesh
-from flexcam.linalg import FloatArray, IntArray
 
 _ROUNDING = 1e-10
 """Part of the largest motion of a mode below which a node is at rest."""

@@ -1,33 +1,23 @@
 """Files: meshes in, results out.
 
-May import `fem`, `motion`, `response`, `checkpoint`, `linalg` and `checks`; owns h5py and meshio.
+May import `fem`, `cams`, `dynamics`, `checkpoint`, `core` and `core`; owns h5py and meshio.
 A new format is one file here with one read or write function.
 """
 
-from flexcam.io.csv import write_csv, write_text
-from flexcam.io.geometry import RECOVERED, Geometry
-from flexcam.io.guard import guarded
+from flexcam.io.atomic_write import hold, scratch, whole
+from flexcam.io.exports import macro_of, write_csv, write_macro, write_pvd, write_text
+from flexcam.io.hdf5 import guarded
+from flexcam.io.integrity import seal, seal_fault
 from flexcam.io.lift_file import LiftColumns, read_lift, write_lift_table
-from flexcam.io.lock import hold
 from flexcam.io.mesh_file import read_mesh, write_mesh
-from flexcam.io.modes_file import write_modes
-from flexcam.io.motion_file import write_law, write_lift
-from flexcam.io.named import file_beside, named_file
-from flexcam.io.paraview_macro import macro_of, write_macro
-from flexcam.io.profile_file import ProfileTable, write_profile
-from flexcam.io.profile_points import read_profile
-from flexcam.io.pvd import write_pvd
-from flexcam.io.regular import text_of
-from flexcam.io.result import Result, read_result
-from flexcam.io.result_size import points_drawn, result_bytes
-from flexcam.io.scratch import scratch
-from flexcam.io.sealed import seal, seal_fault
-from flexcam.io.target import free_to_write, made_folder, named_as_folder, takes_files
-from flexcam.io.toml_text import toml_text
-from flexcam.io.unfinished import Unfinished
-from flexcam.io.verify import Verified, verified
-from flexcam.io.vtkhdf import VECTORS, ResultFile, partial_of
-from flexcam.io.whole import whole
+from flexcam.io.modes_file import write_law, write_lift, write_modes
+from flexcam.io.paths import file_beside, free_to_write, made_folder, named_as_folder, named_file, takes_files, text_of
+from flexcam.io.profile_file import ProfileTable, read_profile, write_profile
+from flexcam.io.result_reader import Result, Verified, read_result, verified
+from flexcam.io.result_writer import VECTORS, ResultFile, partial_of, points_drawn, result_bytes
+from flexcam.io.resume import Unfinished
+from flexcam.io.text_files import toml_text
+from flexcam.io.vtk_groups import RECOVERED, Geometry
 
 __all__ = [
     "RECOVERED",

@@ -11,11 +11,10 @@ from typing import Literal
 
 import numpy as np
 
-from flexcam.checks import Fault, InputError, refuse, said
-from flexcam.io.regular import lines_of
-from flexcam.io.target import free_to_write, made_folder
-from flexcam.io.whole import whole
-from flexcam.linalg import FloatArray
+from flexcam.core import FloatArray
+from flexcam.core.errors import Fault, InputError, refuse, said
+from flexcam.io.atomic_write import whole
+from flexcam.io.paths import free_to_write, lines_of, made_folder
 
 AngleKind = Literal["cam", "crank"]
 
@@ -50,7 +49,7 @@ def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = 
     """Read a table of angle and lift.
 
     Rows of two numbers, divided by commas, semicolons, tabs or blanks; ``#`` begins a comment. A first row of names may
-    say what they are, such as ``crank_deg, lift_mm``: an angle of ``cam`` or ``crank`` in ``deg`` or ``rad``, a lift in
+    say what they are, such as ``crank_deg, lift_mm``: an angle of ``cams`` or ``crank`` in ``deg`` or ``rad``, a lift in
     ``mm``, ``um``, ``m`` or ``in``. Without it, cam degrees and millimetres are not assumed: they must be given.
     """
     lines = _lines(path)

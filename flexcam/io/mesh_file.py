@@ -11,13 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from flexcam.checks import NAME, NAMES, Fault, InputError, did_you_mean, refuse
-from flexcam.fem import Mesh
-from flexcam.io.csv import write_text
-from flexcam.io.inp_text import inp_text
-from flexcam.io.msh import LINE, POINT, Elements, Msh, read_msh
-from flexcam.io.msh_text import msh_text
-from flexcam.linalg import IntArray
+from flexcam.core import IntArray
+from flexcam.core.errors import NAME, NAMES, Fault, InputError, did_you_mean, refuse
+from flexcam.fem.mesh import Mesh
+from flexcam.io.exports import write_text
+from flexcam.io.gmsh import LINE, POINT, Elements, Msh, msh_text, read_msh
+from flexcam.io.text_files import inp_text
 
 _TOLD = 20
 """Faults of one kind that are reported: a mesh with thousands has one cause."""
@@ -210,7 +209,7 @@ def write_mesh(mesh: Mesh, path: Path, *, overwrite: bool = False) -> None:
 
     Examples
     --------
-    ``write_mesh(flexcam.fem.generate.published_model(3), Path("tayeb-3.msh"))``
+    ``write_mesh(flexcam.fem.mesh.published_model(3), Path("tayeb-3.msh"))``
     """
     if path.suffix.lower() == ".inp":
         write_text(path, inp_text(mesh), overwrite=overwrite)

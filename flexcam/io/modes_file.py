@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
-from flexcam.io.geometry import Geometry
-from flexcam.io.pvd import Frame, write_collection, write_vtp
-from flexcam.io.sealed import seal
-from flexcam.io.target import free_to_write
-from flexcam.io.texts import texts
-from flexcam.io.vtk_group import VtkGroup, still_data
-from flexcam.io.whole import whole
-from flexcam.linalg import FloatArray
+from flexcam.cams import KINDS, HarmonicLift, Law
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.io.atomic_write import whole
+from flexcam.io.exports import Frame, write_collection, write_text, write_vtp
+from flexcam.io.integrity import seal
+from flexcam.io.paths import free_to_write
+from flexcam.io.text_files import texts, toml_text
+from flexcam.io.vtk_groups import Geometry, VtkGroup, still_data
 
 PHASES = 24
 """Instants of one swing."""
@@ -70,3 +73,23 @@ def _drawn(geometry: Geometry, frequencies: FloatArray, shapes: FloatArray) -> d
         scale = _SWING * size / largest if largest > 0.0 else 0.0  # pure twist, or what is no member, moves no point
         drawn[f"mode_{i:02d}_{frequency:.1f}Hz"] = scale * moved
     return drawn
+
+
+def write_law(law: Law, path: Path, *, about: Mapping[str, object], overwrite: bool = False) -> Path:
+    """Write a law as a file that a case names: ``law = "NAME.toml"``."""
+    names = [name for name, kind in KINDS.items() if kind is type(law)]
+    if not names or not is_dataclass(law):
+        raise refuse("law", type(law).__name__, f"a law of the kinds {', '.join(KINDS)}")
+    table = {key: value for key, value in asdict(law).items() if value is not None}
+    return _write(path, {"format": 1, "law": {"id": names[0], **table}, "about": dict(about)}, overwrite=overwrite)
+
+
+def write_lift(lift: HarmonicLift, path: Path, *, about: Mapping[str, object], overwrite: bool = False) -> Path:
+    """Write a lift of harmonics as a file that a case names: ``lift_table = "NAME.toml"``."""
+    return _write(path, {"format": 1, "lift": asdict(lift), "about": dict(about)}, overwrite=overwrite)
+
+
+def _write(path: Path, content: Mapping[str, object], *, overwrite: bool) -> Path:
+    if path.suffix != ".toml":
+        raise refuse("output", str(path), "a name that ends in .toml", "so a case tells it from a name of a law")
+    return write_text(path, toml_text(content), overwrite=overwrite)

@@ -1,11 +1,29 @@
-"""What a report holds, as values: tables, curves, shapes, words. Nothing here knows of a page."""
+"""Tables of a report: those of the commands, as values."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from flexcam.linalg import FloatArray
+import numpy as np
+from rich.table import Table
+
+from flexcam.analysis.comparison import Comparison
+from flexcam.analysis.error_estimate import estimate
+from flexcam.analysis.limits import Limits, find_limits
+from flexcam.analysis.stored_model import strength_of
+from flexcam.analysis.trade import trade
+from flexcam.case.case import Case
+from flexcam.core import FloatArray
+from flexcam.core.errors import InputError
+from flexcam.dynamics import Response
+from flexcam.dynamics.memory import Extremes
+from flexcam.report.fidelity_tables import TRADE_LEGEND, error_table, plus_minus, trade_table, trade_words
+from flexcam.report.limits_table import limits_table
+from flexcam.report.model_tables import comparison_table, mode_table, model_table
+from flexcam.report.result_tables import info_table, operation_table, run_table, strength_table
+from flexcam.report.sentences import Subject
+from flexcam.valvetrain import Metric
 
 
 @dataclass(frozen=True)
@@ -230,3 +248,148 @@ class Report:
     albums: tuple[Album, ...]
     notes: tuple[str, ...]
     still: Picture | None
+
+
+_NUMBER = 24
+"""Letters of the longest cell that may be a number."""
+
+
+def sheet(table: Table) -> Sheet:
+    """Return a table of the terminal as a value."""
+    heads = tuple(str(column.header) for column in table.columns) if table.show_header else ()
+    columns = [[str(cell) for cell in column.cells] for column in table.columns]
+    cells = tuple(zip(*columns, strict=True))
+    words = (
+        i
+        for i, of in enumerate(columns)
+        if table.columns[i].justify == "left" or max(map(len, of), default=0) > _NUMBER
+    )
+    return Sheet(str(table.title or ""), heads, cells, tuple(words))
+
+
+def sheets(about: Subject, compared: Comparison | None, figures: list[Metric]) -> list[Sheet]:
+    """Return the tables about a result."""
+    response, known = about.result.response, about.known
+    turns = 1.0 if known is None else known.case.turns
+    found = [sheet(comparison_table(compared, turns))] if compared is not None else []
+    found += [sheet(operation_table(figures))] if figures else []
+    if known is not None:
+        stressed = strength_of(known.ready, known.response)
+        found += [sheet(strength_table(stressed))] if stressed else []
+        found.append(replace(sheet(run_table(known.case, Extremes.of(response))), title="Range of the probes"))
+    found += [energy_sheet(response)] if len(response.time) else []
+    found += [sheet(mode_table(about.modes))] if about.modes is not None else []
+    if known is not None and about.modes is not None:
+        found.append(replace(sheet(model_table(known.ready, about.modes)), title="The model"))
+    return found
+
+
+def energy_sheet(response: Response) -> Sheet:
+    """Return the energies of a run."""
+    parts = {name.removeprefix("energy."): v for name, v in response.channels.items() if name.startswith("energy.")}
+    rows = [
+        (name, *(f"{value:.4g}" for value in (values.min(), values.max(), values[-1])))
+        for name, values in parts.items()
+        if np.any(values)
+    ]
+    return Sheet("Energy over the run", ("J", "least", "largest", "at the end"), tuple(rows))
+
+
+def origin(about: Subject) -> Sheet:
+    """Return where a result comes from."""
+    result = about.result if about.known is None else replace(about.result, response=about.known.response)
+    return replace(sheet(info_table(result)), title="The result file")
+
+
+_BRACKET = 0.01
+"""Part of the speed within which limits are found."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a report says beside what a result tells by itself; each costs runs of the case.
+
+    Parameters
+    ----------
+    errors
+        How far the numbers may be off.
+    limits
+        The speeds at which the train gives way.
+    trade
+        What cheaper models cost in error.
+    """
+
+    errors: bool = False
+    limits: bool = False
+    trade: bool = False
+
+
+@dataclass(frozen=True)
+class Extra:
+    """What was found.
+
+    Parameters
+    ----------
+    sentences, sheets, pictures
+        For a chapter.
+    """
+
+    sentences: tuple[str, ...] = ()
+    sheets: tuple[Sheet, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+
+
+def extras(case: Case, probe: str, asked: Asked) -> list[Extra]:
+    """Return what runs of a case tell."""
+    found: list[Extra] = []
+    if asked.errors or case.record.fidelity.estimate:
+        found.append(_errors(case, probe))
+    if asked.limits:
+        found.append(_limits(case))
+    if asked.trade:
+        found.append(_trade(case, probe))
+    return found
+
+
+def _errors(case: Case, probe: str) -> Extra:
+    errors = estimate(case, probe)
+    told = "; ".join(f"{one.quantity} {plus_minus(one)}" for one in errors if one.holds)
+    unknown = ", ".join(one.quantity for one in errors if not one.holds)
+    said = [f"Largest values of {probe} and the contacts with their errors: {told}."] if told else []
+    if unknown:
+        said.append(f"No estimate of the error holds for {unknown}: shorter steps do not bring the runs together.")
+    return Extra(tuple(said), (sheet(error_table(errors)),))
+
+
+def _limits(case: Case) -> Extra:
+    scale = case.turns
+    try:
+        limits = find_limits(case, lowest=0.5 * case.speed, highest=2.0 * case.speed, tolerance=_BRACKET * case.speed)
+    except InputError as refusal:  # the rest of the page does not suffer from it
+        return Extra(tuple(f"Limits were not looked for: {fault.why or fault.given}." for fault in refusal.faults), ())
+    return Extra((_first(limits, scale),), (sheet(limits_table(limits, scale)),))
+
+
+def _first(limits: Limits, scale: float) -> str:
+    if limits.first is None:
+        return "Nothing gives way up to twice the speed."
+    one = limits.limits[limits.first]
+    speed = f"{scale * (one.rpm or 0.0):.4g} rpm of the {'crankshaft' if scale == 2.0 else 'camshaft'}"
+    return f"What gives way first is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."
+
+
+def _trade(case: Case, probe: str) -> Extra:
+    from flexcam.plotting.figures import png_of
+    from flexcam.plotting.study_curves import work_precision_figure
+
+    against, rungs = trade(case, probe, repeats=1)
+    table = sheet(trade_table(against, rungs))
+    best = ", ".join(f"{one.rung} at {one.steps} steps" for one in rungs if one.best)
+    words = (
+        f"Error over work, both logarithmic. No other model beats, in both: {best}. "
+        f"The table has the numbers ({TRADE_LEGEND})."
+    )
+    title = "What a cheaper model costs in error"
+    return Extra(
+        tuple(trade_words(against, rungs)), (table,), (Picture(title, png_of(work_precision_figure(rungs)), words),)
+    )

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from flexcam.commands import FILES, app, load
+from flexcam.cli.app import app
+from flexcam.cli.registry import FILES, load
 
 HEAVY = {
     "scipy",
@@ -72,7 +73,7 @@ PRINT = {"cyclopts", "attr", "attrs", "rich", "tomli_w"}
 TAYEB = str(ROOT / "cases/tayeb/model-3-shm.toml")
 NOT_ASKED = {f"flexcam.{room}" for room in ("synthesis", "cams", "design", "limits", "parting", "stability", "view")}
 BUDGETS = {
-    "help": (["--help"], READ | PRINT | {"docstring_parser"}, {"flexcam.view"}),
+    "help": (["--help"], READ | PRINT | {"docstring_parser"}, {"flexcam.plotting"}),
     "check": (["check", str(CASE)], READ | PRINT, NOT_ASKED),
     "run": (["run", str(CASE), "-o", "."], READ | PRINT, NOT_ASKED),
     "run on a mesh": (["run", TAYEB, "--set", "run.revolutions=0.1", "-o", "."], READ | PRINT | {"meshio"}, NOT_ASKED),
@@ -93,7 +94,7 @@ def test_a_command_keeps_to_its_budget(words, packages, rooms, before, tmp_path,
     call = "from flexcam.__main__ import start\ntry:\n    start()\nexcept SystemExit as end:\n    assert not end.code"
     found = modules(f"import sys\nsys.argv = ['flexcam', *{words!r}]\n{call}")
     foreign = {name.partition(".")[0] for name in found} - before - sys.stdlib_module_names - {"flexcam"}
-    assert "flexcam.commands.app" in found
+    assert "flexcam.cli.app" in found
     assert {name for name in foreign if not name.startswith(("_", "cython"))} <= packages
     assert not found & rooms
 
@@ -101,7 +102,7 @@ def test_a_command_keeps_to_its_budget(words, packages, rooms, before, tmp_path,
 def test_the_file_of_every_command_is_known():
     """One that is not listed works, but loads the files of all commands."""
     load(["--help"])
-    listed = {name: f"flexcam.commands.{file}" for file, names in FILES.items() for name in names}
+    listed = {name: f"flexcam.cli.{file}" for file, names in FILES.items() for name in names}
     defined = {name: app[name].default_command for name in app if not name.startswith("-")}
     assert set(listed) == set(defined)
     assert {name: listed[name] for name, one in defined.items() if one} == {

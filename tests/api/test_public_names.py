@@ -48,9 +48,9 @@ def test_unknown_name():
 
 
 FIRST = [
-    "", "import flexcam.runner", "from flexcam.fidelity import compare", "import flexcam.fidelity.compare", "import flexcam.integrate.solve",
-    "import flexcam.cli", "import flexcam.modal.modes", "import flexcam.train.modes", "from flexcam.fidelity import claims",
-    "import flexcam.system, flexcam.response, flexcam.case.read",
+    "", "import flexcam.analysis", "from flexcam.analysis.comparison import compare", "import flexcam.analysis.comparison", "import flexcam.dynamics.solve",
+    "import flexcam.cli.main", "import flexcam.dynamics.modes", "import flexcam.valvetrain.modes", "from flexcam.analysis.error_estimate import claims",
+    "import flexcam.dynamics; import flexcam.case.reader",
 ]  # fmt: skip
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import flexcam
-from flexcam.runner import result_file
+from flexcam.analysis.run import result_file
 
 CASE = Path(__file__).parents[2] / "cases/tayeb/model-1-shm.toml"
 

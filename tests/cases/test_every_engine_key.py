@@ -12,9 +12,10 @@ import pytest
 from pydantic import BaseModel
 
 from flexcam import read_case, run
-from flexcam.case import read_cams, tables
-from flexcam.case.tables import base, contacts, members, parts
-from flexcam.case.tables import run as of_run
+from flexcam.case import schema
+from flexcam.case.reader import read_cams
+from flexcam.case.schema import base, contacts, members, parts
+from flexcam.case.schema import run as of_run
 
 CHECKS = Path(__file__).parents[2] / "cases" / "checks"
 DATA = Path(__file__).parents[1] / "data"
@@ -246,7 +247,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         *(keys_in(read_case(path, over).record) for path, over in [*cases, (tmp_path / "step.toml", [])])
     )
     given |= keys_in(read_cams(DATA / "every-cam.toml"))
-    modules = [getattr(tables, name) for name in ("cams", "contacts", "fidelity", "members", "parts", "run")]
+    modules = [getattr(schema, name) for name in ("cams", "contacts", "fidelity", "members", "parts", "run")]
     between = {("AdjusterRecord", key) for key in ("start", "to", "direction")}  # as those of a play
     free = {key for key in all_keys(modules) if key[0] == "FreeCamRecord"}  # as those of a cam
     assert len(all_keys(modules)) > 150

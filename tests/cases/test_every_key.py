@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from flexcam import read_case, run
-from flexcam.cams import cam_facts, load_cams
+from flexcam.analysis.cam_report import cam_facts, load_cams
 
 ROOT = Path(__file__).parents[2]
 EVERY = ROOT / "tests/data/every-key.toml"
@@ -52,8 +52,9 @@ def test_cams_alone():
 
 
 def test_restart_from_a_result_and_a_step_in_seconds(tmp_path):
-    from flexcam.integrate import solve
-    from flexcam.runner import prepare, result_file
+    from flexcam.analysis.preparation import prepare
+    from flexcam.analysis.run import result_file
+    from flexcam.dynamics import solve
 
     ready = prepare(read_case(EVERY))
     sink = result_file(ready, tmp_path)

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from flexcam import InputError, read_case
-from flexcam.sweep import Here, study, swept
+from flexcam.studies.executors import Here
+from flexcam.studies.sweep import study, swept
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 PUBLISHED = CASES / "tayeb/model-1-shm.toml"  # gives speed and steps_per_revolution

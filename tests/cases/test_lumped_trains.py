@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, build_model, modes, prepare, read_case, read_result, run, solve
-from flexcam.fidelity import deviation
+from flexcam.analysis.error_estimate import deviation
+from flexcam.analysis.run import geometry_of, result_file
 from flexcam.io import write_modes, write_pvd
-from flexcam.runner import geometry_of, result_file
 
 ROOT = Path(__file__).parents[2]
 LI = ROOT / "cases/li/valve-train.toml"

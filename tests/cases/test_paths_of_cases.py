@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.checks import InputError
-from flexcam.integrate import SaveAt, State, integrated, solve
+from flexcam.core.errors import InputError
+from flexcam.dynamics import SaveAt, State, integrated_size, solve
 
 ROOT = Path(__file__).parents[2]
 CASES = [path for path in sorted((ROOT / "cases").glob("*/*.toml")) if path.parent.name != "cams"]
@@ -38,7 +38,7 @@ def forced(problem, scheme, path):
 
 def unfit(problem, path):
     """Return what the refusal says where the way is not the problem's; nothing where it is."""
-    if not integrated(problem):
+    if not integrated_size(problem):
         return "0 unknowns"
     return "depends on the motion" if path == "modal" and problem.system.local_forces else ""
 
@@ -143,7 +143,7 @@ def test_pruned_and_whole(path, prune):
     problem, scheme = shorter(ROOT / "cases/tayeb/model-3-shm.toml")
     problem = replace(problem, prune=prune)
     found = forced(problem, scheme, path)
-    assert found.stats.unknowns == integrated(problem)
+    assert found.stats.unknowns == integrated_size(problem)
     assert_one_of(problem, scheme, found, LINEAR)
 
 

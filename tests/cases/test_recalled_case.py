@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, read_case, run
-from flexcam.case import build_model, new_case, recalled_case
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import result_file
+from flexcam.case.builder import build_model
+from flexcam.case.reader import recalled_case
+from flexcam.case.starters import new_case
 from flexcam.io import read_result
-from flexcam.runner import prepare, result_file
-from flexcam.scene import result_motion
-from flexcam.train import build_structure
+from flexcam.plotting.scene.motion import result_motion
+from flexcam.valvetrain import build_structure
 
 ROOT = Path(__file__).parents[2]
 CASES = ["tayeb/model-3-shm", "pushrod-engine/lever", "li/valve-train", "petrescu/valve-spring", "checks/cantilever"]

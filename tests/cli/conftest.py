@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from flexcam.cli import main
-from flexcam.commands import running
+from flexcam.cli.app import running
+from flexcam.cli.main import main
 
 ROOT = Path(__file__).parents[2]
 LONG = ("--set", "run.revolutions=100000", "--set", "run.steps_per_revolution=7200", "--allow-large")

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam.cam import RollerFollower, cam_profile
-from flexcam.motion import CompoundCycloid, LiftEvent, Ramp
+from flexcam.cams import CompoundCycloid, LiftEvent, Ramp, RollerFollower, cam_profile
 
 ROOT, DEG = Path(__file__).parents[2], math.pi / 180
 FILES = {path.stem: path for part in ("cases/cams", "cases/tayeb") for path in sorted((ROOT / part).glob("*.toml"))}

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from flexcam import read_case
-from flexcam.response import NOT_POSITIVE, RunFailedError
-from flexcam.stability import campbell
-from flexcam.view import campbell_figure
+from flexcam.analysis.campbell import campbell
+from flexcam.dynamics import NOT_POSITIVE, RunFailedError
+from flexcam.plotting.spectra import campbell_figure
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -72,7 +72,7 @@ def test_campbell_of_an_engine(flexcam):
 
 def test_a_speed_at_which_the_train_stands_unstable_leaves_the_others(monkeypatch):
     """No modes are known where the state at full lift is unstable: that speed says so, the others stay."""
-    module = sys.modules["flexcam.stability.campbell"]
+    module = sys.modules["flexcam.analysis.campbell"]
     real, calls = module.reached_modes, []
 
     def reached(*given):
@@ -90,7 +90,7 @@ def test_a_speed_at_which_the_train_stands_unstable_leaves_the_others(monkeypatc
 
 
 def test_a_speed_at_which_no_run_can_start_leaves_the_others(monkeypatch):
-    module = sys.modules["flexcam.stability.campbell"]
+    module = sys.modules["flexcam.analysis.campbell"]
     real, calls = module.prepare, []
 
     def prepared(case):

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from flexcam import cli, read_result
-from flexcam.response import Cause, RunFailedError, Status
+from flexcam import read_result
+from flexcam.cli import main
+from flexcam.dynamics import Cause, RunFailedError, Status
 
 DIVERGING = (
     "--set",
@@ -52,7 +53,7 @@ def test_a_stopped_run_in_json(number, code, stopped, case):
 
 SWALLOWED = """
 import os, signal, sys
-from flexcam import cli
+from flexcam.cli import main
 from flexcam.io import ResultFile
 
 class Unraisable:
@@ -67,7 +68,7 @@ def once(self, block):
         self._hit = True
         Unraisable()
 ResultFile.write = once
-cli.main(["run", "case.toml", "--set", "run.revolutions=200"])
+main.main(["run", "case.toml", "--set", "run.revolutions=200"])
 """
 
 
@@ -119,10 +120,10 @@ def in_process(monkeypatch, capsys, words, fault):
     def broken(*_, **__):
         raise fault
 
-    monkeypatch.setattr("flexcam.commands.cases.standing", broken)
+    monkeypatch.setattr("flexcam.cli.cases.standing", broken)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     with pytest.raises(SystemExit) as end:
-        cli.main(words)
+        main.main(words)
     return end.value.code, *capsys.readouterr()
 
 
@@ -184,14 +185,14 @@ def test_a_reader_that_goes_away(words, case, crashes):
 
 
 FULL_DISK = """
-from flexcam import cli
+from flexcam.cli import main
 from flexcam.io import ResultFile
 
 def write(self, block):
     raise OSError(28, "No space left on device")
 
 ResultFile.write = write
-cli.main(["run", "case.toml", "--json"])
+main.main(["run", "case.toml", "--json"])
 """
 
 

@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 
 from flexcam import read_case, read_result, run
-from flexcam.checks import refuse
-from flexcam.console.fidelity import trade_table
-from flexcam.fidelity import Measured, Reference, Traded
-from flexcam.response import Cause, RunFailedError, Status
-from flexcam.terminal import out
+from flexcam.analysis.measures import Measured
+from flexcam.analysis.trade import Reference, Traded
+from flexcam.core.errors import refuse
+from flexcam.dynamics import Cause, RunFailedError, Status
+from flexcam.report.fidelity_tables import trade_table
+from flexcam.report.terminal import out
 
 ROOT = Path(__file__).parents[2]
 FEW = ("run.revolutions=1", "run.steps_per_revolution=360")
-TRADE = import_module("flexcam.fidelity.trade")  # its function has the same name
+TRADE = import_module("flexcam.analysis.trade")  # its function has the same name
 FEW_SET = [word for one in FEW for word in ("--set", one)]
 
 
@@ -141,7 +142,7 @@ def test_another_refusal_of_a_model_ends_the_ladder(trade, monkeypatch):
     def prepared(*asked):
         raise refusal
 
-    monkeypatch.setattr("flexcam.fidelity.rungs.Rung.prepared", prepared)
+    monkeypatch.setattr("flexcam.analysis.model_ladder.Rung.prepared", prepared)
     monkeypatch.setattr(TRADE, "reference", lambda *asked, **more: None)
     done = trade()
     assert done.code == 2

@@ -11,7 +11,7 @@ import xml.etree.ElementTree as ET  # the files are our own
 
 import pytest
 
-from flexcam.motion import KINDS, LAWS, criteria, residual_spectrum
+from flexcam.cams import KINDS, LAWS, criteria, residual_spectrum
 
 PI, NEAR = math.pi, math.sin(1.25 * math.pi)
 KEYS = {

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from flexcam import read_case, read_result
-from flexcam.runner import modes, run
+from flexcam.analysis.natural_modes import modes
+from flexcam.analysis.run import run
 
 SIDEWAYS = 'loads.side={ at = "cam", direction = "uz", force = "100 N" }'
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam.cam import FlatFollower, RollerFollower, cam_profile
-from flexcam.case import read_cams
-from flexcam.motion import HarmonicLift
+from flexcam.cams import FlatFollower, HarmonicLift, RollerFollower, cam_profile
+from flexcam.case.reader import read_cams
 
 ROOT = Path(__file__).parents[2]
 FB2 = ROOT / "cases/cams/li-fb2.toml"

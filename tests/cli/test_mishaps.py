@@ -8,17 +8,17 @@ from dataclasses import replace
 import pytest
 
 from flexcam import read_case, read_result
-from flexcam.case import new_case
-from flexcam.console.cases import couplings
-from flexcam.console.mishaps import mishaps
-from flexcam.train import Figure
+from flexcam.case.starters import new_case
+from flexcam.report.model_tables import couplings
+from flexcam.report.run_checks import mishaps
+from flexcam.valvetrain import Metric
 
 FIGURES = (
-    Figure("contacts.intake.open_on_the_lift", math.radians(81.6), "rad"),
-    Figure("contacts.seat.bounces", 4.0, "1"),
-    Figure("contacts.seat.bounce_height", 0.1643e-3, "m"),
-    Figure("springs.valve.clearance.least", -0.231e-3, "m"),
-    Figure("members.pushrod.buckling_margin", 0.5643, "1"),
+    Metric("contacts.intake.open_on_the_lift", math.radians(81.6), "rad"),
+    Metric("contacts.seat.bounces", 4.0, "1"),
+    Metric("contacts.seat.bounce_height", 0.1643e-3, "m"),
+    Metric("springs.valve.clearance.least", -0.231e-3, "m"),
+    Metric("members.pushrod.buckling_margin", 0.5643, "1"),
 )
 WELL = (math.radians(0.4), 4.0, 0.09e-3, 0.0, 1.001)
 """What is not told: a step without contact, ringing on the seat, coils that close, a load below that of buckling."""

@@ -8,7 +8,7 @@ from importlib.resources import files
 
 import pytest
 
-from flexcam.case import templates
+from flexcam.case.starters import templates
 
 NAMES = sorted(templates())
 KEY = re.compile(r"^[A-Za-z_][\w-]* = ")

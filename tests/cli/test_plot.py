@@ -12,11 +12,11 @@ import pytest
 from PIL import Image
 
 from flexcam import prepare, read_case, read_result, solve
-from flexcam.case import recalled_case
+from flexcam.analysis.run import result_file
+from flexcam.analysis.stored_model import reopened, strength_of
+from flexcam.case.reader import recalled_case
 from flexcam.io import write_text
-from flexcam.reopened import reopened, strength_of
-from flexcam.runner import result_file
-from flexcam.train import StrengthSink, build_structure
+from flexcam.valvetrain import StrengthSink, build_structure
 
 ROOT = Path(__file__).parents[2]
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"

@@ -11,8 +11,9 @@ import shutil
 import pytest
 
 from flexcam import prepare, read_case, solve
-from flexcam.report import page, report_of, subject
-from flexcam.runner import result_file
+from flexcam.analysis.run import result_file
+from flexcam.report.page import page, report_of
+from flexcam.report.sentences import subject
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 

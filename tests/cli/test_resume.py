@@ -14,9 +14,9 @@ import pytest
 
 from flexcam import InputError, read_case, read_result
 from flexcam import run as flexcam_run
-from flexcam.integrate import solve
-from flexcam.response import Cause, Status
-from flexcam.runner import prepare, result_file, unfinished
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import result_file, unfinished
+from flexcam.dynamics import Cause, Status, solve
 from tests.sinks import Cut
 
 DATA = Path(__file__).parents[1] / "data"
@@ -35,9 +35,9 @@ def assert_same(path, other):
 
 
 OFTEN = """
-from flexcam.cli import main
-from flexcam.io import draft
-draft._SHARE = float("inf")
+from flexcam.cli.main import main
+from flexcam.io import result_writer
+result_writer._SHARE = float("inf")
 main()
 """
 """The command, with a copy after every block, so that no busy machine makes the first one late."""
@@ -165,10 +165,10 @@ def test_another_case(broken, case, refused):
 
 @pytest.mark.parametrize("package", ["flexcam", "numpy"])
 def test_another_version(package, broken, refused, monkeypatch):
-    from flexcam.runner import saving
+    from flexcam.analysis import run
 
-    partial, known = broken(), saving._version
-    monkeypatch.setattr(saving, "_version", lambda name: "99.0" if name == package else known(name))
+    partial, known = broken(), run._version
+    monkeypatch.setattr(run, "_version", lambda name: "99.0" if name == package else known(name))
     refused(partial, SAME, f"--resume: {package}: given 99.0", known(package))
 
 

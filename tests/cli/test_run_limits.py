@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from flexcam import fidelity, read_case, read_result
-from flexcam.budget import within
-from flexcam.commands.duration import duration
-from flexcam.response import Cause
-from flexcam.runner import budget_of, prepare
+from flexcam import analysis, read_case, read_result
+from flexcam.analysis import resources
+from flexcam.analysis.error_estimate import estimate
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import budget_of
+from flexcam.cli.arguments import duration
+from flexcam.dynamics import Cause
 
 HUGE = ("--set", "run.revolutions=1e9")
 
@@ -34,7 +36,7 @@ def test_in_json_it_has_five_facts(flexcam, case):
 
 
 def test_it_may_be_tried_all_the_same(flexcam, case, monkeypatch):
-    monkeypatch.setattr(within, "free_memory", lambda: 100_000)
+    monkeypatch.setattr(resources, "free_memory", lambda: 100_000)
     assert "memory: given a run of" in flexcam("run", case, "-o", "out").err
     assert flexcam("run", case, "-o", "out", "--allow-large").code == 0
 
@@ -47,7 +49,7 @@ MANY = [
 
 @pytest.mark.parametrize("words", MANY, ids=lambda words: words[0])
 def test_many_runs_are_refused_before_the_first(flexcam, case, monkeypatch, words):
-    monkeypatch.setattr(within, "free_memory", lambda: 100_000)
+    monkeypatch.setattr(resources, "free_memory", lambda: 100_000)
     ended = flexcam(words[0], case, *words[1:])
     assert ended.code == 2
     assert "memory: given a run of" in ended.err
@@ -55,7 +57,7 @@ def test_many_runs_are_refused_before_the_first(flexcam, case, monkeypatch, word
 
 
 def test_frequencies_need_no_room_for_a_run(flexcam, case, monkeypatch):
-    monkeypatch.setattr(within, "free_memory", lambda: 100_000)
+    monkeypatch.setattr(resources, "free_memory", lambda: 100_000)
     ended = flexcam("sensitivity", case, "--of", "frequency.1", "--to", "springs.valve.stiffness")
     assert ended.code == 0
 
@@ -141,7 +143,7 @@ def test_the_choice_of_a_model_ends_too(flexcam, case):
 @pytest.mark.parametrize("fault", [None, KeyboardInterrupt])
 def test_the_estimate_of_errors_ends_too(fault, flexcam, case, monkeypatch):
     """The run before it is complete, and stays so."""
-    known, late = fidelity.estimate, []
+    known, late = estimate, []
 
     def after_the_run(*words):
         late.append(True)
@@ -149,7 +151,7 @@ def test_the_estimate_of_errors_ends_too(fault, flexcam, case, monkeypatch):
             raise fault
         return known(*words)
 
-    monkeypatch.setattr(fidelity, "estimate", after_the_run)
+    monkeypatch.setattr(analysis, "estimate", after_the_run)
     monkeypatch.setattr("time.monotonic", lambda: 1e6 if late else 0.0)
     ended = flexcam("run", case, "--set", "fidelity.estimate=true", "--time-limit", "1 h", "--json")
     assert ended.code == 0

@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 
 from flexcam import fem
-from flexcam.commands import load
-from flexcam.selftest import Check, checks, installed
+from flexcam.analysis.selftest import Check, checks, installed
+from flexcam.cli.registry import load
+from flexcam.fem.assembly import stiffness as fem_stiffness
 
 load(["selftest"])
-COMMAND = "flexcam.commands.selftest.checks"
+COMMAND = "flexcam.cli.selftest.checks"
 
 
 def test_everything_passes_within_half_a_minute(flexcam):
@@ -43,7 +44,7 @@ def test_a_check_that_fails_is_named(flexcam, monkeypatch):
 
 def test_a_wrong_element_is_found(monkeypatch):
     """A stiffness that is one part in a million too large."""
-    stiffness = fem.stiffness
+    stiffness = fem_stiffness
     monkeypatch.setattr(fem, "stiffness", lambda beams, dofs: stiffness(beams, dofs).scaled(1.0 + 1e-6))
     first = next(iter(checks()))
     assert not first.passed
@@ -51,9 +52,9 @@ def test_a_wrong_element_is_found(monkeypatch):
 
 
 def test_extras_that_are_missing_are_told(monkeypatch):
-    monkeypatch.setattr("flexcam.selftest.installation.find_spec", lambda name: None if name == "pymoo" else object())
-    monkeypatch.setattr("flexcam.selftest.installation._PACKAGES", ("no-such-package",))
-    monkeypatch.setattr("flexcam.selftest.trains.is_available", lambda: False)
+    monkeypatch.setattr("flexcam.analysis.selftest.find_spec", lambda name: None if name == "pymoo" else object())
+    monkeypatch.setattr("flexcam.analysis.selftest._PACKAGES", ("no-such-package",))
+    monkeypatch.setattr("flexcam.analysis.selftest.is_available", lambda: False)
     parts = installed()
     assert parts["extra design"] == "not there (pymoo): pip install 'flexcam[design]'"
     assert parts["extra tables"] == "usable"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam import read_case
-from flexcam.limits import Search, bracketed_limits
+from flexcam.analysis.limits import Search, bracketed_limits
 
 CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
 QUICK = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1")

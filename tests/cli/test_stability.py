@@ -12,8 +12,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flexcam import read_case
-from flexcam.integrate import State
-from flexcam.stability import verdict
+from flexcam.analysis import stability
+from flexcam.dynamics import State
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -122,9 +122,9 @@ def test_disturbances_are_followed_by_a_bounded_number_of_steps(monkeypatch, ste
         assert one.step * one.steps == pytest.approx(2.0 * math.pi / 100.0)
         return replace(State.rest(one.system.size), periodicity=0.5)
 
-    monkeypatch.setattr(verdict, "periodic", found)
-    monkeypatch.setattr(verdict, "floquet", lambda *_: pytest.fail("disturbances of what does not repeat"))
-    told = verdict.stability(read_case(MATHIEU, [f"run.steps_per_revolution={steps}", "run.revolutions=1"]))
+    monkeypatch.setattr(stability, "periodic", found)
+    monkeypatch.setattr(stability, "floquet", lambda *_: pytest.fail("disturbances of what does not repeat"))
+    told = stability.stability(read_case(MATHIEU, [f"run.steps_per_revolution={steps}", "run.revolutions=1"]))
     assert (asked, told.floquet, told.why_not) == (
         [followed],
         None,

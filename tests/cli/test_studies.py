@@ -14,12 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from flexcam.case import CaseFile, read_case
-from flexcam.response import Status
-from flexcam.runner import modes
-from flexcam.study import number_of
-from flexcam.study.points import variant_row
-from flexcam.sweep import Row
+from flexcam.analysis.natural_modes import modes
+from flexcam.case.reader import CaseFile, read_case
+from flexcam.dynamics import Status
+from flexcam.studies.evaluation import Row
+from flexcam.studies.evaluators import variant_row
+from flexcam.studies.quantities import number_of
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -242,7 +242,7 @@ def test_what_a_stopped_search_has_evaluated_is_kept(last, flexcam, oscillator, 
         evaluated.append(words)
         return variant_row(*words)
 
-    monkeypatch.setattr("flexcam.study.points.variant_row", stopping)
+    monkeypatch.setattr("flexcam.studies.evaluators.variant_row", stopping)
     told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
             "--evaluations", "40", "--subject", "frequency.1 >= 30 Hz",
             "-o", tmp_path / "best.toml", "--csv", tmp_path / "all.csv")  # fmt: skip
@@ -274,7 +274,7 @@ def test_what_a_stopped_study_has_evaluated_is_kept(kind, last, flexcam, oscilla
         evaluated.append(words)
         return variant_row(*words)
 
-    monkeypatch.setattr("flexcam.study.points.variant_row", stopping)
+    monkeypatch.setattr("flexcam.studies.evaluators.variant_row", stopping)
     command, *told = STUDIES[kind]
     case = PUBLISHED if kind == "derivatives" else oscillator
     done = flexcam(command, case, *told, "--csv", tmp_path / "all.csv", "--json")
@@ -300,7 +300,7 @@ def test_a_stopped_map_has_gaps(flexcam, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return rows.pop()
 
-    monkeypatch.setattr("flexcam.study.points.variant_row", stopping)
+    monkeypatch.setattr("flexcam.studies.evaluators.variant_row", stopping)
     told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
     done = flexcam("limits", ENGINE, *told, "--limit", "buckling", "--csv", tmp_path / "map.csv", "--json")
     assert (done.code, done.json["status"]) == (130, "interrupted")
@@ -313,7 +313,7 @@ def test_a_search_stopped_before_its_first_variant(flexcam, oscillator, tmp_path
     def stopping(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("flexcam.study.points.variant_row", stopping)
+    monkeypatch.setattr("flexcam.studies.evaluators.variant_row", stopping)
     told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness")
     done = flexcam("optimize", oscillator, *told, "--csv", tmp_path / "all.csv")
     assert done.code == 130
@@ -353,7 +353,7 @@ def test_names_are_refused_before_anything_runs(flexcam, path, words, monkeypatc
         pytest.fail("something was run")
 
     for what in ("evaluate", "bracketed_limits"):
-        monkeypatch.setattr(sys.modules["flexcam.study.quantities"], what, never)
+        monkeypatch.setattr(sys.modules["flexcam.studies.quantities"], what, never)
     refused = flexcam(words[0], path, *words[1:])
     assert refused.code == 2
     assert refused.err.startswith(("--of: ", "--least, --most or --subject: "))
@@ -483,7 +483,7 @@ def test_map_of_limits(flexcam, tmp_path):
 
 def test_a_variant_is_run_as_one_of_as_many_as_are_asked_for(flexcam, monkeypatch):
     """Machine code pays for ninety runs of 2 880 steps, though not for one: a search took fifteen times as long."""
-    quantities = sys.modules["flexcam.study.quantities"]
+    quantities = sys.modules["flexcam.studies.quantities"]
     asked, whole = [], quantities.evaluate
     monkeypatch.setattr(quantities, "evaluate", lambda case, runs, **o: asked.append(runs) or whole(case, **o))
     told = ("--tolerance", "springs.valve.stiffness=±5%", "--of", "deviation.peak", "--count", "9")
@@ -492,7 +492,7 @@ def test_a_variant_is_run_as_one_of_as_many_as_are_asked_for(flexcam, monkeypatc
 
 
 def test_worker_processes_run_a_variant_as_one_of_many_too(monkeypatch):
-    processes = sys.modules["flexcam.study.evaluators"]
+    processes = sys.modules["flexcam.studies.evaluators"]
     given = []
     monkeypatch.setattr(processes, "variant_row", lambda *words: words[-1])
     monkeypatch.setattr(processes, "_asked", given)
@@ -504,7 +504,7 @@ def test_worker_processes_run_a_variant_as_one_of_many_too(monkeypatch):
 
 def test_limits_are_looked_for_as_one_of_many_variants(flexcam, monkeypatch):
     asked = []
-    limits = sys.modules["flexcam.study.quantities"]
+    limits = sys.modules["flexcam.studies.quantities"]
     monkeypatch.setattr(limits, "bracketed_limits", lambda *_, runs: asked.append(runs) or {})
     told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
     flexcam("limits", ENGINE, *told)

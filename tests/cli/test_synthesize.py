@@ -18,11 +18,12 @@ import pytest
 from rich.console import Console
 
 from flexcam import read_case, run
-from flexcam.case import build_model, law_file
-from flexcam.console.synthesis import synthesis_table
-from flexcam.synthesis import SplineFamily, minimax
+from flexcam.cams import SplineFamily, minimax
+from flexcam.case.builder import build_model
+from flexcam.case.lift import law_file
+from flexcam.cli.synthesize import synthesis_table
 
-module = sys.modules["flexcam.synthesis.minimax"]  # the function hides it
+module = sys.modules["flexcam.cams.minimax"]  # the function hides it
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "cases/tayeb/model-3-shm.toml"
 POLYDYNE, HARMONIC = (("synthesize", kind, MODEL) for kind in ("polydyne", "harmonic"))

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from flexcam.case import CaseRecord
-from flexcam.commands import FILES
-from flexcam.commands.unused import UNUSED
+from flexcam.case.records import CaseRecord
+from flexcam.cli.app import UNUSED
+from flexcam.cli.registry import FILES
 
 DATA = Path(__file__).parents[1] / "data"
 INLINE = DATA / "inline.toml"

@@ -23,8 +23,8 @@ import numpy as np
 import pytest
 
 from flexcam import read_result
-from flexcam.response import RunFailedError
-from flexcam.view import rendering
+from flexcam.dynamics import RunFailedError
+from flexcam.plotting import rendering
 
 imagehash = pytest.importorskip("imagehash")
 Image = pytest.importorskip("PIL.Image")
@@ -109,7 +109,7 @@ def test_a_result_is_saved_at_full_lift(flexcam, result):
     ("first", "told"), [(0.0, "cam angle 10.0 deg"), (1080.0, "cam angle 10.0 deg of the last revolution")]
 )
 def test_the_angle_is_counted_within_its_revolution(first, told):
-    from flexcam.view.solid import _angle_words
+    from flexcam.plotting.solid_view import _angle_words
 
     assert _angle_words(np.radians(first + np.array([0.0, 10.0])), 1) == told
 
@@ -138,7 +138,7 @@ def colours(path, *, members):
 
 @pytest.mark.usefixtures("drawing")
 def test_a_movie_turns_the_cam(flexcam, result, monkeypatch):
-    monkeypatch.setattr("flexcam.view.saving.FRAMES", 5)
+    monkeypatch.setattr("flexcam.plotting.figures.FRAMES", 5)
     for name in ("train.gif", "train.mp4"):
         ended = flexcam("view", result, "--size", "320x240", "--save", name)
         assert ended.code == 0, ended.err
@@ -213,7 +213,7 @@ EXTRAS = [("a.gif", "imageio", "movie"), ("a.mp4", "imageio_ffmpeg", "movie"), (
 def test_a_missing_extra_is_named(name, module, extra, flexcam, monkeypatch):
     from importlib.util import find_spec
 
-    monkeypatch.setattr("flexcam.view.saving.find_spec", lambda one: None if one == module else find_spec(one))
+    monkeypatch.setattr("flexcam.plotting.figures.find_spec", lambda one: None if one == module else find_spec(one))
     refused = flexcam("view", FINGER, "--save", name)
     assert refused.code == 2
     assert f"{module} cannot be imported" in refused.err
@@ -247,12 +247,13 @@ def test_a_renderer_that_ends_its_process_ends_only_that(words, flexcam, monkeyp
 WINDOW = """
 import sys
 from flexcam import read_case
-from flexcam.case import build_model
-from flexcam.scene import case_motion, mechanism
-from flexcam.train import build_structure
-from flexcam.view.rendering import ready_to_render
+from flexcam.case.builder import build_model
+from flexcam.plotting.scene.motion import case_motion
+from flexcam.plotting.scene.assembly import mechanism
+from flexcam.valvetrain import build_structure
+from flexcam.plotting.rendering import ready_to_render
 ready_to_render(off_screen=False)
-from flexcam.view.solid import Looks, Stage
+from flexcam.plotting.solid_view import Looks, Stage
 structure = build_structure(build_model(read_case(sys.argv[1])))
 looks = Looks(size=(400, 300), title=sys.argv[3])
 stage = Stage(mechanism(structure), case_motion(structure, 100.0), looks, off_screen=False)

@@ -10,8 +10,8 @@ import signal
 
 import pytest
 
-from flexcam.cli import main
-from flexcam.commands import running
+from flexcam.cli.app import running
+from flexcam.cli.main import main
 from tests.docs.pages import PAGES, ROOT, adds, assert_shown, blocks, keep, name_of
 
 OTHERS = ("cd", "dask", "paraview", "pip", "pvbatch", "python")

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import flexcam
-from flexcam import commands
+from flexcam.cli.registry import FILES
 
 DOCS = Path(__file__).parents[2] / "docs"
 BIBLIOGRAPHY = (DOCS / "references.bib").read_text(encoding="utf-8")
@@ -63,7 +63,7 @@ def test_every_name_of_a_room_is_told_or_linked(made, pages, room):
 
 def test_every_command_has_a_page(made):
     found = made["command_pages"]()
-    assert set(found) == {name for names in commands.FILES.values() for name in names}
+    assert set(found) == {name for names in FILES.values() for name in names}
     for name, page in found.items():
         assert f"flexcam {name}" in page
         assert "--json" in page or name in ("new", "schema"), name

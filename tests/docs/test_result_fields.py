@@ -10,8 +10,9 @@ import h5py
 import pytest
 
 import flexcam
-from flexcam.response import Stats
-from flexcam.runner import prepare, result_file
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import result_file
+from flexcam.dynamics import Stats
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/reference/result-fields.md").read_text(encoding="utf-8")

@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 
 from flexcam import InputError, prepare, read_case, read_result
-from flexcam.case import build_model, unusual
-from flexcam.case.usual import STRAIGHT, TWISTED, USUAL
-from flexcam.cli import main
-from flexcam.console.doubts import input_doubts
-from flexcam.console.lobes import lobe_doubts
+from flexcam.case.builder import build_model
+from flexcam.case.input_checks import STRAIGHT, TWISTED, USUAL, unusual
+from flexcam.cli.main import main
+from flexcam.report.run_checks import input_doubts, lobe_doubts
 
 ROOT = Path(__file__).parents[2]
 CASE = ROOT / "tests/data/inline.toml"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, run
-from flexcam.cli import main
+from flexcam.cli.main import main
 
 ENGINE = Path(__file__).parents[1] / "data/every-engine.toml"
 

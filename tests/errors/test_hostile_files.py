@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, read_mesh, read_result
-from flexcam.integrate import solve
+from flexcam.analysis.run import result_file
+from flexcam.dynamics import solve
 from flexcam.io import guarded, verified
-from flexcam.runner import result_file
-from flexcam.sweep import read_table
+from flexcam.studies.tables import read_table
 
 ROOT = Path(__file__).parents[2]
 
@@ -162,7 +162,7 @@ class Bomb:
 
 def test_nothing_is_unpickled(sound, tmp_path, monkeypatch, tried):
     """A checkpoint in a partial result is arrays; one of objects is refused."""
-    from flexcam.io.kept_state import read_checkpoint
+    from flexcam.io.result_writer import read_checkpoint
 
     monkeypatch.chdir(tmp_path)
     packed = io.BytesIO()

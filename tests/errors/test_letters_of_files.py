@@ -6,10 +6,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from flexcam import InputError, prepare, read_case, solve
-from flexcam.cli import main
-from flexcam.runner import result_file
-from flexcam.runner.differing import differing
-from flexcam.view import save_figure
+from flexcam.analysis.case_diff import differing
+from flexcam.analysis.run import result_file
+from flexcam.cli.main import main
+from flexcam.plotting.figures import save_figure
 
 SMALL = """
 format = 1

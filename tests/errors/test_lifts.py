@@ -14,10 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexcam import InputError, read_case
-from flexcam.case import read_cams
-from flexcam.cli import main
+from flexcam.cams import lift_table
+from flexcam.case.reader import read_cams
+from flexcam.cli.main import main
 from flexcam.io import read_lift
-from flexcam.motion import lift_table
 
 PYTHONS_OWN = ("Traceback", "Value error", "dictionary", "instance of", "numpy", "NoneType")
 EVENT = 'law = "3-4-5"\nlift = "6 mm"\nrise = "100 deg"\nreturn = "100 deg"\n'

@@ -14,20 +14,19 @@ import h5py
 import pytest
 
 from flexcam import prepare, read_case, read_result
-from flexcam.checks import InputError
-from flexcam.integrate import solve
-from flexcam.io import draft
-from flexcam.response import Cause
-from flexcam.runner import result_file
+from flexcam.analysis.run import result_file
+from flexcam.core.errors import InputError
+from flexcam.dynamics import Cause, solve
+from flexcam.io import result_writer
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 RUN = ("run", "case.toml", "-o", "out")
 
 
 OFTEN = """
-from flexcam.cli import main
-from flexcam.io import draft
-draft._SHARE = float("inf")
+from flexcam.cli.main import main
+from flexcam.io import result_writer
+result_writer._SHARE = float("inf")
 main()
 """
 """The command, with a copy after every block."""
@@ -79,7 +78,7 @@ def ready():
 @pytest.fixture
 def often(monkeypatch):
     """Have a copy after every block."""
-    monkeypatch.setattr(draft, "_SHARE", float("inf"))
+    monkeypatch.setattr(result_writer, "_SHARE", float("inf"))
 
 
 class Doing:
@@ -147,7 +146,7 @@ def test_no_room_for_a_copy(often, monkeypatch, tmp_path):
 
     def look():
         seen.append(len(read_result(file.partial).response.time))
-        monkeypatch.setattr(draft.shutil, "disk_usage", lambda _: full)
+        monkeypatch.setattr(result_writer.shutil, "disk_usage", lambda _: full)
 
     assert solved(ready, file, Doing(look, at=2), Doing(look, at=4)).status.ok
     assert seen[0] == seen[1] > 0
@@ -158,8 +157,8 @@ BESIDE = """
 import os, sys
 from dataclasses import replace
 from flexcam import prepare, read_case
-from flexcam.integrate import solve
-from flexcam.runner import result_file
+from flexcam.dynamics import solve
+from flexcam.analysis.run import result_file
 case, (begin, all_ready) = read_case(sys.argv[1]), os.pipe()
 for i in range(8):
     if not os.fork():
@@ -189,7 +188,7 @@ def test_eight_processes_in_one_folder(ready, tried, tmp_path):
 HELD = """
 import os, sys
 from pathlib import Path
-from flexcam.io.draft import _locked
+from flexcam.io.result_writer import _locked
 _locked(Path(sys.argv[1]))
 os._exit(9)
 """

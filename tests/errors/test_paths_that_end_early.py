@@ -7,22 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexcam.integrate import Problem, SaveAt, newmark, solve
-from flexcam.linalg import Triplets
-from flexcam.response import Cause
-from flexcam.system import (
+from flexcam.core import Triplets
+from flexcam.dynamics import (
     AngleVector,
+    Cause,
     ConstantSpeed,
     Load,
     LocalForce,
     Probe,
+    Problem,
+    SaveAt,
     System,
     constant,
     elastic_stop,
     hunt_crossley_contact,
+    newmark,
+    solve,
     spring_damper,
 )
-from flexcam.system.force_laws import BILATERAL
+from flexcam.dynamics.force_laws import BILATERAL
 
 NAMES = ("cam.uy", "tappet.uy", "valve")
 WAYS = ["direct", "modal", "kernel"]

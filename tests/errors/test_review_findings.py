@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, modes, prepare, read_case, run
-from flexcam.fem import Section
+from flexcam.fem.sections import Section
 
 CIRCLE = 'shaft = { shape = "circle", diameter = "25 mm" }'
 CUSTOM = 'shaft = { shape = "custom", A = "490 mm^2", Iy = "19000 mm^4", Iz = "12000 mm^4", J = "30000 mm^4" }'

@@ -8,10 +8,22 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.integrate import Problem, SaveAt, State, newmark, solve
-from flexcam.linalg import DENSE_LIMIT, Triplets
-from flexcam.response import Cause, RunFailedError
-from flexcam.system import AngleVector, ConstantSpeed, LocalForce, Reaction, System, constant
+from flexcam.core import DENSE_LIMIT, Triplets
+from flexcam.dynamics import (
+    AngleVector,
+    Cause,
+    ConstantSpeed,
+    LocalForce,
+    Problem,
+    Reaction,
+    RunFailedError,
+    SaveAt,
+    State,
+    System,
+    constant,
+    newmark,
+    solve,
+)
 
 DRIVE = ConstantSpeed(5.0)
 STEP = 0.01

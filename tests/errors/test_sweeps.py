@@ -7,7 +7,9 @@ import time
 import pytest
 
 from flexcam import InputError
-from flexcam.sweep import axes, made_plan, sample, study
+from flexcam.studies.axes import axes
+from flexcam.studies.plan import made_plan, sample
+from flexcam.studies.sweep import study
 
 
 @pytest.fixture

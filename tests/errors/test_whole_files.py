@@ -13,10 +13,10 @@ import pytest
 from imageio.v2 import get_writer
 
 from flexcam import prepare, read_case, solve
-from flexcam.cli import main
-from flexcam.response import RunFailedError
-from flexcam.runner import result_file
-from flexcam.view.saving import save
+from flexcam.analysis.run import result_file
+from flexcam.cli.main import main
+from flexcam.dynamics import RunFailedError
+from flexcam.plotting.figures import save
 
 ASKED = {
     "motion.svg": ("plot", "RESULT", "-o"),

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, read_case
-from flexcam.case import given_law, read_cams
-from flexcam.checks import did_you_mean, finite_array, refuse
+from flexcam.case.lift import given_law
+from flexcam.case.reader import read_cams
+from flexcam.core.errors import did_you_mean, finite_array, refuse
 
 
 def test_another_version_of_the_format(tmp_path):

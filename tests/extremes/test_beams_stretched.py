@@ -14,18 +14,22 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flexcam import build_model, fem, modes, prepare, read_case, run
-from flexcam.fem.generate import chain
-from flexcam.integrate import Problem, State, newmark, solve, static_displacement
-from flexcam.modal import modes as modes_of
-from flexcam.response import Cause, RunFailedError
-from flexcam.system import ConstantSpeed
-from flexcam.train import buckling_load, build_structure, operation
+from flexcam import build_model, modes, prepare, read_case, run
+from flexcam.dynamics import Cause, ConstantSpeed, Problem, RunFailedError, State, newmark, solve, static_displacement
+from flexcam.dynamics import modes as modes_of
+from flexcam.fem.assembly import mass, stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.frames import COMPONENTS, direction
+from flexcam.fem.members import Member
+from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.mesh import chain
+from flexcam.fem.sections import Section
+from flexcam.valvetrain import buckling_load, build_structure, train_metrics
 from tests.pinned_rod import LENGTH, TUBE, pinned_rod, push
 
 SLENDER, ELEMENTS, AXIAL = "slenderness of a beam", "elements per span", "axial load"
 DIAMETER, FIRST = 0.02, 1.8751040687119611
-SECTION = fem.Section.circle(DIAMETER)
+SECTION = Section.circle(DIAMETER)
 
 
 class Cantilever:
@@ -33,14 +37,14 @@ class Cantilever:
 
     def __init__(self, steel, length, elements, *, shear):
         mesh = chain((0, 0, 0), (length, 0, 0), elements)
-        member = fem.Member(steel, SECTION, shear=shear, rotary_inertia=shear)
-        beams = fem.beams(mesh, {"shaft": member})
-        self.dofs = fem.dof_map(mesh, [("start", fem.COMPONENTS)])
-        self.M, self.K = fem.mass(beams, self.dofs), fem.stiffness(beams, self.dofs)
+        member = Member(steel, SECTION, shear=shear, rotary_inertia=shear)
+        beams = fem_beams(mesh, {"shaft": member})
+        self.dofs = dof_map(mesh, [("start", COMPONENTS)])
+        self.M, self.K = mass(beams, self.dofs), stiffness(beams, self.dofs)
         self.free = np.zeros((self.dofs.size, 0))
         self.steel, self.length, self.EI = steel, length, steel.E * SECTION.Iz
         self.shear = 1.0 / (SECTION.kappa_y * steel.G * SECTION.A) if shear else 0.0
-        self.push = self.dofs.vector(elements, fem.direction("uy"))
+        self.push = self.dofs.vector(elements, direction("uy"))
 
     def deflection(self):
         return float(self.push @ static_displacement(self.K, self.push, self.dofs.names, self.free))
@@ -203,7 +207,7 @@ def test_a_run_beyond_the_critical_load_tells_its_margin(expect, column):
     struck = np.where([name == "mid.uy" for name in ready.problem.system.names], 1e-6, 0.0)
     response = solve(Problem(ready.problem.system, ConstantSpeed(1.0), 1e-4, 200, State(start, struck)), newmark())
     assert np.abs(response["mid.uy"].displacement[-1]) > np.abs(response["mid.uy"].displacement[100]) > 0.0
-    margin = {f.name: f.value for f in operation(ready.model, response, 1.0)}["members.rod.buckling_margin"]
+    margin = {f.name: f.value for f in train_metrics(ready.model, response, 1.0)}["members.rod.buckling_margin"]
     assert margin == pytest.approx(1.0 / 1.001, rel=1e-6)
     expect.warns(AXIAL, "straight column, P = 1.001 of its critical load, run",
                  f"members rod buckling margin {margin:.4g}", r"buckling margin 0\.999")  # fmt: skip

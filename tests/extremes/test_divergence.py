@@ -13,10 +13,8 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.integrate import Problem, State, newmark, solve
-from flexcam.response import Cause
-from flexcam.runner import result_file
-from flexcam.system import ConstantSpeed
+from flexcam.analysis.run import result_file
+from flexcam.dynamics import Cause, ConstantSpeed, Problem, State, newmark, solve
 
 DIVERGING = "a run that diverges"
 EDGE = 2.0 * math.sqrt(3.0)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from flexcam import read_case
-from flexcam.fidelity import distance, estimate, measured
-from flexcam.fidelity.rungs import Rung, steps_of, with_elements
+from flexcam.analysis.error_estimate import estimate
+from flexcam.analysis.measures import distance, measured
+from flexcam.analysis.model_ladder import Rung, steps_of, with_elements
 
 TRAIN = """\
 format = 1

@@ -15,10 +15,9 @@ import re
 import numpy as np
 import pytest
 
-from flexcam.held import overshot
-from flexcam.integrate import Problem, State, newmark, solve
-from flexcam.motion import LAWS, LiftEvent
-from flexcam.system import ConstantSpeed
+from flexcam.analysis.model_checks import overshot
+from flexcam.cams import LAWS, LiftEvent
+from flexcam.dynamics import ConstantSpeed, Problem, State, newmark, solve
 from tests.integrators import WITH_CONTACTS
 
 DAMPED, JUMPS = "damping", "jumps of the parabolic law"

@@ -13,7 +13,7 @@ import pytest
 from scipy.linalg import eigh
 
 from flexcam import prepare, read_case
-from flexcam.integrate import SaveAt, solve
+from flexcam.dynamics import SaveAt, solve
 
 FINE, FAST = "steps per revolution", "camshaft speed"
 LOADED = 2.0 * np.pi * 67.1144  # rad/s: the one mode that moves the valve by more than a thousandth of its lift

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexcam import read_case, run
-from flexcam.response import RunFailedError
+from flexcam.dynamics import RunFailedError
 
 HEAD = """
 format = 1

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam import read_case, run
-from flexcam.response import RunFailedError
+from flexcam.dynamics import RunFailedError
 
 CASE = Path(__file__).parents[2] / "cases/pushrod-engine/intake.toml"
 

@@ -13,12 +13,16 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from flexcam import fem
-from flexcam.fem.generate import chain
-from flexcam.integrate import static_displacement
-from flexcam.linalg import Triplets
-from flexcam.modal import modes
-from flexcam.response import Cause, RunFailedError
+from flexcam.core import Triplets
+from flexcam.dynamics import Cause, RunFailedError, modes, static_displacement
+from flexcam.fem.assembly import mass, stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.members import Member
+from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.mesh import chain
+from flexcam.fem.rigid_bodies import PointMass, mass_at
+from flexcam.fem.sections import Section
 
 MASSES, STIFFNESSES = "ratio of masses", "ratio of stiffnesses"
 EPS = float(np.finfo(float).eps)
@@ -57,13 +61,13 @@ class Cantilever:
     """A round shaft of 20 mm, fixed at its start, as matrices; `heavy` times its own mass at its tip."""
 
     def __init__(self, steel, heavy):
-        section = fem.Section.circle(0.02)
+        section = Section.circle(0.02)
         mesh = chain((0, 0, 0), (LENGTH, 0, 0), PARTS)
-        beams = fem.beams(mesh, {"shaft": fem.Member(steel, section, rotary_inertia=False)})
-        self.dofs = fem.dof_map(mesh, [("start", fem.COMPONENTS)])
+        beams = fem_beams(mesh, {"shaft": Member(steel, section, rotary_inertia=False)})
+        self.dofs = dof_map(mesh, [("start", COMPONENTS)])
         own = steel.density * section.A * LENGTH
-        tip = fem.mass_at(mesh.node("end"), fem.PointMass(heavy * own, (0.0, 0.0, 0.0)), self.dofs)
-        self.M, self.K = fem.mass(beams, self.dofs) + tip, fem.stiffness(beams, self.dofs)
+        tip = mass_at(mesh.node("end"), PointMass(heavy * own, (0.0, 0.0, 0.0)), self.dofs)
+        self.M, self.K = mass(beams, self.dofs) + tip, stiffness(beams, self.dofs)
         # The shape of a static tip load carries 33/140 of the shaft: right to the square of the mass ratio.
         self.lowest = math.sqrt(3.0 * steel.E * section.Iz / LENGTH**3 / ((heavy + 33.0 / 140.0) * own))
 

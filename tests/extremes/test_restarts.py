@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, run
-from flexcam.integrate import SaveAt, State, solve
-from flexcam.runner import result_file
+from flexcam.analysis.run import result_file
+from flexcam.dynamics import SaveAt, State, solve
 
 RESTART = "restart"
 ROOT = Path(__file__).parents[2]

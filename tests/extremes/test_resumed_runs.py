@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.integrate import SaveAt, solve
-from flexcam.response import Cause
-from flexcam.runner import result_file, unfinished
+from flexcam.analysis.run import result_file, unfinished
+from flexcam.dynamics import Cause, SaveAt, solve
 from tests.sinks import Cut
 
 ROOT = Path(__file__).parents[2]

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from flexcam import build_model, read_case
-from flexcam.fem import Mesh, Section
-from flexcam.integrate import Problem, equilibrium, newmark, solve
-from flexcam.system import ConstantSpeed
-from flexcam.train import build_structure, build_system, model_modes
+from flexcam.dynamics import ConstantSpeed, Problem, equilibrium, newmark, solve
+from flexcam.fem.mesh import Mesh
+from flexcam.fem.sections import Section
+from flexcam.valvetrain import build_structure, build_system, model_modes
 
 UNITS = "scale of the units"
 MASS, LENGTH, TIME = (1, 0, 0), (0, 1, 0), (0, 0, 1)

@@ -11,8 +11,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.integrate import Problem, SaveAt, State, newmark, solve
-from flexcam.system import ConstantSpeed
+from flexcam.dynamics import ConstantSpeed, Problem, SaveAt, State, newmark, solve
 from tests.integrators import WITH_CONTACTS
 
 STEPS, TURNS = "step times frequency", "many revolutions"

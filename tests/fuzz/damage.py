@@ -18,10 +18,11 @@ import meshio
 import numpy as np
 
 from flexcam import read_case
-from flexcam.integrate import solve
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import result_file
+from flexcam.dynamics import solve
 from flexcam.io import Result
-from flexcam.runner import prepare, result_file
-from flexcam.sweep import Table
+from flexcam.studies.tables import Table
 
 ROOT = Path(__file__).parents[2]
 
@@ -57,7 +58,7 @@ def _result(folder: Path) -> None:
 
 
 def _table(folder: Path) -> None:
-    from flexcam.cli import main
+    from flexcam.cli.main import main
 
     case = ROOT / "tests/data/inline.toml"
     words = [

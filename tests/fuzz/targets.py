@@ -16,16 +16,17 @@ from random import Random
 
 import numpy as np
 
-from flexcam.case import Case, build_model, read_cams, read_case
-from flexcam.checks import InputError
-from flexcam.cli import main
-from flexcam.integrate import solve
-from flexcam.io import read_lift, read_mesh, read_result
-from flexcam.io.profile_points import read_profile
-from flexcam.motion import lift_table
-from flexcam.response import Response, RunFailedError
-from flexcam.runner import modes, prepare
-from flexcam.sweep import read_table
+from flexcam.analysis.natural_modes import modes
+from flexcam.analysis.preparation import prepare
+from flexcam.cams import lift_table
+from flexcam.case.builder import build_model
+from flexcam.case.case import Case
+from flexcam.case.reader import read_cams, read_case
+from flexcam.cli.main import main
+from flexcam.core.errors import InputError
+from flexcam.dynamics import Response, RunFailedError, solve
+from flexcam.io import read_lift, read_mesh, read_profile, read_result
+from flexcam.studies.tables import read_table
 from tests.fuzz import damage, mutate
 
 ROOT = Path(__file__).parents[2]

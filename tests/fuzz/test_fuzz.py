@@ -9,7 +9,7 @@ from random import Random
 import pytest
 
 from flexcam import FlexcamError
-from flexcam.response import RunFailedError
+from flexcam.dynamics import RunFailedError
 from tests.fuzz import damage, targets
 from tests.fuzz.run import fuzz
 

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.fem import Beams, DofMap, Member, Mesh, Section, beams, dof_map, refined
+from flexcam.fem.dofs import DofMap, dof_map
+from flexcam.fem.elements.beam import Beams
+from flexcam.fem.members import Member, beams
+from flexcam.fem.mesh import Mesh, refined
+from flexcam.fem.sections import Section
 
 NODES = np.array([[0.0, 0.0, 0.0], [0.5, 0.1, -0.2], [0.7, 0.6, 0.1]])
 ORIENTATION = np.array([0.2, 0.3, 1.0])

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from flexcam import fem
-from flexcam.fem import Material
-from flexcam.integrate import static_displacement
-from flexcam.modal import modes
+from flexcam.dynamics import modes, static_displacement
+from flexcam.fem.assembly import geometric, mass, stiffness
+from flexcam.fem.members import Member, beams
+from flexcam.fem.sections import Material, Section
 
 THEORIES = [
     {"shear": False, "rotary_inertia": False}, {"shear": False, "rotary_inertia": True},
@@ -31,7 +31,7 @@ def theory(request):
 
 
 def matrices(frame):
-    return fem.mass(frame.beams, frame.dofs), fem.stiffness(frame.beams, frame.dofs)
+    return mass(frame.beams, frame.dofs), stiffness(frame.beams, frame.dofs)
 
 
 def frequencies(frame, count=12):
@@ -42,7 +42,7 @@ def tip_displacements(frame, rotation):
     """Displacements of all nodes under a force and a moment at the tip that turn with the frame."""
     push = np.concatenate([rotation @ [10.0, -3.0, 5.0], rotation @ [1.0, 2.0, -0.5]])
     load = frame.dofs.vector(frame.mesh.node("tip"), push)
-    return frame.dofs.nodal(static_displacement(fem.stiffness(frame.beams, frame.dofs), load, frame.dofs.names))
+    return frame.dofs.nodal(static_displacement(stiffness(frame.beams, frame.dofs), load, frame.dofs.names))
 
 
 @settings(max_examples=15, deadline=None)
@@ -61,9 +61,9 @@ def test_the_planes_are_unlike(frame):
     one, other = frame(), frame(quarter)
     assert np.abs(frequencies(one) / frequencies(other) - 1).max() < 1e-9
     assert one.beams.EIy[0] != one.beams.EIz[0]
-    members = fem.Member(Material(207e9, 0.29, 7800.0), fem.Section(A=4e-4, Iy=2e-8, Iz=7e-9, J=1e-8), (1.0, 0.0, 0.0))
-    turned = fem.beams(one.mesh, {"a": members, "b": members})
-    changed = modes(fem.mass(turned, one.dofs), fem.stiffness(turned, one.dofs), 4).frequencies
+    members = Member(Material(207e9, 0.29, 7800.0), Section(A=4e-4, Iy=2e-8, Iz=7e-9, J=1e-8), (1.0, 0.0, 0.0))
+    turned = beams(one.mesh, {"a": members, "b": members})
+    changed = modes(mass(turned, one.dofs), stiffness(turned, one.dofs), 4).frequencies
     assert np.abs(changed / frequencies(one, 4) - 1).max() > 1e-3
 
 
@@ -80,11 +80,11 @@ def test_members_may_run_backwards(frame, theory, rotation):
 @given(rotation=rotations)
 def test_rigid_motions_cost_no_energy(frame, theory, rotation):
     body = frame(rotation, held=False, **theory)
-    K = fem.stiffness(body.beams, body.dofs)
+    K = stiffness(body.beams, body.dofs)
     for unit in np.eye(6):
         motion = body.dofs.rigid_motion(body.mesh, unit)
         assert np.abs(K.times(motion)).max() <= 1e-11 * np.abs(K.values).max() * np.abs(motion).max()
-    found = modes(fem.mass(body.beams, body.dofs), K)
+    found = modes(mass(body.beams, body.dofs), K)
     assert found.rigid == 6
     assert (found.omegas[:6] == 0.0).all()
     assert found.omegas[6] > 0.0
@@ -95,7 +95,7 @@ def test_rigid_motions_cost_no_energy(frame, theory, rotation):
 def test_mass_and_inertia_of_the_body(frame, theory, rotation):
     """Translations weigh rho A L each way; rotations weigh the body's tensor, but for lumping."""
     body = frame(rotation, held=False, **theory)
-    M = fem.mass(body.beams, body.dofs)
+    M = mass(body.beams, body.dofs)
     motions = np.column_stack([body.dofs.rigid_motion(body.mesh, e) for e in np.eye(6)])
     inertia = np.column_stack([motions.T @ M.times(m) for m in motions.T]).T
     total = float(np.sum(body.beams.rho_A * body.beams.length))
@@ -127,7 +127,7 @@ def test_matrices_are_symmetric_and_positive(frame, theory):
         d = 1 / np.sqrt(np.diag(dense))
         assert np.linalg.eigvalsh(d[:, None] * dense * d).min() > 0.0
     force = np.linspace(-1.0, 1.0, len(body.beams))
-    G = fem.geometric(body.beams, force, body.dofs).dense()
+    G = geometric(body.beams, force, body.dofs).dense()
     assert np.abs(G - G.T).max() <= 1e-14 * np.abs(G).max()
 
 
@@ -139,9 +139,9 @@ def test_units_change_nothing(frame, theory, length, weight):
     one, other = frame(**theory), frame(material=unit, size=length, **theory)
     np.testing.assert_allclose(frequencies(other), frequencies(one), rtol=1e-9)
     push = np.concatenate([weight * length * np.array([1.0, 2.0, 3.0]), np.zeros(3)])
-    K = fem.stiffness(other.beams, other.dofs)
+    K = stiffness(other.beams, other.dofs)
     u = static_displacement(K, other.dofs.vector(2, push), other.dofs.names)
-    K1 = fem.stiffness(one.beams, one.dofs)
+    K1 = stiffness(one.beams, one.dofs)
     u1 = static_displacement(K1, one.dofs.vector(2, push / (weight * length)), one.dofs.names)
     np.testing.assert_allclose(other.dofs.nodal(u)[:, :3], length * one.dofs.nodal(u1)[:, :3], rtol=1e-9)
 
@@ -152,9 +152,9 @@ def test_caller_s_arrays_are_left_alone(frame, readonly):
     for name in ("length", "triads", "EA", "rho_A", "phi_y", "lumped"):
         getattr(body.beams, name).setflags(write=False)
     M, K, G = (
-        fem.mass(body.beams, body.dofs),
-        fem.stiffness(body.beams, body.dofs),
-        fem.geometric(body.beams, force, body.dofs),
+        mass(body.beams, body.dofs),
+        stiffness(body.beams, body.dofs),
+        geometric(body.beams, force, body.dofs),
     )
     for part in (M, K, G):
         part.values.setflags(write=False)

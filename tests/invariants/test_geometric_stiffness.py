@@ -9,7 +9,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.fem import Material, Member, Mesh, Section, beam, beams
+from flexcam.fem.elements import beam
+from flexcam.fem.members import Member, beams
+from flexcam.fem.mesh import Mesh
+from flexcam.fem.sections import Material, Section
 
 L, STRETCH = 0.6, 3e-4
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(5)

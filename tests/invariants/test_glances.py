@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.integrate import Problem, SaveAt, State, hht, newmark, solve
-from flexcam.linalg import Triplets
-from flexcam.response import Cause
-from flexcam.system import ConstantSpeed, Load, Probe, System
+from flexcam.core import Triplets
+from flexcam.dynamics import Cause, ConstantSpeed, Load, Probe, Problem, SaveAt, State, System, hht, newmark, solve
 
 CASES = Path(__file__).parents[2] / "cases"
 SERIES = ("displacement", "velocity", "acceleration")

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.integrate import State, equilibrium, solve
-from flexcam.integrate.local import LocalForces
-from flexcam.integrate.paths import way_of
-from flexcam.integrate.within import reached
-from flexcam.system import Load
+from flexcam.dynamics import Load, State, active_dofs_of, equilibrium, solve
+from flexcam.dynamics.engine_selection import select_engine
+from flexcam.dynamics.local_forces import LocalForces
 from tests.pinned_rod import pinned_rod, push
 
 FASTER = 'speed = "3000 rpm"\nsteps_per_revolution = 400\nrevolutions = 1'
@@ -46,7 +44,7 @@ def loaded(problem, pushes, history, *, steady=False):
 
 def moving(problem):
     """Return which kinds of unknowns can move."""
-    found = reached(problem).moving
+    found = active_dofs_of(problem).moving
     return {name.rpartition(".")[2] for name, one in zip(problem.system.names, found, strict=True) if one}
 
 
@@ -105,7 +103,7 @@ def test_a_steady_push_across_wakes_a_plane(rod):
 def test_machine_code_skips_the_plane_and_agrees(rod, across, scalars):
     ready = rod(2e-4, *across)
     general, compiled = (solve(replace(ready.problem, engine=path), ready.scheme) for path in ("direct", "kernel"))
-    way = way_of(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
+    way = select_engine(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
     assert set(LocalForces(way.problem.system).table.laws[:, 2].tolist()) == {scalars}
     for kind in ("displacement", "velocity"):
         one, other = (getattr(run.probes, kind) for run in (general, compiled))
@@ -115,7 +113,7 @@ def test_machine_code_skips_the_plane_and_agrees(rod, across, scalars):
 def test_machine_code_has_a_straight_strut(rod):
     """Nothing bends it: its stretch alone is left of an element, and no force beyond that of a bar."""
     ready = rod(0.0)
-    way = way_of(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
+    way = select_engine(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
     assert set(LocalForces(way.problem.system).table.laws[:, 2].tolist()) == {1}
     general, compiled = (solve(replace(ready.problem, engine=path), ready.scheme) for path in ("direct", "kernel"))
     one, other = general.probes.displacement, compiled.probes.displacement

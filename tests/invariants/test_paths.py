@@ -13,10 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.checks import InputError
-from flexcam.integrate import Problem, SaveAt, State, newmark, solve
-from flexcam.linalg import Triplets
-from flexcam.system import ConstantSpeed, Load, Probe, System
+from flexcam.core import Triplets
+from flexcam.core.errors import InputError
+from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, SaveAt, State, System, newmark, solve
 from tests.integrators import SCHEMES
 
 SERIES = ("displacement", "velocity", "acceleration")

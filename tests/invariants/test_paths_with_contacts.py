@@ -12,29 +12,31 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexcam.fem.elements.shallow import Arch
-from flexcam.integrate import Problem, State, newmark, solve
-from flexcam.linalg import Triplets
-from flexcam.system import (
+from flexcam.core import Triplets
+from flexcam.dynamics import (
     AngleVector,
     ConstantSpeed,
     FluctuatingSpeed,
     Load,
     LocalForce,
     Probe,
+    Problem,
+    State,
     System,
     constant,
     elastic_stop,
     hunt_crossley_contact,
+    newmark,
     oil_column_law,
+    solve,
     spring_damper,
 )
-from flexcam.train.bowing import arch_laws
-from flexcam.train.coils import pulsating_spring
-from flexcam.train.lever import lever_end
-from flexcam.train.parts import Pulsation
-from flexcam.train.penalty import HertzLine
-from flexcam.train.rockers import Lever
+from flexcam.fem.elements.arch import Arch
+from flexcam.valvetrain import Lever, Pulsation
+from flexcam.valvetrain.compression import arch_laws
+from flexcam.valvetrain.hertz_contact import HertzLine
+from flexcam.valvetrain.levers import lever_end
+from flexcam.valvetrain.springs import pulsating_spring
 from tests import integrators as tried
 
 SCHEMES = {name: one for name, one in tried.SCHEMES.items() if name in (*tried.METHODS, "newmark damped")}

@@ -11,25 +11,35 @@ from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from flexcam import fem
-from flexcam.fem import Material, Member, Mesh, Section, dof_map, refined
-from flexcam.integrate import Problem, State, equilibrium, newmark, solve
-from flexcam.linalg import Triplets, groups
-from flexcam.system import (
+from flexcam.core import Triplets
+from flexcam.core import connected_components as groups
+from flexcam.dynamics import (
     AngleVector,
     Channel,
     ConstantSpeed,
+    DofSubset,
     Load,
     LocalForce,
+    ModeBasis,
     Probe,
+    Problem,
     Reaction,
-    Selection,
-    Shapes,
+    State,
     System,
     constant,
-    projected,
-    reach,
+    equilibrium,
+    find_active_dofs,
+    newmark,
+    project_system,
+    solve,
 )
+from flexcam.fem.assembly import mass as fem_mass
+from flexcam.fem.assembly import stiffness as fem_stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.members import Member
+from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.mesh import Mesh, refined
+from flexcam.fem.sections import Material, Section
 
 STEEL = Material(207e9, 0.29, 7800.0)
 SAME = {"displacement": 1e-12, "velocity": 1e-12, "acceleration": 1e-12}
@@ -145,7 +155,7 @@ def test_what_acts_couples_as_what_senses_does():
     sense, act = unit(3, 0), unit(3, 1)
     force = LocalForce("push", (AngleVector.constant(sense),), (AngleVector.constant(act),), Stiff(), (constant(0.0),))
     system = replace(system, local_forces=(force,), loads=(Load("wave", sense, wave),))
-    assert reach(system).moving.tolist() == [True, True, False]
+    assert find_active_dofs(system).moving.tolist() == [True, True, False]
     whole, pruned = both(system)
     assert pruned.probes.displacement[:, 1].any()
     assert_same(whole, pruned)
@@ -155,7 +165,11 @@ def test_what_acts_couples_as_what_senses_does():
 def test_what_excites_brings_its_unknowns_back(what):
     system, _ = chains([1, 2], np.random.default_rng(2), mixed=False)
     n, row, start = 3, unit(3, 2), None
-    assert reach(replace(system, loads=(Load("wave", unit(n, 0), wave),))).moving.tolist() == [True, False, False]
+    assert find_active_dofs(replace(system, loads=(Load("wave", unit(n, 0), wave),))).moving.tolist() == [
+        True,
+        False,
+        False,
+    ]
     sense = AngleVector.constant(row) if what != "vector" else AngleVector(row[None, :], (lambda a, k: np.cos(a),))
     offset = {"offset": lambda angle, order: np.sin(angle), "preload": constant(0.5)}.get(what, constant(0.0))
     force = LocalForce("force", (sense,), (AngleVector.constant(row),), Stiff(), (offset,))
@@ -181,7 +195,7 @@ def test_what_hangs_in_balance_stays_where_it_hangs():
     system = replace(system, loads=(Load("wave", unit(5, 0), wave), weight), local_forces=(force,))
     still = replace(system, local_forces=())
     start = equilibrium(still, ConstantSpeed(1.0))
-    found = reach(still, start.displacement)
+    found = find_active_dofs(still, start.displacement)
     assert found.moving.tolist() == [True, True, False, False, False]
     assert (found.still[0].loaded, found.still[0].free) == (True, False)
     assert found.held[4] == start.displacement[4] != 0.0
@@ -189,15 +203,15 @@ def test_what_hangs_in_balance_stays_where_it_hangs():
     assert pruned.stats.unknowns == 2
     assert_same(whole, pruned)
     # A start that hangs without its weight's stretch swings, and a force that the stretch wakes does too.
-    assert reach(still).moving.all()
-    assert reach(system, start.displacement).moving.all()
+    assert find_active_dofs(still).moving.all()
+    assert find_active_dofs(system, start.displacement).moving.all()
 
 
 def test_a_soft_spring_between_stiff_parts_couples():
     """Its entry is far below rounding of the diagonals, and yet it is all that moves the second part."""
     K = np.array([[1e12, -1e-4], [-1e-4, 1e12]])
     system = System(Triplets.from_dense(np.eye(2)), Triplets.zeros(2), Triplets.from_dense(K), ("a", "b"))
-    assert reach(replace(system, loads=(Load("wave", unit(2, 0), wave),))).moving.all()
+    assert find_active_dofs(replace(system, loads=(Load("wave", unit(2, 0), wave),))).moving.all()
 
 
 def shaft(axis, *, tilt=0.0):
@@ -207,10 +221,10 @@ def shaft(axis, *, tilt=0.0):
     mesh = refined(Mesh(nodes, {"shaft": [0, 1, 2, 3, 4]}, {"a": [0], "b": [4], "cam": [2]}), {"shaft": 1})
     section = Section(A=4.9e-4, Iy=1.9e-8, Iz=1.9e-8, J=3.8e-8)
     beams, dofs = (
-        fem.beams(mesh, {"shaft": Member(STEEL, section)}),
+        fem_beams(mesh, {"shaft": Member(STEEL, section)}),
         dof_map(mesh, [(e, ("ux", "uy", "uz")) for e in "ab"]),
     )
-    mass, stiffness = fem.mass(beams, dofs), fem.stiffness(beams, dofs)
+    mass, stiffness = fem_mass(beams, dofs), fem_stiffness(beams, dofs)
     system = System(mass, stiffness.scaled(1e-6), stiffness, dofs.names)
     return system, dofs, mesh
 
@@ -221,7 +235,9 @@ def test_a_shaft_along_an_axis(tilt):
     system, dofs, mesh = shaft(np.array([1.0, 0.0, 0.0]), tilt=tilt)
     push = dofs.vector(mesh.node("cam"), np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
     system = replace(system, loads=(Load("push", 1e3 * push, wave),))
-    kept = {name.rpartition(".")[2] for name, one in zip(system.names, reach(system).moving, strict=True) if one}
+    kept = {
+        name.rpartition(".")[2] for name, one in zip(system.names, find_active_dofs(system).moving, strict=True) if one
+    }
     assert kept == {"uy", "rz"} if tilt == 0.0 else kept >= {"uy", "rz"}
     assert_same(*both(system, step=1e-3), parts=STIFF)
 
@@ -244,7 +260,7 @@ def test_shapes_that_span_everything_change_nothing():
     system = watched(replace(system, local_forces=(force,), loads=(Load("wave", unit(5, 2), wave),)))
     start = State(rng.normal(size=5), rng.normal(size=5))
     problem = Problem(system, ConstantSpeed(1.0), 0.05, 60, start)
-    basis = Shapes(np.linalg.qr(rng.normal(size=(5, 5)))[0] * rng.uniform(0.5, 2.0, 5))
+    basis = ModeBasis(np.linalg.qr(rng.normal(size=(5, 5)))[0] * rng.uniform(0.5, 2.0, 5))
     assert_same(solve(problem, newmark()), solve(replace(problem, basis=basis), newmark()), parts=STIFF)
 
 
@@ -252,19 +268,19 @@ def test_fewer_shapes_are_a_projection():
     rng = np.random.default_rng(5)
     system, _ = chains([4], rng)
     T = rng.normal(size=(4, 2))
-    small = projected(replace(system, loads=(Load("wave", unit(4, 1), wave),)), Shapes(T))
+    small = project_system(replace(system, loads=(Load("wave", unit(4, 1), wave),)), ModeBasis(T))
     np.testing.assert_allclose(small.stiffness.dense(), T.T @ system.stiffness.dense() @ T)
     np.testing.assert_allclose(small.loads[0].vector, T[1])
     assert small.names == ("shape 1", "shape 2")
     # The nearest motion by kinetic energy: what is missed has no momentum along the shapes.
     motion = rng.normal(size=4)
-    missed = motion - Shapes(T).spread(Shapes(T).within(motion, system.mass))
+    missed = motion - ModeBasis(T).spread(ModeBasis(T).within(motion, system.mass))
     np.testing.assert_allclose(T.T @ system.mass.times(missed), 0.0, atol=1e-12)
 
 
 def test_free_motions_of_a_choice():
     """Axial drift and another free motion: the part that is kept stays free, the other is gone."""
     free = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    found = Selection(np.array([0, 1]), np.zeros(3)).free(free)
+    found = DofSubset(np.array([0, 1]), np.zeros(3)).free(free)
     assert found.shape == (2, 1)
     np.testing.assert_allclose(np.abs(found), np.sqrt(0.5))

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from flexcam import read_case
-from flexcam.integrate import solve
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import result_file
+from flexcam.dynamics import solve
 from flexcam.io import read_result, write_pvd
-from flexcam.runner import prepare, result_file
-from flexcam.train import build_structure
+from flexcam.valvetrain import build_structure
 
 DATA = Path(__file__).parents[1] / "data"
 

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, read_result
-from flexcam.cli import main
-from flexcam.integrate import solve
+from flexcam.analysis.natural_modes import modes
+from flexcam.analysis.run import result_file
+from flexcam.cli.main import main
+from flexcam.dynamics import solve
 from flexcam.io import verified
-from flexcam.io.guard import datasets
-from flexcam.runner import modes, result_file
-from flexcam.sweep import read_table
+from flexcam.io.hdf5 import datasets
+from flexcam.studies.tables import read_table
 from tests.fuzz import damage
 
 ROOT = Path(__file__).parents[2]

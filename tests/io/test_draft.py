@@ -7,13 +7,13 @@ import os
 import pytest
 
 from flexcam import InputError
-from flexcam.io import draft
+from flexcam.io import result_writer
 
 
 @pytest.fixture
 def begun(tmp_path):
     """Return a draft of which one copy was shown."""
-    made = draft.Draft(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf")
+    made = result_writer.Draft(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf")
     made.path.write_bytes(b"the first copy")
     made.show()
     yield made
@@ -28,7 +28,7 @@ def test_a_copy_that_is_cut_off_is_never_seen(begun, tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     begun.path.write_bytes(b"the second copy")
-    monkeypatch.setattr(draft.shutil, "copyfile", half)
+    monkeypatch.setattr(result_writer.shutil, "copyfile", half)
     with pytest.raises(KeyboardInterrupt):
         begun.show()
     assert (tmp_path / "case.partial.vtkhdf").read_bytes() == b"the first copy"
@@ -44,13 +44,16 @@ def test_a_copy_takes_the_place_of_the_one_before(begun, tmp_path):
 def test_a_result_is_on_the_disk_before_it_takes_its_name(tmp_path, monkeypatch):
     """A power cut must not leave an empty file under the name of a result, nor the name unwritten."""
     synced, done = [], os.fsync
-    made, final = draft.Draft(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf"), tmp_path / "case.vtkhdf"
+    made, final = (
+        result_writer.Draft(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf"),
+        tmp_path / "case.vtkhdf",
+    )
 
     def sync(held):
         synced.append((os.fstat(held).st_ino, final.exists()))
         done(held)
 
-    monkeypatch.setattr(draft.os, "fsync", sync)
+    monkeypatch.setattr(result_writer.os, "fsync", sync)
     file = made.path.stat().st_ino
     made.become(final)
     assert synced == [(file, False), (tmp_path.stat().st_ino, True)]
@@ -68,7 +71,7 @@ def test_no_result_is_written_through_a_link(precious, tmp_path):
     """Whoever may write into the folder could lead a run to any file of the one who runs it."""
     (tmp_path / "case.writing").symlink_to(precious)
     with pytest.raises(InputError, match="symbolic link"):
-        draft.Draft(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf")
+        result_writer.Draft(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf")
     assert precious.read_bytes() == b"precious"
 
 

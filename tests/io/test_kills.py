@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, read_result
-from flexcam.io.vtkhdf import partial_of
-from flexcam.response import Cause
+from flexcam.dynamics import Cause
+from flexcam.io import partial_of
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 
@@ -29,12 +29,13 @@ import itertools, json, os, random, resource, signal, sys
 from dataclasses import replace
 from pathlib import Path
 from flexcam import read_case
-from flexcam.integrate import SaveAt, solve
-from flexcam.io import draft
-from flexcam.runner import prepare, result_file, unfinished
+from flexcam.dynamics import SaveAt, solve
+from flexcam.io import result_writer
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import result_file, unfinished
 
 case, folder, kills, seed = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
-draft._SHARE = float("inf")
+result_writer._SHARE = float("inf")
 ready = prepare(read_case(case, ["run.engine=direct"]))
 ready = replace(ready, save=SaveAt(field_every=5, fields_per_block=8))
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.case.motions import harmonic_file, law_file
-from flexcam.checks import InputError
+from flexcam.cams import KINDS, LAWS, BSplineLaw, HarmonicLift
+from flexcam.case.lift import harmonic_file, law_file
+from flexcam.core.errors import InputError
 from flexcam.io import read_lift, write_law, write_lift
-from flexcam.motion import KINDS, LAWS, BSplineLaw, HarmonicLift
 
 ROWS = [(0.0, 0.0), (30.0, 1.25), (60.5, 6.0), (90.0, 2.5), (1.2e2, 0.125)]
 ANGLES, LIFTS = np.array(ROWS).T

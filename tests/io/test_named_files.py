@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from flexcam import InputError, read_case
-from flexcam.case import CaseFile
-from flexcam.sweep.bundle import bundle_of
+from flexcam.case.reader import CaseFile
+from flexcam.studies.plan import bundle_of
 
 ROOT = Path(__file__).parents[2]
 TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from flexcam import modes
+from flexcam.analysis.run import geometry_of
 from flexcam.io import write_modes
-from flexcam.runner import geometry_of
 
 SCRIPT = """
 import json, sys

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from flexcam import ConstantSpeed, InputError, Problem, RunFailedError, newmark, read_result, solve
-from flexcam.io.growing import Growing
-from flexcam.response import Cause
+from flexcam.dynamics import Cause
+from flexcam.io.result_datasets import Growing
 from tests.sinks import Cut
 
 CALLS = 50
@@ -101,11 +101,12 @@ KILL = """
 import os, sys
 from pathlib import Path
 from flexcam import read_case
-from flexcam.integrate import solve
-from flexcam.io import draft
-from flexcam.io.growing import Growing
-from flexcam.runner import prepare, result_file
-draft._SHARE = float("inf")  # a copy after every block
+from flexcam.dynamics import solve
+from flexcam.io import result_writer
+from flexcam.io.result_datasets import Growing
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import result_file
+result_writer._SHARE = float("inf")  # a copy after every block
 ready, grow = prepare(read_case(sys.argv[1])), Growing.lengthen
 for at in map(int, sys.argv[3:]):
     if os.fork() == 0:

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from ezdxf import units
 
-from flexcam.cam import FlatFollower, RollerFollower, SwingRollerFollower, cam_profile
-from flexcam.cams import profile_table
-from flexcam.checks import InputError
+from flexcam.analysis.cam_report import profile_table
+from flexcam.cams import LAWS, FlatFollower, LiftEvent, RollerFollower, SwingRollerFollower, cam_profile
+from flexcam.core.errors import InputError
 from flexcam.io import ProfileTable, read_profile, write_profile
-from flexcam.motion import LAWS, LiftEvent
 
 pyvista = pytest.importorskip("pyvista")
 

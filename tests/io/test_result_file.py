@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, read_result
-from flexcam.response import Cause
+from flexcam.dynamics import Cause
 
 DATA = Path(__file__).parents[1] / "data"
 TIMES = "VTKHDF/Steps/Values"

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from flexcam import read_case, read_result
-from flexcam.case import CaseRecord
-from flexcam.integrate import solve
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import result_file
+from flexcam.case.records import CaseRecord
+from flexcam.dynamics import solve
 from flexcam.io import write_csv
-from flexcam.runner import prepare, result_file
 
 EVERY = Path(__file__).parents[1] / "data/every-key.toml"
 

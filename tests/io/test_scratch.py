@@ -92,7 +92,7 @@ def test_the_folder_of_another_user_stays(home, monkeypatch):
 
 def test_without_locks_nothing_is_taken_for_left(home, monkeypatch):
     monkeypatch.setattr(
-        import_module("flexcam.io.scratch"), "hold", lambda file: False
+        import_module("flexcam.io.atomic_write"), "hold", lambda file: False
     )  # its function has the same name
     with scratch() as one, scratch():
         assert one.exists()

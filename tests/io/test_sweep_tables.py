@@ -10,17 +10,15 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, read_case, run
-from flexcam.response import Cause, Status
-from flexcam.sweep import (
-    Plan,
-    Row,
-    axes,
+from flexcam.dynamics import Cause, Status
+from flexcam.studies.axes import axes
+from flexcam.studies.evaluation import Row
+from flexcam.studies.plan import Plan, made_plan, sample
+from flexcam.studies.tables import (
     csv_text,
     history_dataset,
     history_frame,
-    made_plan,
     read_table,
-    sample,
     table_dataset,
     table_frame,
     tabulated,

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexcam.checks import InputError
-from flexcam.units import DIMENSIONS, parse
+from flexcam.core.errors import InputError
+from flexcam.core.units import DIMENSIONS, parse
 
 EXACT = 1e-15
 """A few roundings of a double: the factor's, the product's, the text's."""

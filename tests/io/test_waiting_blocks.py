@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, read_result
-from flexcam.io import vtkhdf
+from flexcam.dynamics import Cause
+from flexcam.io import result_writer
 from flexcam.io.hdf5 import attribute
-from flexcam.response import Cause
 from tests.sinks import Cut
 
 
@@ -32,7 +32,7 @@ def content(path):
 
 def test_the_file_is_that_of_blocks_written_one_by_one(longer, solve_into, monkeypatch, tmp_path):
     together = content(solve_into(longer, tmp_path / "together")[1].path)
-    monkeypatch.setattr(vtkhdf, "_WORTH", -1)
+    monkeypatch.setattr(result_writer, "_WORTH", -1)
     single = content(solve_into(longer, tmp_path / "single")[1].path)
     assert together.keys() == single.keys()
     assert all(np.array_equal(values, single[name]) for name, values in together.items())
@@ -51,8 +51,9 @@ def test_a_run_that_is_stopped_keeps_what_waited(blocks, longer, solve_into, tmp
 KILL = """
 import os, sys
 from flexcam import read_case
-from flexcam.integrate import solve
-from flexcam.runner import prepare, result_file
+from flexcam.dynamics import solve
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import result_file
 ready = prepare(read_case(sys.argv[1]))
 file = result_file(ready, sys.argv[2])
 file.keep = lambda checkpoint: os._exit(9)

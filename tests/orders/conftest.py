@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from flexcam.integrate import Problem, State, solve
-from flexcam.system import ConstantSpeed, Reaction
+from flexcam.dynamics import ConstantSpeed, Problem, Reaction, State, solve
 
 M = np.array([[2.0, 0.3], [0.3, 1.0]])
 C = np.array([[0.4, -0.1], [-0.1, 0.3]])

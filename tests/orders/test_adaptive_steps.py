@@ -12,9 +12,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError
-from flexcam.integrate import Adaptive, Problem, State, bathe, newmark, solve
-from flexcam.response import Cause
-from flexcam.system import ConstantSpeed
+from flexcam.dynamics import Adaptive, Cause, ConstantSpeed, Problem, State, bathe, newmark, solve
 from tests.integrators import WITH_CONTACTS
 
 START, SPEED0, END = np.array([0.2, -0.1]), np.array([-0.5, 0.8]), 2.0

@@ -9,8 +9,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexcam.integrate import Problem, State, equilibrium, newmark, solve
-from flexcam.system import AngleVector, ConstantSpeed, LocalForce, constant
+from flexcam.dynamics import (
+    AngleVector,
+    ConstantSpeed,
+    LocalForce,
+    Problem,
+    State,
+    constant,
+    equilibrium,
+    newmark,
+    solve,
+)
 from tests.integrators import WITH_CONTACTS
 
 STEPS = np.array([200, 400, 800])

@@ -12,10 +12,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.integrate import Problem, State, generalized_alpha, hht, newmark, solve
-from flexcam.linalg import Triplets
-from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Probe, System, constant, elastic_stop
+from flexcam.core import Triplets
+from flexcam.core.errors import InputError
+from flexcam.dynamics import (
+    AngleVector,
+    ConstantSpeed,
+    Load,
+    LocalForce,
+    Probe,
+    Problem,
+    State,
+    System,
+    constant,
+    elastic_stop,
+    generalized_alpha,
+    hht,
+    newmark,
+    solve,
+)
 
 G, W, V0 = 9.81, 300.0, 1.0
 CONTACT = 2.0 / W * (math.pi - math.atan(V0 * W / G))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.integrate import newmark
+from flexcam.dynamics import newmark
 from tests.integrators import INTEGRATORS
 
 STEPS = np.array([200, 400, 800, 1600])

@@ -11,8 +11,15 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.cam import FlatFollower, RollerFollower, SwingFlatFollower, SwingRollerFollower
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent
+from flexcam.cams import (
+    LAWS,
+    FlatFollower,
+    HarmonicLift,
+    LiftEvent,
+    RollerFollower,
+    SwingFlatFollower,
+    SwingRollerFollower,
+)
 
 FOLLOWERS = {
     "flat": FlatFollower(0.018),

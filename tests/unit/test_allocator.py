@@ -11,9 +11,9 @@ import pytest
 FAULTS = """
 import resource, sys
 import numpy as np
-from flexcam.integrate import Problem, newmark, solve
-from flexcam.linalg import Triplets
-from flexcam.system import ConstantSpeed, System
+from flexcam.dynamics import Problem, newmark, solve
+from flexcam.core import Triplets
+from flexcam.dynamics import ConstantSpeed, System
 
 def block():
     arrays = [np.ones(200_000) for _ in range(8)]

@@ -8,7 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.fem import Material, Member, Mesh, Section, beam, beams
+from flexcam.fem.elements import beam
+from flexcam.fem.members import Member, beams
+from flexcam.fem.mesh import Mesh
+from flexcam.fem.sections import Material, Section
 
 SECTION = Section(A=3e-3, Iy=2e-6, Iz=5e-6, J=4e-6, kappa_y=0.8, kappa_z=0.6)
 MATERIAL = Material(E=2e11, nu=0.25, density=7000.0)

@@ -11,10 +11,13 @@ from pathlib import Path
 import pytest
 
 import flexcam
-from flexcam.budget import Budget, affordable, free_disk, free_memory, room, within
-from flexcam.checks import InputError
-from flexcam.runner import budget_of, prepare, result_file
-from flexcam.sweep import afford, study
+from flexcam.analysis import resources
+from flexcam.analysis import resources as within
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.resources import Budget, affordable, free_disk, free_memory
+from flexcam.analysis.run import budget_of, result_file
+from flexcam.core.errors import InputError
+from flexcam.studies.sweep import afford, study
 
 ROOT = Path(__file__).parents[2]
 CASE = ROOT / "tests/data/inline.toml"
@@ -45,9 +48,10 @@ import json, resource, sys
 from pathlib import Path
 import numba, scipy.linalg.lapack, scipy.sparse.linalg
 import flexcam
-from flexcam.memory import Extremes
-from flexcam.runner import budget_of, prepare, recent, result_file
-from flexcam.train import StrengthSink, build_structure
+from flexcam.dynamics.memory import Extremes
+from flexcam.analysis.run import budget_of, recent, result_file
+from flexcam.analysis.preparation import prepare
+from flexcam.valvetrain import StrengthSink, build_structure
 keep, case = sys.argv[1], flexcam.read_case(sys.argv[2], sys.argv[3:])
 def taken():
     return int(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0]) * 1024
@@ -157,11 +161,11 @@ def test_limits_of_control_groups_count(tmp_path):
         (folder / "memory.max").write_text(limit + "\n")
         (folder / "memory.current").write_text(used + "\n")
     own.write_text("0::/batch/job\n")
-    assert sorted(room.of_groups(tmp_path / "root", own)) == [600, 9998]
+    assert sorted(resources.of_groups(tmp_path / "root", own)) == [600, 9998]
     older = tmp_path / "root/memory/job"
     older.mkdir(parents=True)
     (older / "memory.limit_in_bytes").write_text("800")
     (older / "memory.usage_in_bytes").write_text("900")
     own.write_text("3:cpu,cpuacct:/job\n2:memory:/job\n")
-    assert list(room.of_groups(tmp_path / "root", own))[0] == 0  # noqa: RUF015
-    assert list(room.of_groups(tmp_path / "root", tmp_path / "nothing")) == []
+    assert list(resources.of_groups(tmp_path / "root", own))[0] == 0  # noqa: RUF015
+    assert list(resources.of_groups(tmp_path / "root", tmp_path / "nothing")) == []

@@ -7,17 +7,25 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.cam import (
+from flexcam.cams import (
+    LAWS,
     FlatFollower,
+    HarmonicLift,
+    LiftEvent,
+    Polydyne,
     RollerFollower,
+    SingleMass,
+    SplineFamily,
     cam_profile,
     findings,
+    harmonic_fit,
     lift_from_profile,
+    minimax,
+    off_design,
     petrescu_profile,
+    polydyne,
 )
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent
-from flexcam.synthesis import Polydyne, SingleMass, SplineFamily, harmonic_fit, minimax, off_design, polydyne
+from flexcam.core.errors import InputError
 
 AROUND = np.linspace(0.0, 2 * math.pi, 12, endpoint=False)
 CIRCLE = 0.02 * np.column_stack([np.cos(AROUND), np.sin(AROUND)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexcam.cam import cam_profile, findings
+from flexcam.cams import cam_profile, findings
 
 COUNT = 2880
 ANGLES = np.arange(0, COUNT, 31)

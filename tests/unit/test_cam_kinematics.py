@@ -11,13 +11,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.cam import (
-    FlatFollower,
-    RollerFollower,
-    SwingFlatFollower,
-    SwingRollerFollower,
-    cam_profile,
-)
+from flexcam.cams import FlatFollower, RollerFollower, SwingFlatFollower, SwingRollerFollower, cam_profile
 
 PLAIN = {"atol": 1e-13, "rtol": 1e-12}
 

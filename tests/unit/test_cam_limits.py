@@ -8,17 +8,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.cam import (
+from flexcam.cams import (
+    LAWS,
     FlatFollower,
+    HarmonicLift,
+    LiftEvent,
     RollerFollower,
     SwingFlatFollower,
     SwingRollerFollower,
     cam_profile,
     findings,
+    lowest,
     minimum_base_radius,
 )
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent, lowest
+from flexcam.core.errors import InputError
 
 M = 0.002
 TWICE = HarmonicLift(M, (0.0, -M), (0.0, 0.0))

@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.cam import FlatFollower, cam_profile, petrescu_efficiency, petrescu_profile, relaxed_arm
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, LiftEvent
+from flexcam.cams import LAWS, FlatFollower, LiftEvent, cam_profile, petrescu_efficiency, petrescu_profile, relaxed_arm
+from flexcam.core.errors import InputError
 
 H, R0, U = 0.006, 0.013, math.pi / 2
 COS = LiftEvent(LAWS["cos"], lift=H, rise=U, fall=U)

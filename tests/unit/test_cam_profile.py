@@ -9,9 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.cam import FlatFollower, RollerFollower, SwingFlatFollower, SwingRollerFollower, cam_profile, profile_at
-from flexcam.checks import InputError
-from flexcam.motion import HarmonicLift
+from flexcam.cams import (
+    FlatFollower,
+    HarmonicLift,
+    RollerFollower,
+    SwingFlatFollower,
+    SwingRollerFollower,
+    cam_profile,
+    profile_at,
+)
+from flexcam.core.errors import InputError
 
 COUNT = 256
 """Points of a Fourier series: the coefficients of all curves here fall below rounding before half of them."""

@@ -7,10 +7,18 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.cam import FlatFollower, RollerFollower, SwingFlatFollower, SwingRollerFollower, cam_profile
-from flexcam.cam import lift_from_profile as read
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent
+from flexcam.cams import (
+    LAWS,
+    FlatFollower,
+    HarmonicLift,
+    LiftEvent,
+    RollerFollower,
+    SwingFlatFollower,
+    SwingRollerFollower,
+    cam_profile,
+)
+from flexcam.cams import lift_from_profile as read
+from flexcam.core.errors import InputError
 
 ANGLES = np.linspace(0.0, 2 * math.pi, 331)
 AROUND = np.linspace(0.0, 2 * math.pi, 90, endpoint=False)

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from flexcam.cam import (
+from flexcam.cams import (
     FlatFollower,
     RollerFollower,
     SwingFlatFollower,

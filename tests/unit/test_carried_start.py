@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from flexcam import build_model, prepare, read_case
-from flexcam.fidelity import estimate
-from flexcam.fidelity.rungs import with_elements
-from flexcam.train import build_structure
+from flexcam.analysis.error_estimate import estimate
+from flexcam.analysis.model_ladder import with_elements
+from flexcam.valvetrain import build_structure
 
 ROOT = Path(__file__).parents[2]
 CANTILEVER = ROOT / "cases/checks/cantilever.toml"

@@ -7,19 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flexcam.integrate.settle import Inner
 
 from flexcam import prepare, read_case
-from flexcam.checkpoint import flattened
-from flexcam.integrate import SaveAt, fingerprint, newmark, solve
-from flexcam.integrate.moment import Moment
+from flexcam.dynamics import SaveAt, fingerprint, newmark, solve
+from flexcam.dynamics.checkpoint import flatten
+from flexcam.dynamics.step_state import StepState
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 
 
 def moment(**more):
     n, c = np.arange(3.0) / 7.0, np.array([1.0, -2.0]) / 3.0
-    return Moment(0.1, n, 2.0 * n, 3.0 * n, 4.0 * n, c, 2.0 * c, 3.0 * c, Inner(c[:1], c[1:]), **more)
+    return StepState(0.1, n, 2.0 * n, 3.0 * n, 4.0 * n, c, 2.0 * c, 3.0 * c, c[:1], **more)
 
 
 @pytest.mark.parametrize("more", [
@@ -28,19 +27,19 @@ def moment(**more):
 def test_an_instant_comes_back_whole(more):
     """Nothing of it is forgotten, whatever is added to it one day."""
     before = moment(**more)
-    arrays = {**flattened("last", before), "counts": np.zeros(2)}
-    after = Moment.restored("last", arrays)
-    assert flattened("", after).keys() == flattened("", before).keys()
-    assert {one.name for one in fields(Moment) if getattr(after, one.name) is None} == {
-        one.name for one in fields(Moment) if getattr(before, one.name) is None
+    arrays = {**flatten("last", before), "counts": np.zeros(2)}
+    after = StepState.restored("last", arrays)
+    assert flatten("", after).keys() == flatten("", before).keys()
+    assert {one.name for one in fields(StepState) if getattr(after, one.name) is None} == {
+        one.name for one in fields(StepState) if getattr(before, one.name) is None
     }
-    for name, values in flattened("", before).items():
-        assert np.array_equal(flattened("", after)[name], values), name
-        assert flattened("", after)[name].dtype == values.dtype, name
+    for name, values in flatten("", before).items():
+        assert np.array_equal(flatten("", after)[name], values), name
+        assert flatten("", after)[name].dtype == values.dtype, name
 
 
 def test_no_instant_comes_back_as_none():
-    assert Moment.restored("last", {"load": np.zeros(2)}) is None
+    assert StepState.restored("last", {"load": np.zeros(2)}) is None
 
 
 class Kept:

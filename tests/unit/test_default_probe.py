@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.checks import InputError
-from flexcam.runner import scalar_probe
+from flexcam.analysis.preparation import scalar_probe
+from flexcam.core.errors import InputError
 
 CAMSHAFT, BUCKET = "cases/camshaft-4cyl/camshaft.toml", "cases/direct-acting/bucket.toml"
 ENGINE = "cases/pushrod-engine/intake.toml"

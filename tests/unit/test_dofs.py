@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from flexcam import read_case
-from flexcam.case import build_model
-from flexcam.checks import InputError
-from flexcam.fem import COMPONENTS, Mesh, dof_map, refined
-from flexcam.fem.generate import chain
-from flexcam.runner import modes
-from flexcam.train import build_structure
+from flexcam.analysis.natural_modes import modes
+from flexcam.case.builder import build_model
+from flexcam.core.errors import InputError
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.mesh import Mesh, chain, refined
+from flexcam.valvetrain import build_structure
 
 MESH = Mesh([[0, 0, 0], [1, 0, 0], [1, 2, 0], [9, 9, 9]], {"a": [0, 1], "b": [1, 2]}, {"root": [0], "ends": [0, 2]})
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, run
-from flexcam.train import chain_of
-from flexcam.train.driven import moved_nodes, play_of
-from flexcam.train.operation import main_lift
+from flexcam.valvetrain import chain_of, main_lift
+from flexcam.valvetrain.train_topology import moved_nodes, play_of
 
 TWO = """
 format = 1

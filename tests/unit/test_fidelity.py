@@ -10,26 +10,15 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, solve
-from flexcam.console.doubts import unseen
-from flexcam.console.fidelity import choice_words, plus_minus
-from flexcam.fidelity import (
-    Choice,
-    Error,
-    Measured,
-    Reference,
-    Traded,
-    distance,
-    estimate,
-    ladder,
-    measured,
-    reference,
-    tried,
-)
-from flexcam.fidelity.rungs import Rung, steps_of, with_elements
-from flexcam.fidelity.trade import candidates, front, work_of
-from flexcam.integrate import integrated, outline
-from flexcam.response import Cause, Status
-from flexcam.runner import scalar_probe
+from flexcam.analysis.error_estimate import Error, estimate
+from flexcam.analysis.measures import Measured, distance, measured
+from flexcam.analysis.model_choice import Choice
+from flexcam.analysis.model_ladder import Rung, ladder, steps_of, with_elements
+from flexcam.analysis.preparation import scalar_probe
+from flexcam.analysis.trade import Reference, Traded, candidates, front, reference, tried, work_of
+from flexcam.dynamics import Cause, Status, integrated_size, outline
+from flexcam.report.fidelity_tables import choice_words, plus_minus
+from flexcam.report.run_checks import unseen
 
 ROOT = Path(__file__).parents[2]
 INLINE = ROOT / "tests/data/inline.toml"
@@ -142,7 +131,7 @@ class TestLadder:
 
     def test_each_is_derived_from_the_case(self):
         by_name = {one.name: one for one in ladder(read_case(INLINE, ["members.pushrod.elements=3"]))}
-        unknowns = {name: integrated(one.prepared().problem) for name, one in by_name.items()}
+        unknowns = {name: integrated_size(one.prepared().problem) for name, one in by_name.items()}
         assert (unknowns["rigid"], unknowns["sdof"]) == (0, 1)
         assert by_name["beams x2"].case.record.members["pushrod"].elements == 6
         assert by_name["beams x2"].case.record.members["camshaft"].elements == 2
@@ -165,7 +154,7 @@ class TestLadder:
     def test_candidates_begin_with_the_least_work(self):
         """By what is integrated: one mass at many steps costs less than the beams at few."""
         found = candidates(read_case(INLINE, ["run.steps_per_revolution=480"]))
-        work = [integrated(ready.problem) * ready.problem.steps for ready in (one.prepared() for one in found)]
+        work = [integrated_size(ready.problem) * ready.problem.steps for ready in (one.prepared() for one in found)]
         assert work == sorted(work)
         assert {steps_of(one.case) for one in found} == {60, 120, 240, 480}
 
@@ -316,7 +305,7 @@ class TestEstimate:
             taken.append(response.stats.engine)
             return measured(response, probe)
 
-        monkeypatch.setattr("flexcam.fidelity.rungs.measured", measured_here)
+        monkeypatch.setattr("flexcam.analysis.model_ladder.measured", measured_here)
         fewer = ["run.revolutions=1", f"run.steps_per_revolution={steps}", "springs.valve.elements=1"]
         plain = ["members.pushrod.geometric_stiffness=false", "members.pushrod.bow=0"]
         estimate(read_case(ENGINE, [*fewer, *plain]), "valve")

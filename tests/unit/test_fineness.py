@@ -11,15 +11,14 @@ import numpy as np
 import pytest
 
 import flexcam
-from flexcam.console.doubts import balances, lost_energy, numerical_energy, run_doubts
-from flexcam.console.results import imbalance
-from flexcam.console.watched import Watched
-from flexcam.integrate import Problem, State, hht, newmark, solve
-from flexcam.integrate.imbalance import Imbalance
-from flexcam.response import Block, Stats
-from flexcam.runner import prepare, result_file
-from flexcam.system import ConstantSpeed
-from flexcam.train.fineness import Fineness, _Touches
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import result_file
+from flexcam.dynamics import Block, ConstantSpeed, Problem, State, Stats, hht, newmark, solve
+from flexcam.dynamics.energy import EquilibriumResidual
+from flexcam.report.result_tables import imbalance
+from flexcam.report.run_checks import Watched, balances, lost_energy, numerical_energy, run_doubts
+from flexcam.valvetrain import Resolution
+from flexcam.valvetrain.resolution import _Touches
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 
@@ -74,7 +73,7 @@ def test_impacts_are_counted_around_the_largest_force():
 
 def test_nothing_that_moves_is_fine_enough():
     ready = prepare(flexcam.read_case(CASE))
-    assert Watched.of(ready).fineness.found() == Fineness(0.0, math.inf, {}, {})
+    assert Watched.of(ready).fineness.found() == Resolution(0.0, math.inf, {}, {})
 
 
 def test_a_fine_run_is_not_doubted():
@@ -90,7 +89,7 @@ def test_coarse_steps_are_told():
 class Found:
     """What the sink would have found."""
 
-    fineness: Fineness
+    fineness: Resolution
 
     def found(self):
         return self.fineness
@@ -98,7 +97,7 @@ class Found:
 
 def test_what_is_coarse_is_told():
     ready, seen, response = watched(CASE)
-    coarse = Fineness(400.0, 10.0, {"shaft": 30.0, "pushrod": 1.9}, {"seat": 4, "tip": 5, "play": 1})
+    coarse = Resolution(400.0, 10.0, {"shaft": 30.0, "pushrod": 1.9}, {"seat": 4, "tip": 5, "play": 1})
     told = run_doubts(ready, replace(seen, fineness=Found(coarse)), [], response.stats)
     longer = "take more steps per revolution, or a softer contact"
     bend = "a wave of bending of member pushrod has 1.9 of its elements at the 400 Hz of the accelerations"
@@ -114,7 +113,7 @@ def test_what_is_coarse_is_told():
 def test_enough_steps_are_named(steps, more):
     """As many as that are enough, and more than there are."""
     ready, seen, response = watched(CASE)
-    (told,) = run_doubts(ready, replace(seen, fineness=Found(Fineness(400.0, steps, {}, {}))), [], response.stats)
+    (told,) = run_doubts(ready, replace(seen, fineness=Found(Resolution(400.0, steps, {}, {}))), [], response.stats)
     assert told.endswith(f"take {more} times as many")
 
 
@@ -139,13 +138,13 @@ def test_a_missing_force_is_seen(system_of, monkeypatch):
     push = (np.ones(1), lambda motion: np.ones_like(motion.angle))
     problem = Problem(system_of([[1.0]], [[0.0]], [[49.0]], (push,)), ConstantSpeed(1.0), 1e-2, 400, State.rest(1))
     assert solve(problem, newmark()).stats.imbalance < 1e-12
-    made = Imbalance.__init__
+    made = EquilibriumResidual.__init__
 
     def blind(self, system, forces, step):
         made(self, system, forces, step)
         self._vectors = 0.0 * self._vectors
 
-    monkeypatch.setattr(Imbalance, "__init__", blind)
+    monkeypatch.setattr(EquilibriumResidual, "__init__", blind)
     # The largest force is that of the spring, twice the load; looked at every twentieth step.
     assert solve(problem, newmark()).stats.imbalance == pytest.approx(0.5, abs=0.02)
 
@@ -224,12 +223,12 @@ def test_a_run_shorter_than_a_field_is_looked_at(path, steps, monkeypatch):
     ready = prepare(flexcam.read_case(CASE, [f"run.engine={path}"]))
     short = replace(ready.problem, steps=steps)
     assert 0.0 < solve(short, ready.scheme).stats.imbalance < 1e-10
-    look = Imbalance.look
+    look = EquilibriumResidual.look
 
     def blind(self, track, seen, schedule, rows):
         look(self, track, replace(seen, histories=0.0 * seen.histories), schedule, rows)
 
-    monkeypatch.setattr(Imbalance, "look", blind)
+    monkeypatch.setattr(EquilibriumResidual, "look", blind)
     assert solve(short, ready.scheme).stats.imbalance > 0.1
 
 

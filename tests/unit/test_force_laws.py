@@ -13,33 +13,36 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.fem.elements.shallow import Arch
-from flexcam.integrate import Problem, State, equilibrium, newmark, solve
-from flexcam.integrate.kernel_engine import compiled_functions
-from flexcam.integrate.local import LocalForces
-from flexcam.linalg import Triplets
-from flexcam.system import (
+from flexcam.core import Triplets
+from flexcam.dynamics import (
     AngleVector,
     CamMotion,
     ConstantSpeed,
     Load,
     LocalForce,
     Probe,
+    Problem,
+    State,
     System,
     constant,
     elastic_stop,
+    equilibrium,
     hunt_crossley_contact,
+    newmark,
     oil_column_law,
+    solve,
     spring_damper,
 )
-from flexcam.system.force_laws import LAWS, line_load, oil_column
-from flexcam.system.force_laws import LEVER as LEVER_KIND
-from flexcam.train.bowing import arch_laws
-from flexcam.train.coils import pulsating_spring
-from flexcam.train.lever import lever_end
-from flexcam.train.parts import Pulsation
-from flexcam.train.penalty import HertzLine
-from flexcam.train.rockers import Lever
+from flexcam.dynamics.force_laws import LAWS, line_load, oil_column
+from flexcam.dynamics.force_laws import LEVER as LEVER_KIND
+from flexcam.dynamics.kernel_engine import compiled_functions
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.fem.elements.arch import Arch
+from flexcam.valvetrain import Lever, Pulsation
+from flexcam.valvetrain.compression import arch_laws
+from flexcam.valvetrain.hertz_contact import HertzLine
+from flexcam.valvetrain.levers import lever_end
+from flexcam.valvetrain.springs import pulsating_spring
 
 
 def radius(angle, order):

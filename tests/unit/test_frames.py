@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
+from flexcam.core.errors import InputError
 from flexcam.fem.frames import default_orientation, triads
 
 

@@ -9,10 +9,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexcam.fem import COMPONENTS, Member, Mesh, Section, along, beams, direction, dof_map, free_motions, stiffness
-from flexcam.fem.generate import chain
-from flexcam.integrate import static_displacement
-from flexcam.response import Cause, RunFailedError
+from flexcam.dynamics import Cause, RunFailedError, static_displacement
+from flexcam.fem.assembly import stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.frames import COMPONENTS, direction
+from flexcam.fem.members import Member, beams
+from flexcam.fem.mesh import Mesh, chain
+from flexcam.fem.rigid_bodies import along, free_motions
+from flexcam.fem.sections import Section
 
 TURN = Rotation.random(rng=np.random.default_rng(11)).as_matrix()
 AXES = {"x": np.eye(3), "z": np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]]).T, "skew": TURN}

@@ -5,18 +5,29 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.integrate import Problem, State, newmark, solve
-from flexcam.integrate.impact import complementary
-from flexcam.linalg import Triplets
-from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Probe, System, constant
-from flexcam.train.penalty import Stop
+from flexcam.core import Triplets
+from flexcam.dynamics import (
+    AngleVector,
+    ConstantSpeed,
+    Load,
+    LocalForce,
+    Probe,
+    Problem,
+    State,
+    System,
+    constant,
+    elastic_stop,
+    newmark,
+    solve,
+)
+from flexcam.dynamics.impact import complementary
 
 
 def contact(name, row, restitution, gap=0.0):
     """Pressed where row @ u > gap."""
     row = np.asarray(row, dtype=float)
     terms = (AngleVector.constant(row),), (AngleVector.constant(-row),)
-    return LocalForce(name, *terms, Stop(1e9), (constant(-gap),), (0,), restitution)
+    return LocalForce(name, *terms, elastic_stop(1e9), (constant(-gap),), (0,), restitution)
 
 
 def bodies(masses, *contacts, weight=0.0):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from flexcam import InputError
-from flexcam.case import given_follower
-from flexcam.case.tables.cams import FreeCamRecord
+from flexcam.case.builder import given_follower
+from flexcam.case.schema.cams import FreeCamRecord
 
 WHOLE = {"law": "shm", "lift": "6 mm", "rise": "60 deg", "return": "60 deg"}
 

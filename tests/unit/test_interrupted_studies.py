@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from flexcam import read_case
-from flexcam.fidelity import trade
-from flexcam.integrate import solve
-from flexcam.limits import Search, bracketed_limits
-from flexcam.orders import Signal, waterfall
-from flexcam.parting import parting
-from flexcam.response import Cause, Status
-from flexcam.stability import campbell, over_speeds
-from flexcam.study import quantities
+from flexcam.analysis.campbell import campbell
+from flexcam.analysis.limits import Search, bracketed_limits
+from flexcam.analysis.model_divergence import parting
+from flexcam.analysis.orders import Signal, waterfall
+from flexcam.analysis.stability import over_speeds
+from flexcam.analysis.trade import trade
+from flexcam.dynamics import Cause, Status, solve
+from flexcam.studies.quantities import quantities
 
 ROOT = Path(__file__).resolve().parents[2]
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
@@ -27,12 +27,12 @@ BROAD = Search(200.0, 300.0, tolerance=1e3, count=2)
 FORCE = Signal("contacts.intake.force")
 
 STUDIES = {
-    "flexcam.limits": (ENGINE, lambda case, **o: bracketed_limits(case, BROAD, ["buckling"], **o)),
-    "flexcam.stability.campbell": (ENGINE, lambda case, **o: campbell(case, SPEEDS, orders=[1], **o)),
-    "flexcam.orders": (ENGINE, lambda case, **o: waterfall(case, SPEEDS, [FORCE], 4, **o)),
-    "flexcam.parting": (ENGINE, lambda case, **o: parting(case, SPEEDS, **o)),
-    "flexcam.stability.verdict": (TAYEB, lambda case, **o: over_speeds(case, SPEEDS, **o)),
-    "flexcam.fidelity.trade": (TAYEB, lambda case, **o: trade(case, "valve", repeats=1, **o)),
+    "flexcam.analysis.limits": (ENGINE, lambda case, **o: bracketed_limits(case, BROAD, ["buckling"], **o)),
+    "flexcam.analysis.campbell": (ENGINE, lambda case, **o: campbell(case, SPEEDS, orders=[1], **o)),
+    "flexcam.analysis.orders": (ENGINE, lambda case, **o: waterfall(case, SPEEDS, [FORCE], 4, **o)),
+    "flexcam.analysis.model_divergence": (ENGINE, lambda case, **o: parting(case, SPEEDS, **o)),
+    "flexcam.analysis.stability": (TAYEB, lambda case, **o: over_speeds(case, SPEEDS, **o)),
+    "flexcam.analysis.trade": (TAYEB, lambda case, **o: trade(case, "valve", repeats=1, **o)),
 }
 
 
@@ -54,9 +54,9 @@ def test_a_stopped_run_stops_what_asked_for_it(where, monkeypatch):
 @pytest.mark.parametrize(
     ("where", "ask"),
     [
-        ("flexcam.integrate.floquet", lambda case: over_speeds(case, SPEEDS)),
-        ("flexcam.fidelity.rungs", lambda case: trade(case, "valve", repeats=1)),
-        ("flexcam.sweep.evaluate", lambda case: quantities(case, ["deviation.peak"])),
+        ("flexcam.dynamics.floquet", lambda case: over_speeds(case, SPEEDS)),
+        ("flexcam.analysis.model_ladder", lambda case: trade(case, "valve", repeats=1)),
+        ("flexcam.studies.evaluation", lambda case: quantities(case, ["deviation.peak"])),
     ],
 )
 def test_a_run_behind_another_is_heeded_too(where, ask, monkeypatch):
@@ -76,10 +76,18 @@ def test_each_is_told_of(where):
     path, ask = STUDIES[where]
     told = []
     found = ask(read_case(path, [*SHORT, "run.steps_per_revolution=360"]), advance=told.append)
-    assert told == [1] * (len(found[1]) if where == "flexcam.fidelity.trade" else 2)
+    assert told == [1] * (len(found[1]) if where == "flexcam.analysis.trade" else 2)
 
 
-@pytest.mark.parametrize("where", ["flexcam.limits", "flexcam.orders", "flexcam.parting", "flexcam.stability.campbell"])
+@pytest.mark.parametrize(
+    "where",
+    [
+        "flexcam.analysis.limits",
+        "flexcam.analysis.orders",
+        "flexcam.analysis.model_divergence",
+        "flexcam.analysis.campbell",
+    ],
+)
 def test_the_runs_to_come_count(where, monkeypatch):
     """Machine code pays for many short runs where it would not for one."""
     runs = []

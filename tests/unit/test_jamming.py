@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.system import constant
-from flexcam.train.rigid_friction import RigidFriction
+from flexcam.dynamics import constant
+from flexcam.valvetrain.rigid_model import RigidFriction
 
 
 def slid(angle, order):

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from flexcam.integrate import jit
+from flexcam.dynamics import jit
 
 RUN = """
 import numpy as np
-from flexcam.integrate import Problem, newmark, solve
-from flexcam.linalg import Triplets
-from flexcam.system import ConstantSpeed, Load, Probe, System
+from flexcam.dynamics import Problem, newmark, solve
+from flexcam.core import Triplets
+from flexcam.dynamics import ConstantSpeed, Load, Probe, System
 one, row = Triplets.from_dense([[1.0]]), np.ones(1)
 push = Load("push", row, lambda motion: np.sin(motion.angle))
 system = System(one, Triplets.zeros(1), one, ("x",), (push,), probes=(Probe("x", ("x",), np.eye(1), (None,)),))

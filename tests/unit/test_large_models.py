@@ -9,10 +9,14 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.fem import Material, Member, Mesh, Section, beams, dof_map, mass, refined, stiffness
-from flexcam.integrate import solve
-from flexcam.linalg import DENSE_LIMIT, Triplets, by_group, factorize, factorize_held
-from flexcam.linalg.band import BandFactor
+from flexcam.core import DENSE_LIMIT, Triplets, component_members, factorize, factorize_held
+from flexcam.core.factorization import BandFactor
+from flexcam.dynamics import solve
+from flexcam.fem.assembly import mass, stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.members import Member, beams
+from flexcam.fem.mesh import Mesh, refined
+from flexcam.fem.sections import Material, Section
 
 STEEL = Member(Material(2e11, 0.3, 7800.0), Section.circle(0.02))
 MANY = 70
@@ -91,8 +95,8 @@ def test_held_motions_cost_no_full_matrix(n, stiffness):
 
 
 def test_groups_are_listed_by_their_labels():
-    assert [group.tolist() for group in by_group(np.array([3, 0, 3, 0, 9]))] == [[1, 3], [0, 2], [4]]
-    assert by_group(np.zeros(0, np.intp)) == []
+    assert [group.tolist() for group in component_members(np.array([3, 0, 3, 0, 9]))] == [[1, 3], [0, 2], [4]]
+    assert component_members(np.zeros(0, np.intp)) == []
 
 
 CASE = """format = 1
@@ -167,7 +171,7 @@ def test_parts_of_blocks_change_no_motion(pytestconfig, monkeypatch):
     case = read_case(pytestconfig.rootpath / "cases" / "pushrod-engine" / "intake.toml", ["run.revolutions=0.05"])
     ready = prepare(case)
     whole = solve(ready.problem, ready.scheme, save=ready.save)
-    monkeypatch.setattr(sys.modules["flexcam.integrate.solve"], "AT_ONCE", 7 * whole.stats.unknowns)
+    monkeypatch.setattr(sys.modules["flexcam.dynamics.solve"], "AT_ONCE", 7 * whole.stats.unknowns)
     parts = solve(ready.problem, ready.scheme, save=ready.save)
     np.testing.assert_array_equal(parts.fields.acceleration, whole.fields.acceleration)
     np.testing.assert_array_equal(parts.field_time, whole.field_time)

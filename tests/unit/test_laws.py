@@ -10,8 +10,8 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, Polynomial, Scca
+from flexcam.cams import LAWS, Polynomial, Scca
+from flexcam.core.errors import InputError
 
 PRINTED = 5e-5
 """Of a number printed with five digits."""

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, LiftEvent
+from flexcam.cams import LAWS, LiftEvent
+from flexcam.core.errors import InputError
 
 TURN = 2 * math.pi
 RISE, DWELL, FALL, PHASE, LIFT = 1.1, 0.4, 1.7, 0.6, 0.008

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 
 from flexcam import read_case
-from flexcam.console.limit_map import told_limit_map
-from flexcam.response import Status
-from flexcam.study import LimitMap, grid_plan
-from flexcam.sweep import axis
+from flexcam.cli.studies import told_limit_map
+from flexcam.dynamics import Status
+from flexcam.studies.axes import axis
+from flexcam.studies.limit_map import LimitMap, grid_plan
 
 CASE = read_case(Path(__file__).parents[1] / "data/inline.toml")
 

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexcam.fem import Material, Member, Mesh, Section, beams, dof_map, mass, refined, stiffness
-from flexcam.linalg import DENSE_LIMIT, SingularMatrixError, Triplets, factorize, null_space, operator, pins
+from flexcam.core import DENSE_LIMIT, SingularMatrixError, Triplets, factorize, null_space, operator, pins
+from flexcam.fem.assembly import mass, stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.members import Member, beams
+from flexcam.fem.mesh import Mesh, refined
+from flexcam.fem.sections import Material, Section
 
 STEEL = Material(2e11, 0.3, 7800.0)
 

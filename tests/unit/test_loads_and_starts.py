@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run, solve
-from flexcam.fem import Section
-from flexcam.fidelity import compare
-from flexcam.runner import result_file
-from flexcam.system import ConstantSpeed
-from flexcam.train import build_structure
+from flexcam.analysis.comparison import compare
+from flexcam.analysis.run import result_file
+from flexcam.dynamics import ConstantSpeed
+from flexcam.fem.sections import Section
+from flexcam.valvetrain import build_structure
 
 INLINE = Path(__file__).parents[1] / "data/inline.toml"
 E, DENSITY, ROUND, LENGTH = 207e9, 7800.0, Section.circle(0.02), 0.6

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.fem import PointMass, along, dof_map, mass_at
-from flexcam.fem.generate import chain
+from flexcam.core.errors import InputError
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.mesh import chain
+from flexcam.fem.rigid_bodies import PointMass, along, mass_at
 
 
 def test_kinetic_energy_of_a_body_on_an_arm():

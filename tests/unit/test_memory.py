@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import flexcam
-from flexcam.checks import InputError
-from flexcam.memory import Extremes, Memory, Recent
-from flexcam.response import SaveAt, turning_points
-from flexcam.runner import prepare, recent, result_file
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import recent, result_file
+from flexcam.core.errors import InputError
+from flexcam.dynamics import SaveAt, turning_points
+from flexcam.dynamics.memory import Extremes, Memory, Recent
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 SELDOM = SaveAt(field_every=36_000)

@@ -12,22 +12,15 @@ import sys
 import numpy as np
 import pytest
 
-from flexcam.fem import (
-    COMPONENTS,
-    Member,
-    PointMass,
-    Section,
-    beams,
-    dof_map,
-    free_motions,
-    geometric,
-    mass_at,
-    stiffness,
-)
-from flexcam.fem import mass as mass_of
-from flexcam.fem.generate import chain
-from flexcam.modal import modes
-from flexcam.response import NotPositiveError
+from flexcam.dynamics import NotPositiveError, modes
+from flexcam.fem.assembly import geometric, stiffness
+from flexcam.fem.assembly import mass as mass_of
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.members import Member, beams
+from flexcam.fem.mesh import chain
+from flexcam.fem.rigid_bodies import PointMass, free_motions, mass_at
+from flexcam.fem.sections import Section
 
 ROUND = Section.circle(0.01)
 LENGTH = 2.0
@@ -54,7 +47,7 @@ class Shaft:
 def path(request, monkeypatch):
     """Send a model of either size down one of the two paths."""
     limit = 10**6 if request.param == "dense" else 0
-    monkeypatch.setattr(sys.modules["flexcam.modal.modes"], "DENSE_LIMIT", limit)
+    monkeypatch.setattr(sys.modules["flexcam.dynamics.modes"], "DENSE_LIMIT", limit)
     return request.param
 
 

@@ -6,7 +6,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from flexcam.linalg import extended, natural, pencil
+from flexcam.core import eigen, natural
+from flexcam.core import eigen as pencil
 
 EPS = np.finfo(float).eps
 
@@ -127,10 +128,10 @@ def test_slices_have_the_digits_of_extended_precision(monkeypatch):
     one, other = (rng.normal(size=(150, 150)).astype(np.longdouble) * 10.0 ** rng.uniform(-9, 9, 150) for _ in "ab")
     one += one * np.longdouble(2.0) ** -60  # digits below double precision
     other = other.T
-    sliced = extended.product(one, other)
-    monkeypatch.setattr(extended, "_FEW", 200)
+    sliced = eigen.product(one, other)
+    monkeypatch.setattr(eigen, "_FEW", 200)
     sizes = np.abs(one).max(axis=1)[:, None] * np.abs(other).max(axis=0)
-    off = np.abs(sliced - extended.product(one, other)) / sizes
+    off = np.abs(sliced - eigen.product(one, other)) / sizes
     assert off.max() <= 8.0 * np.finfo(np.longdouble).eps
     assert np.abs(one.astype(float) @ other.astype(float) - sliced).max() > 100.0 * np.abs(sizes * off).max()
 
@@ -138,7 +139,7 @@ def test_slices_have_the_digits_of_extended_precision(monkeypatch):
 def test_motions_are_the_same_however_products_are_taken(monkeypatch):
     M, K = graded(130)
     values, X = natural(M, K)
-    monkeypatch.setattr(extended, "_FEW", 200)
+    monkeypatch.setattr(eigen, "_FEW", 200)
     plain = natural(M, K)[0]
     allowed = 2.0 * EPS * plain + 4.0 * len(M) * np.finfo(np.longdouble).eps * plain[-1]
     assert (np.abs(values - plain) <= allowed).all()

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent, harmonics, order_spectrum
+from flexcam.cams import LAWS, HarmonicLift, LiftEvent, harmonics, order_spectrum
+from flexcam.core.errors import InputError
 
 RNG = np.random.default_rng(7)
 EVEN = np.linspace(0.0, 2.0 * math.pi, 101)

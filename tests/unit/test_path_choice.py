@@ -10,13 +10,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.integrate import (
+from flexcam.core import Triplets
+from flexcam.core.errors import InputError
+from flexcam.dynamics import (
     Adaptive,
+    AngleVector,
+    ConstantSpeed,
+    Load,
+    LocalForce,
+    ModeBasis,
+    Probe,
     Problem,
+    Reaction,
+    RunFailedError,
     SaveAt,
     State,
+    System,
     bathe,
+    constant,
+    elastic_stop,
     exact,
     generalized_alpha,
     hht,
@@ -24,22 +36,8 @@ from flexcam.integrate import (
     periodic,
     solve,
 )
-from flexcam.integrate.jit import is_available
-from flexcam.integrate.paths import way_of
-from flexcam.linalg import Triplets
-from flexcam.response import RunFailedError
-from flexcam.system import (
-    AngleVector,
-    ConstantSpeed,
-    Load,
-    LocalForce,
-    Probe,
-    Reaction,
-    Shapes,
-    System,
-    constant,
-    elastic_stop,
-)
+from flexcam.dynamics.engine_selection import select_engine
+from flexcam.dynamics.jit import is_available
 
 FORCED = ["modal", "kernel"]
 EVERY = SaveAt()
@@ -90,14 +88,14 @@ def refusal(problem, method=None):
 ])  # fmt: skip
 def test_methods_that_go_the_general_way_alone(path, options, method, words):
     assert words in refusal(problem_of(masses(2), path, **options), method)
-    assert way_of(problem_of(masses(2), steps=2000, **options), method, EVERY).engine == "direct"
+    assert select_engine(problem_of(masses(2), steps=2000, **options), method, EVERY).engine == "direct"
 
 
 @pytest.mark.parametrize("path", FORCED)
 def test_sizes(path):
     assert "501 unknowns" in refusal(problem_of(masses(501), path))
-    assert way_of(problem_of(masses(501), steps=100_000), newmark(), EVERY).engine == "direct"
-    assert way_of(problem_of(masses(250), path), newmark(), EVERY).engine == path
+    assert select_engine(problem_of(masses(501), steps=100_000), newmark(), EVERY).engine == "direct"
+    assert select_engine(problem_of(masses(250), path), newmark(), EVERY).engine == path
 
 
 @pytest.mark.parametrize(("n", "steps", "path"), [
@@ -105,7 +103,7 @@ def test_sizes(path):
 ])  # fmt: skip
 def test_what_a_size_makes_worthwhile(n, steps, path):
     """Natural motions take the cube of the unknowns to find, and save a time per step that hardly depends on them."""
-    assert way_of(problem_of(masses(n), steps=steps), newmark(), EVERY).engine == path
+    assert select_engine(problem_of(masses(n), steps=steps), newmark(), EVERY).engine == path
 
 
 def test_local_forces_and_damping():
@@ -141,10 +139,12 @@ def test_nothing_to_place_an_unknown_is_a_failure_with_its_name(path, damping):
 
 
 def test_without_a_compiler(monkeypatch):
-    monkeypatch.setattr("flexcam.integrate.paths.available", lambda: False)
+    monkeypatch.setattr("flexcam.dynamics.engine_selection.is_available", lambda: False)
     assert "numba is not installed" in refusal(problem_of(masses(2), "kernel"))
-    assert way_of(problem_of(masses(2, law=elastic_stop(1e3)), steps=10_000), newmark(), EVERY).engine == "direct"
-    assert way_of(problem_of(masses(2), steps=400_000), newmark(), EVERY).engine == "modal"
+    assert (
+        select_engine(problem_of(masses(2, law=elastic_stop(1e3)), steps=10_000), newmark(), EVERY).engine == "direct"
+    )
+    assert select_engine(problem_of(masses(2), steps=400_000), newmark(), EVERY).engine == "modal"
 
 
 @pytest.mark.parametrize(("law", "steps", "runs", "path"), [
@@ -154,7 +154,7 @@ def test_without_a_compiler(monkeypatch):
 ])  # fmt: skip
 def test_what_the_length_of_all_runs_makes_worthwhile(law, steps, runs, path):
     for method in (newmark(), hht(), generalized_alpha()):
-        assert way_of(problem_of(masses(3, law=law), steps=steps, runs=runs), method, EVERY).engine == path
+        assert select_engine(problem_of(masses(3, law=law), steps=steps, runs=runs), method, EVERY).engine == path
 
 
 @pytest.mark.parametrize(("steps", "runs", "path"), [
@@ -163,7 +163,7 @@ def test_what_the_length_of_all_runs_makes_worthwhile(law, steps, runs, path):
 def test_damping_that_couples(steps, runs, path):
     """No motion goes by itself: it is left to machine code, or to the general way where that is not worthwhile."""
     problem = problem_of(masses(2, damping=1.0), steps=steps, runs=runs)
-    assert way_of(problem, newmark(), EVERY).engine == path
+    assert select_engine(problem, newmark(), EVERY).engine == path
 
 
 def test_what_is_left_of_a_pruned_system_counts():
@@ -171,7 +171,7 @@ def test_what_is_left_of_a_pruned_system_counts():
     far = np.eye(3)[2]
     force = LocalForce("far", (AngleVector.constant(far),), (AngleVector.constant(-far),), Unknown(), (constant(0.0),))
     system = replace(masses(3), local_forces=(force,))
-    assert way_of(problem_of(system, steps=2000, prune=True), newmark(), EVERY).engine in ("direct", "modal")
+    assert select_engine(problem_of(system, steps=2000, prune=True), newmark(), EVERY).engine in ("direct", "modal")
     whole, pruned = (solve(problem_of(system, steps=2000, prune=prune), newmark()) for prune in (False, True))
     assert whole.stats.engine == "direct"
     np.testing.assert_allclose(
@@ -185,7 +185,7 @@ def test_other_unknowns(path):
     """Amounts of shapes go every way as well: the rigid one of two, and both."""
     system = masses(3)
     for T in (np.array([[1.0], [0.5], [0.2]]), np.array([[1.0, 0.0], [0.5, 1.0], [0.2, -1.0]])):
-        problem = problem_of(system, "direct", 300, basis=Shapes(T))
+        problem = problem_of(system, "direct", 300, basis=ModeBasis(T))
         general, found = (solve(replace(problem, path=one), newmark()) for one in ("direct", path))
         assert found.stats.engine == path
         for kind, most in (("displacement", 1e-12), ("velocity", 1e-12), ("acceleration", 1e-11)):
@@ -279,7 +279,7 @@ def test_a_search_for_a_periodic_state_is_many_revolutions(monkeypatch):
         taken.append(response.stats.engine)
         return response
 
-    monkeypatch.setattr(sys.modules["flexcam.integrate.periodic"], "solve", revolved)
+    monkeypatch.setattr(sys.modules["flexcam.dynamics.periodic"], "solve", revolved)
     for steps, way in ((600, "kernel"), (100, "direct")):
         bumper = masses(2, law=elastic_stop(100.0), damping=1.0)
         search = Problem(bumper, ConstantSpeed(3.0), 2.0 * np.pi / 3.0 / steps, steps)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from flexcam import compare, prepare, read_case, run
-from flexcam.fidelity import measured
-from flexcam.memory import Extremes
-from flexcam.response import extent, peak, turning_points
-from flexcam.sweep.scalars import scalars_of
+from flexcam.analysis.measures import measured
+from flexcam.dynamics import extent, peak, turning_points
+from flexcam.dynamics.memory import Extremes
+from flexcam.studies.evaluation import scalars_of
 
 CASE = "cases/tayeb/model-1-cycloidal.toml"
 

@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexcam import read_case, run
-from flexcam.checks import InputError
-from flexcam.integrate import solve
-from flexcam.linalg import Triplets
-from flexcam.modal import corrected_modes, craig_bampton, modes
-from flexcam.runner import prepare
+from flexcam.analysis.preparation import prepare
+from flexcam.core import Triplets
+from flexcam.core.errors import InputError
+from flexcam.dynamics import corrected_modes, craig_bampton, modes, solve
 
 
 def chain(rng, size, *, held=True, light=()):

@@ -10,18 +10,31 @@ import numpy as np
 import pytest
 
 from flexcam import read_case
-from flexcam.console.results import operation_table
-from flexcam.fem import Mesh, Section, beams
-from flexcam.fem.deflection import deflection
-from flexcam.fem.member import Member
-from flexcam.report.content import Album, Chapter, Chart, Curve, Panel, Picture, Report, Scene, Shape, Sheet
-from flexcam.report.curves import albums, left_over, scalars, thinned
-from flexcam.report.extras import Asked, extras
-from flexcam.report.html import embedded, page
-from flexcam.report.sheets import sheet
-from flexcam.response import Outline, Response, Series
-from flexcam.terminal import facts, table
-from flexcam.train import Figure
+from flexcam.dynamics import Outline, Response, Series
+from flexcam.fem.members import Member, beams
+from flexcam.fem.mesh import Mesh
+from flexcam.fem.recovery import deflection
+from flexcam.fem.sections import Section
+from flexcam.report.content import (
+    Album,
+    Asked,
+    Chapter,
+    Chart,
+    Curve,
+    Panel,
+    Picture,
+    Report,
+    Scene,
+    Shape,
+    Sheet,
+    extras,
+    sheet,
+)
+from flexcam.report.figures import albums, left_over, scalars, thinned
+from flexcam.report.page import embedded, page
+from flexcam.report.result_tables import operation_table
+from flexcam.report.terminal import facts, table
+from flexcam.valvetrain import Metric
 
 EVIL = """</script></title><script>alert("1")</script><img src=x onerror='alert(2)'> & "quoted" 'single' {{ 7 * 7 }}"""
 
@@ -237,7 +250,7 @@ def test_json_in_a_script():
 
 def test_numbers_too_large_for_single_precision_arrive():
     """Those of a run that diverged, and the cam angle of a very long one."""
-    from flexcam.report.html import _numbers
+    from flexcam.report.page import _numbers
 
     assert _numbers(np.array([1e300, -1e300]))["dtype"] == "f8"
     assert _numbers(np.array([3.6e6, 3.6e6 + 0.1]))["dtype"] == "f8"
@@ -245,7 +258,7 @@ def test_numbers_too_large_for_single_precision_arrive():
 
 
 def test_a_zero_of_the_train_has_no_sign():
-    made = operation_table([Figure("members.rod.compression", -0.0, "N")])
+    made = operation_table([Metric("members.rod.compression", -0.0, "N")])
     assert list(made.columns[1].cells) == ["0 N"]
 
 

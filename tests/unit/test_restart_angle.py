@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, read_case, run
-from flexcam.integrate import solve
-from flexcam.runner import prepare, result_file
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import result_file
+from flexcam.dynamics import solve
 
 INLINE = Path(__file__).parents[1] / "data/inline.toml"
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam import fem
-from flexcam.fem.generate import chain
-from flexcam.integrate import static_displacement
-from flexcam.linalg import energy_rounding
-from flexcam.modal import modes
-from flexcam.response import TOO_FINE, Cause, RunFailedError
-from flexcam.train import build_system
+from flexcam.core import energy_rounding
+from flexcam.dynamics import TOO_FINE, Cause, RunFailedError, modes, static_displacement
+from flexcam.fem.assembly import mass, stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.frames import COMPONENTS, direction
+from flexcam.fem.members import Member
+from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.mesh import chain
+from flexcam.fem.sections import Section
+from flexcam.valvetrain import build_system
 
 LENGTH, EI = 1.0, 207e9 * np.pi * 0.01**4 / 4
 
@@ -20,9 +23,9 @@ LENGTH, EI = 1.0, 207e9 * np.pi * 0.01**4 / 4
 def cantilever(steel):
     def make(elements):
         mesh = chain((0, 0, 0), (LENGTH, 0, 0), elements)
-        beams = fem.beams(mesh, {"shaft": fem.Member(steel, fem.Section.circle(0.02), rotary_inertia=False)})
-        dofs = fem.dof_map(mesh, [("start", fem.COMPONENTS)])
-        return fem.mass(beams, dofs), fem.stiffness(beams, dofs), dofs, dofs.vector(elements, fem.direction("uy"))
+        beams = fem_beams(mesh, {"shaft": Member(steel, Section.circle(0.02), rotary_inertia=False)})
+        dofs = dof_map(mesh, [("start", COMPONENTS)])
+        return mass(beams, dofs), stiffness(beams, dofs), dofs, dofs.vector(elements, direction("uy"))
 
     return make
 
@@ -68,7 +71,7 @@ def test_a_contact_passes_the_cause_on(published, monkeypatch):
     def spoilt(*_):
         raise RunFailedError(TOO_FINE)
 
-    monkeypatch.setattr("flexcam.train.published.static_displacement", spoilt)
+    monkeypatch.setattr("flexcam.valvetrain.published_load.static_displacement", spoilt)
     with pytest.raises(RunFailedError) as refusal:
         build_system(published(1), 314.0)
     assert refusal.value.status.cause is Cause.ROUNDING

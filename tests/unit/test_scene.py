@@ -9,18 +9,30 @@ import numpy as np
 import pytest
 
 from flexcam import read_case
-from flexcam.cam import FlatFollower, RollerFollower, SwingRollerFollower, cam_profile
-from flexcam.case import build_model
-from flexcam.fem import Material, Member, Mesh, Section, beams
-from flexcam.motion import LAWS, LiftEvent
-from flexcam.scene import Instant, case_motion, loft, mechanism, merged, mode_motion
-from flexcam.scene.centre_line import centre_line, swept, turn
-from flexcam.scene.coil import coil
-from flexcam.scene.lobes import cam_frame, lobe
-from flexcam.scene.shapes import AROUND, ball, capsule, cylinder, prism, ring, section_outlines
-from flexcam.scene.sizes import CoilSizes
-from flexcam.scene.solid import Solid
-from flexcam.train import Cam, build_structure
+from flexcam.cams import LAWS, FlatFollower, LiftEvent, RollerFollower, SwingRollerFollower, cam_profile
+from flexcam.case.builder import build_model
+from flexcam.fem.members import Member, beams
+from flexcam.fem.mesh import Mesh
+from flexcam.fem.sections import Material, Section
+from flexcam.plotting.scene.assembly import mechanism
+from flexcam.plotting.scene.instant import Instant
+from flexcam.plotting.scene.lobes import cam_frame, lobe
+from flexcam.plotting.scene.motion import case_motion, centre_line, mode_motion, swept, turn
+from flexcam.plotting.scene.sizes import CoilSizes
+from flexcam.plotting.scene.solids import (
+    AROUND,
+    Solid,
+    ball,
+    capsule,
+    cylinder,
+    loft,
+    merged,
+    prism,
+    ring,
+    section_outlines,
+)
+from flexcam.plotting.scene.springs import coil
+from flexcam.valvetrain import Cam, build_structure
 
 ROOT = Path(__file__).parents[2]
 STEEL = Material(E=207e9, nu=0.29, density=7800.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexcam.train.operation import seating
+from flexcam.valvetrain import seating
 
 STEPS = 360
 ANGLE = np.radians(np.arange(STEPS, dtype=float))

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from scipy.special import zeta
 
-from flexcam.checks import InputError
-from flexcam.fem import Section
+from flexcam.core.errors import InputError
+from flexcam.fem.sections import Section
 
 
 def membrane(a, b, terms=4000):

@@ -5,10 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.integrate import Problem, SaveAt, State, newmark, rest, solve
-from flexcam.linalg import Triplets
-from flexcam.system import Channel, ConstantSpeed, Load, Probe, System, load_sum
+from flexcam.core import Triplets
+from flexcam.core.errors import InputError
+from flexcam.dynamics import (
+    Channel,
+    ConstantSpeed,
+    Load,
+    Probe,
+    Problem,
+    SaveAt,
+    State,
+    System,
+    load_sum,
+    newmark,
+    rest,
+    solve,
+)
 
 W = 7.0
 

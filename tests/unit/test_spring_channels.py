@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, run
-from flexcam.case import unusual
-from flexcam.console.cases import model_table
-from flexcam.runner import modes
+from flexcam.analysis.natural_modes import modes
+from flexcam.case.input_checks import unusual
+from flexcam.report.model_tables import model_table
 
 SURGING = """
 format = 1

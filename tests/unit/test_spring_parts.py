@@ -10,11 +10,12 @@ import pytest
 from scipy.linalg import eigh
 
 from flexcam import build_model, prepare, read_case
-from flexcam.fidelity import distance, estimate
-from flexcam.fidelity.rungs import Rung, measured_run, with_elements
-from flexcam.motion import HarmonicLift
-from flexcam.train import Spring, build_structure
-from flexcam.train.surge import parts_for_waves, surge_frequency
+from flexcam.analysis.error_estimate import estimate
+from flexcam.analysis.measures import distance
+from flexcam.analysis.model_ladder import Rung, measured_run, with_elements
+from flexcam.cams import HarmonicLift
+from flexcam.valvetrain import Spring, build_structure
+from flexcam.valvetrain.surge import parts_for_waves, surge_frequency
 
 FINGER = Path("cases/direct-acting/finger.toml")
 UP = np.eye(6)[1]

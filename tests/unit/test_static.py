@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexcam.fem import COMPONENTS, Member, Mesh, Section, beams, dof_map, refined, stiffness
-from flexcam.fem.generate import chain
-from flexcam.integrate import static_displacement
-from flexcam.response import Cause, RunFailedError
+from flexcam.dynamics import Cause, RunFailedError, static_displacement
+from flexcam.fem.assembly import stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.members import Member, beams
+from flexcam.fem.mesh import Mesh, chain, refined
+from flexcam.fem.sections import Section
 
 
 def shaft(steel, parts, supports):

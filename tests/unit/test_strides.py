@@ -6,9 +6,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from flexcam.integrate import newmark
-from flexcam.integrate.family import Motions, Steps
-from flexcam.integrate.strides import Stride, alive, stride_length
+from flexcam.dynamics import newmark
+from flexcam.dynamics.modal_step import ModalStep, ModeParameters, StepBlock, drop_vanished, stride_length
 from tests.integrators import SCHEMES
 
 OMEGA = np.array([0.0, 1e-5, 1e-3, 0.1, 1.0, 10.0, 1e3, 1e6])
@@ -16,7 +15,7 @@ OMEGA = np.array([0.0, 1e-5, 1e-3, 0.1, 1.0, 10.0, 1e3, 1e6])
 
 
 def steps_of(scheme, ratio=0.0, omega=OMEGA):
-    return Steps.of(scheme, Motions(np.ones_like(omega), 2.0 * ratio * omega, omega**2, 1.0))
+    return ModalStep.of(scheme, ModeParameters(np.ones_like(omega), 2.0 * ratio * omega, omega**2, 1.0))
 
 
 def walked(steps, begin, loads):
@@ -32,7 +31,7 @@ def walked(steps, begin, loads):
 def test_strides_are_so_many_steps(name, ratio, length):
     """What pushes, what moves and what both leave within strides and behind them; to some roundings per step."""
     steps, rng, count = steps_of(SCHEMES[name], ratio), np.random.default_rng(1), 3
-    stride, n = Stride.of(steps, length), len(OMEGA)
+    stride, n = StepBlock.of(steps, length), len(OMEGA)
     begin, loads = rng.normal(size=(3, n)), rng.normal(size=(count * length + 1, n))
     push = steps.light * loads
     rising = np.array([push[b * length : (b + 1) * length + 1] - push[b * length] for b in range(count)])
@@ -72,29 +71,29 @@ FAMILY = ("beta", "gamma", "alpha_m", "alpha_f")
 def test_slow_motions_keep_their_frequency(name, omega):
     """What changes them in a stride is a small part of them: it has all digits, which a state behind it has not."""
     steps = steps_of(SCHEMES[name], omega=np.array([omega]))
-    stride = Stride.of(steps, 32)
+    stride = StepBlock.of(steps, 32)
     found = stride.change[:, :, 0] * [-steps.stiff[0], 1.0, 1.0]  # a displacement pulls as a push would push
     np.testing.assert_allclose(found, changed(SCHEMES[name], omega, 32), rtol=1e-12, atol=1e-300)
 
 
 def test_motions_that_grow_have_no_stride():
     """Newmark with beta 1/12 beyond its limit of stability, sqrt(6)."""
-    assert Stride.of(steps_of(newmark(beta=1.0 / 12.0), omega=np.array([2.4])), 32) is not None
-    assert Stride.of(steps_of(newmark(beta=1.0 / 12.0), omega=np.array([3.0])), 32) is None
+    assert StepBlock.of(steps_of(newmark(beta=1.0 / 12.0), omega=np.array([2.4])), 32) is not None
+    assert StepBlock.of(steps_of(newmark(beta=1.0 / 12.0), omega=np.array([3.0])), 32) is None
 
 
 def test_what_dies_out_ends_at_zero():
     """Not in the smallest numbers, which processors handle a hundred times slower: that is looked at group by group."""
     steps = steps_of(newmark(), 0.9, np.array([1.0]))
-    stride, state = Stride.of(steps, 32), np.ones((3, 1))
+    stride, state = StepBlock.of(steps, 32), np.ones((3, 1))
     for _ in range(12):
-        state = alive(state)
+        state = drop_vanished(state)
         assert (state == 0.0).all() or np.abs(state).max() > 1e-150
         causes, ends = np.empty((17, 3, 1)), np.zeros((16, 3, 1))
         causes[0] = stride.causes(state, np.zeros(1))
         stride.land(state, np.zeros((17, 1)), causes, ends)
         state = ends[-1]
-    assert (alive(state) == 0.0).all()
+    assert (drop_vanished(state) == 0.0).all()
 
 
 def test_strides_end_where_fields_are_saved():

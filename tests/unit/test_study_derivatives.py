@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.linalg import Triplets
-from flexcam.study.differences import STEPS, central, logarithmic
-from flexcam.study.frequencies import frequency_derivatives
+from flexcam.core import Triplets
+from flexcam.studies.frequencies import frequency_derivatives
+from flexcam.studies.sensitivity import STEPS, central, logarithmic
 
 AT = np.array(STEPS)
 

@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.response import Cause, Status
-from flexcam.study.objective import Goal, active, constraint, constraints_of
-from flexcam.study.optimize import Design, optimize
-from flexcam.study.pareto import front, pareto
-from flexcam.study.points import Variable
-from flexcam.sweep import Row
+from flexcam.core.errors import InputError
+from flexcam.dynamics import Cause, Status
+from flexcam.studies.evaluation import Row
+from flexcam.studies.evaluators import Variable
+from flexcam.studies.objective import Goal, active, constraint, constraints_of
+from flexcam.studies.optimization import Design, front, optimize, pareto
 
 
 @dataclass

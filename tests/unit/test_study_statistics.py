@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.study.scatter import Scatter, sampled, spread
-from flexcam.study.sobol import sobol_indices
+from flexcam.core.errors import InputError
+from flexcam.studies.sensitivity import sobol_indices
+from flexcam.studies.tolerance_analysis import Scatter, sampled, spread
 
 A, B = 7.0, 0.1
 

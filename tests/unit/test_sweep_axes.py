@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexcam import InputError
-from flexcam.sweep import Plan, axes, axis, made_plan, sample
+from flexcam.studies.axes import axes, axis
+from flexcam.studies.plan import Plan, made_plan, sample
 
 NUMBERS = st.decimals(min_value=-1000, max_value=1000, places=3)
 STEPS = st.decimals(min_value="0.001", max_value=100, places=3)

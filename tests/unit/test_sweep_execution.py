@@ -17,17 +17,16 @@ from pathlib import Path
 import pytest
 
 from flexcam import InputError, read_case
-from flexcam.case import CaseFile
-from flexcam.response import Cause, Status
-from flexcam.sweep import Cluster, Here, Processes, Row, evaluate, study, swept
-from flexcam.sweep import workers as workers_of
-from flexcam.sweep.axis import axes
-from flexcam.sweep.bundle import Bundle, bundle_of
-from flexcam.sweep.chunks import Outcome, chunk_size, chunks_of, evaluated
-from flexcam.sweep.execute import executed
-from flexcam.sweep.hdf5 import write_hdf5
-from flexcam.sweep.journal import Journal
-from flexcam.sweep.plan import Plan
+from flexcam.case.reader import CaseFile
+from flexcam.dynamics import Cause, Status
+from flexcam.studies import executors as workers_of
+from flexcam.studies.axes import axes
+from flexcam.studies.evaluation import Outcome, Row, chunk_size, chunks_of, evaluate, evaluated
+from flexcam.studies.executors import Cluster, Here, Processes, executed
+from flexcam.studies.journal import Journal
+from flexcam.studies.plan import Bundle, Plan, bundle_of
+from flexcam.studies.sweep import study, swept
+from flexcam.studies.tables import write_hdf5
 
 ROOT = Path(__file__).parents[2]
 TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"
@@ -141,7 +140,7 @@ def test_a_refusal_after_reading_and_a_fault_are_rows(monkeypatch):
     def broken(ready, response):
         raise ZeroDivisionError("nothing")
 
-    monkeypatch.setattr(sys.modules["flexcam.sweep.evaluate"], "scalars_of", broken)
+    monkeypatch.setattr(sys.modules["flexcam.studies.evaluation"], "scalars_of", broken)
     row = evaluate(read_case(TAYEB, QUICK))
     assert row.status.cause is Cause.FAULT
     assert "ZeroDivisionError: nothing (test_sweep_execution.py:" in row.status.text
@@ -196,7 +195,7 @@ def test_a_script_that_worker_processes_cannot_read_is_told_so(tmp_path):
     script = f"from flexcam import sweep\nsweep.swept(sweep.study({str(TAYEB)!r}, {VARIED!r}), sweep.Processes(2))\n"
     (tmp_path / "script.py").write_text(script, encoding="utf-8")
     done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    told = "flexcam.response.status.RunFailedError: worker-lost: no worker process could"
+    told = "flexcam.dynamics.status.RunFailedError: worker-lost: no worker process could"
     assert [line for line in done.stderr.splitlines() if line.startswith(told)]  # Python may add its own words behind
 
 

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, read_result, run, solve
-from flexcam.fidelity import deviation
-from flexcam.response import SLOPES, Cause, peak
-from flexcam.runner import figures_of, scalar_probe
-from flexcam.sweep import evaluate
-from flexcam.sweep.scalars import of_motion, scalar_names
+from flexcam.analysis.error_estimate import deviation
+from flexcam.analysis.preparation import figures_of, scalar_probe
+from flexcam.dynamics import SLOPES, Cause, peak
+from flexcam.studies.evaluation import evaluate, of_motion, scalar_names
 
 CASES = {
     "cases/tayeb/model-1-shm.toml": ["run.steps_per_revolution=720"],

@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent
-from flexcam.synthesis import harmonic_fit, harmonics_below
+from flexcam.cams import LAWS, HarmonicLift, LiftEvent, harmonic_fit, harmonics_below
+from flexcam.core.errors import InputError
 
 WANTED = LiftEvent(LAWS["3-4-5"], lift=0.006, rise=1.5, fall=1.3, dwell=1.0, phase=0.4)
 GRID = np.linspace(0.0, 2 * math.pi, 7201)[:-1]

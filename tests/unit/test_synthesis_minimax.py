@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, criteria
-from flexcam.synthesis import HarmonicFamily, SplineFamily, minimax
+from flexcam.cams import LAWS, HarmonicFamily, SplineFamily, criteria, minimax
+from flexcam.core.errors import InputError
 
 Z = np.linspace(0.0, 1.0, 4001)
 ORDERS = {"Cv": 1, "Ca": 2, "Cj": 3}

@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.synthesis import SplineFamily, minimax, pareto
+from flexcam.cams import SplineFamily, minimax, pareto
+from flexcam.core.errors import InputError
 
 FAMILY = SplineFamily(degree=5, pieces=8)
 SAME = 2e-6

@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent, harmonics
-from flexcam.synthesis import SingleMass, motion_at, off_design, polydyne
+from flexcam.cams import LAWS, HarmonicLift, LiftEvent, SingleMass, harmonics, motion_at, off_design, polydyne
+from flexcam.core.errors import InputError
 
 WANTED = LiftEvent(LAWS["5-6-7-8-9"], lift=0.008, rise=1.5, fall=1.3, dwell=0.5, phase=0.2)
 """Smooth to the fourth derivative, so that sixty harmonics hold it to 1e-8 m."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.linalg import Triplets
-from flexcam.system import AngleVector, CamMotion, ConstantSpeed, Load, System, constant
+from flexcam.core import Triplets
+from flexcam.core.errors import InputError
+from flexcam.dynamics import AngleVector, CamMotion, ConstantSpeed, Load, System, constant
 
 
 def test_constant_speed():

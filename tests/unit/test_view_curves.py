@@ -11,20 +11,32 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from flexcam.cam import FlatFollower, RollerFollower, SwingFlatFollower, SwingRollerFollower, cam_profile
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent, Ramp, joints, residual_spectrum
-from flexcam.synthesis import HarmonicFamily, pareto
-from flexcam.view import (
+from flexcam.cams import (
+    LAWS,
+    FlatFollower,
+    HarmonicFamily,
+    HarmonicLift,
+    LiftEvent,
+    Ramp,
+    RollerFollower,
+    SwingFlatFollower,
+    SwingRollerFollower,
+    cam_profile,
+    joints,
+    pareto,
+    residual_spectrum,
+)
+from flexcam.core.errors import InputError
+from flexcam.plotting.curves import (
     draw_front,
     law_figure,
     law_front_figure,
     lift_figure,
     pressure_figure,
     profile_figure,
-    save_figure,
     spectrum_figure,
 )
+from flexcam.plotting.figures import save_figure
 
 EVENT = LiftEvent(LAWS["shm"], lift=0.006, rise=1.5, fall=1.4, dwell=0.2, phase=0.7)
 SMOOTH = HarmonicLift(0.003, (-0.003,), (0.0,))

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexcam.system import Evaluated, elastic_stop, hunt_crossley_contact, oil_column_law
-from flexcam.system.angle_functions import Derivative
+from flexcam.dynamics import CamFunctionCache, elastic_stop, hunt_crossley_contact, oil_column_law
+from flexcam.dynamics.angle_functions import Derivative
 
 
 class Counted:
@@ -24,14 +24,14 @@ class Counted:
 
 def test_a_function_is_computed_once():
     sine, angle = Counted(), np.linspace(0.0, 1.0, 7)
-    known = Evaluated(angle)
+    known = CamFunctionCache(angle)
     slope = known(sine, 1)
     assert known(Derivative(sine), 0) is slope
     assert sine.asked == 7
 
 
 def test_what_is_made_once_stays():
-    known = Evaluated(np.zeros(1))
+    known = CamFunctionCache(np.zeros(1))
     assert known.once("key", lambda: [1]) is known.once("key", lambda: [2])
 
 

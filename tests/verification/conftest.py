@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam import fem
-from flexcam.fem.generate import chain
-from flexcam.modal import modes
+from flexcam.dynamics import modes
+from flexcam.fem.assembly import geometric as fem_geometric
+from flexcam.fem.assembly import mass, stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.members import beams
+from flexcam.fem.mesh import chain
 
 PLANE = ("uz", "rx", "ry")
 """Held at every node where only bending in x-y is wanted."""
@@ -25,12 +28,12 @@ class StraightBeam:
 
     def __init__(self, member, length, elements, held):
         self.mesh = chain((0, 0, 0), (length, 0, 0), elements, "beam")
-        self.beams = fem.beams(self.mesh, {"beam": member})
-        self.dofs = fem.dof_map(self.mesh, held)
-        self.mass, self.stiffness = fem.mass(self.beams, self.dofs), fem.stiffness(self.beams, self.dofs)
+        self.beams = beams(self.mesh, {"beam": member})
+        self.dofs = dof_map(self.mesh, held)
+        self.mass, self.stiffness = mass(self.beams, self.dofs), stiffness(self.beams, self.dofs)
 
     def geometric(self, force):
-        return fem.geometric(self.beams, np.full(len(self.beams), float(force)), self.dofs)
+        return fem_geometric(self.beams, np.full(len(self.beams), float(force)), self.dofs)
 
     def frequencies(self, count, force=0.0):
         return modes(self.mass, self.stiffness + self.geometric(force), count).frequencies

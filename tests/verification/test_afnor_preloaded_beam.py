@@ -11,7 +11,8 @@ import math
 
 import pytest
 
-from flexcam.fem import Material, Member, Section
+from flexcam.fem.members import Member
+from flexcam.fem.sections import Material, Section
 
 SOURCE = "AFNOR/SFM guide (1990), simply supported beam under axial force"
 LENGTH, SIDE = 2.0, 0.05

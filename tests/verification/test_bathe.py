@@ -11,8 +11,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.integrate import Problem, State, bathe, newmark, solve
-from flexcam.system import ConstantSpeed
+from flexcam.dynamics import ConstantSpeed, Problem, State, bathe, newmark, solve
 
 SOURCE = "Bathe's composite step"
 

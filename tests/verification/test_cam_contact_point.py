@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run
-from flexcam.integrate import equilibrium
-from flexcam.system import ConstantSpeed
+from flexcam.dynamics import ConstantSpeed, equilibrium
 
 SOURCE = "Point of contact of a cam"
 E, NU, SPAN, REACH = 207e9, 0.29, 0.12, 0.25

@@ -13,8 +13,10 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.cam import (
+from flexcam.cams import (
+    LAWS,
     FlatFollower,
+    LiftEvent,
     SwingRollerFollower,
     cam_profile,
     lift_from_profile,
@@ -22,7 +24,6 @@ from flexcam.cam import (
     petrescu_profile,
     profile_at,
 )
-from flexcam.motion import LAWS, LiftEvent
 
 LI = "Li, Cam motion simulation and optimization (2014)"
 CASE = "swinging roller follower, l = 145, a = 140, R = 16 mm, 30 deg + 10 deg"

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run, solve
-from flexcam.fidelity import chain, chain_run
-from flexcam.modal import modes
-from flexcam.train import build_structure, follower_train
+from flexcam.analysis.model_ladder import chain, chain_run
+from flexcam.dynamics import modes
+from flexcam.valvetrain import build_structure, follower_train
 
 ROOT = Path(__file__).parents[2]
 SOURCE = "Chains of masses from the beam model"

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flexcam.fem import Material, Member, Section
-from flexcam.modal import modes
+from flexcam.dynamics import modes
+from flexcam.fem.members import Member
+from flexcam.fem.sections import Material, Section
 
 SOURCE = "Classical beams, characteristic equations"
 # Divided by cosh, so that the roots are well conditioned.

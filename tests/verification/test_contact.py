@@ -16,22 +16,25 @@ import numpy as np
 import pytest
 
 from flexcam import read_case, run
-from flexcam.integrate import Problem, State, newmark, solve
-from flexcam.linalg import Triplets
-from flexcam.system import (
+from flexcam.core import Triplets
+from flexcam.dynamics import (
     AngleVector,
     Channel,
     ConstantSpeed,
     Load,
     LocalForce,
     Probe,
+    Problem,
+    State,
     System,
     constant,
     elastic_stop,
     force_sum,
     hunt_crossley_contact,
+    newmark,
+    solve,
 )
-from flexcam.train.penalty import HertzLine
+from flexcam.valvetrain.hertz_contact import HertzLine
 
 SOURCE = "Contact and springs, closed forms"
 G, W, V0 = 9.81, 2000.0, 1.2
@@ -108,7 +111,8 @@ def bar(elements, stiffness, speed, law=None):
         M[i : i + 2, i : i + 2] += rho * A * h / 2.0 * np.eye(2)
     row = np.zeros(n)
     row[-1] = 1.0
-    force = LocalForce("stop", (AngleVector.constant(row),), (AngleVector.constant(-row),), law or elastic_stop(stiffness),
+    own = law or elastic_stop(stiffness)
+    force = LocalForce("stop", (AngleVector.constant(row),), (AngleVector.constant(-row),), own,
                        (constant(0.0),))  # fmt: skip
     names = tuple(f"x{i}" for i in range(n))
     system = System(
@@ -152,8 +156,8 @@ def test_surge(record, parts):
     from scipy.linalg import eigh
 
     from flexcam import read_case
-    from flexcam.case import build_model
-    from flexcam.train import build_structure
+    from flexcam.case.builder import build_model
+    from flexcam.valvetrain import build_structure
 
     case = read_case("cases/pushrod-engine/intake.toml", [f"springs.valve.elements={parts}"])
     structure = build_structure(build_model(case))
@@ -203,7 +207,7 @@ def test_two_cylinders_after_young():
 
 def test_a_roller_that_nests_in_its_cam_is_pressed_back():
     """A flank hollow with nearly the roller's radius has a relative radius without end: the load still grows."""
-    from flexcam.train.penalty import STRAIGHT
+    from flexcam.valvetrain.hertz_contact import STRAIGHT
 
     for rolls, depth in ((True, 0.05), (False, 0.018)):
         law = HertzLine(0.01, 207e9, 0.3, constant(STRAIGHT * depth), depth, rolls=rolls)

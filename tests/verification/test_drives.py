@@ -14,9 +14,9 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 from flexcam import build_model, prepare, read_case, run, solve
-from flexcam.runner import result_file
-from flexcam.system import FluctuatingSpeed, SpeedByAngle
-from flexcam.train import free_running
+from flexcam.analysis.run import result_file
+from flexcam.dynamics import FluctuatingSpeed, SpeedByAngle
+from flexcam.valvetrain import free_running
 
 SOURCE = "Drives of the camshaft"
 INLINE = Path(__file__).parents[1] / "data/inline.toml"

@@ -13,9 +13,10 @@ import pytest
 from scipy.linalg import eigh
 
 from flexcam import build_model, prepare, read_case
-from flexcam.console.doubts import input_doubts
-from flexcam.fem import Material, Member, Section
-from flexcam.train import buckling_load, build_structure, stiff_struts
+from flexcam.fem.members import Member
+from flexcam.fem.sections import Material, Section
+from flexcam.report.run_checks import input_doubts
+from flexcam.valvetrain import buckling_load, build_structure, stiff_struts
 
 SOURCE = "Euler columns, cubic elements"
 DIGITS = {

@@ -15,12 +15,26 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flexcam import prepare, read_case
-from flexcam.integrate import Problem, SaveAt, State, basis_of, floquet, newmark, solve
-from flexcam.integrate.monodromy import revolution
-from flexcam.integrate.within import within
-from flexcam.linalg import Triplets
-from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Reaction, System, constant
-from flexcam.train.penalty import Stop
+from flexcam.core import Triplets
+from flexcam.dynamics import (
+    AngleVector,
+    ConstantSpeed,
+    Load,
+    LocalForce,
+    Problem,
+    Reaction,
+    SaveAt,
+    State,
+    System,
+    basis_of,
+    constant,
+    elastic_stop,
+    floquet,
+    newmark,
+    solve,
+)
+from flexcam.dynamics.floquet import period_map
+from flexcam.dynamics.reduced_problem import reduce_problem
 
 SOURCE = "Mathieu's equation"
 IMPACTS = "Disturbances through impacts and contacts"
@@ -109,7 +123,13 @@ def bouncing(w, e, phase=0.0):
     one, row = Triplets.from_dense([[1.0]]), np.array([1.0])
     push = Load("drive", np.ones(1), lambda motion: np.cos(motion.angle + phase))
     seat = LocalForce(
-        "seat", (AngleVector.constant(-row),), (AngleVector.constant(row),), Stop(1e9), (constant(0.0),), (0,), e
+        "seat",
+        (AngleVector.constant(-row),),
+        (AngleVector.constant(row),),
+        elastic_stop(1e9),
+        (constant(0.0),),
+        (0,),
+        e,
     )
     return System(one, Triplets.zeros(1), one, ("x",), (push,), (seat,))
 
@@ -214,11 +234,11 @@ def test_a_train_with_an_adjuster_against_differences(record, speed):
     case = read_case(FINGER, [f"run.crank_speed={speed}", "run.revolutions=1", "run.steps_per_revolution=360"])
     ready = prepare(case)
     basis = basis_of(ready.problem)
-    inside = within(ready.problem, basis)
+    inside = reduce_problem(ready.problem, basis)
     n = inside.system.size
-    first = revolution(inside, newmark(), lambda: False).end
+    first = period_map(inside, newmark(), lambda: False).end
     inside = replace(inside, start=State(first[:n], first[n : 2 * n], 0.0, first[2 * n :]))
-    found = revolution(inside, newmark(), lambda: False)
+    found = period_map(inside, newmark(), lambda: False)
     stiff, heavy = (np.sqrt(np.abs(one.diagonal())) for one in (inside.system.stiffness, inside.system.mass))
     weights = np.concatenate([stiff, heavy, [stiff.max()]])
     random = np.random.default_rng(0)
@@ -227,7 +247,7 @@ def test_a_train_with_an_adjuster_against_differences(record, speed):
 
     def after(sign):
         x = first + sign * unit
-        return revolution(
+        return period_map(
             replace(inside, start=State(x[:n], x[n : 2 * n], 0.0, x[2 * n :])), newmark(), lambda: False, derived=False
         ).end
 

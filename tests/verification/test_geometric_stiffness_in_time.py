@@ -20,10 +20,8 @@ import numpy as np
 import pytest
 
 from flexcam import build_model, modes, prepare, read_case, run
-from flexcam.integrate import Problem, State, equilibrium, newmark, solve
-from flexcam.response import SaveAt
-from flexcam.runner import result_file
-from flexcam.system import ConstantSpeed, Load
+from flexcam.analysis.run import result_file
+from flexcam.dynamics import ConstantSpeed, Load, Problem, SaveAt, State, equilibrium, newmark, solve
 from tests.pinned_rod import LENGTH, TUBE, across, pinned_rod, push
 
 SOURCE = "Geometric stiffness within a run"

@@ -15,9 +15,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from flexcam import build_model, prepare, read_case, run, solve
-from flexcam.integrate import equilibrium
-from flexcam.runner import result_file
-from flexcam.system import ConstantSpeed
+from flexcam.analysis.run import result_file
+from flexcam.dynamics import ConstantSpeed, equilibrium
 
 SOURCE = "Lash and hydraulic adjusters"
 CASE = """

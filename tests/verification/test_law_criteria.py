@@ -11,8 +11,8 @@ import re
 import numpy as np
 import pytest
 
-from flexcam.motion import LAWS, Polynomial, criteria
-from flexcam.motion.criteria import stationary_points
+from flexcam.cams import LAWS, Polynomial, criteria
+from flexcam.cams.law_criteria import stationary_points
 
 SOURCE = "Pavlovic and Lutovac, New class of camshaft transfer functions"
 AS_PRINTED = LAWS["pavlovic-trigonometric"]

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from flexcam import build_model, prepare, read_case, run
-from flexcam.checks import InputError
-from flexcam.linalg import Triplets
-from flexcam.response import RunFailedError
-from flexcam.train import build_structure, model_modes
+from flexcam.core import Triplets
+from flexcam.core.errors import InputError
+from flexcam.dynamics import RunFailedError
+from flexcam.valvetrain import build_structure, model_modes
 
 SOURCE = "Levers and finger followers"
 CASE = """

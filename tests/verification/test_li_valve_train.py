@@ -19,9 +19,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flexcam import build_model, prepare, read_case, run
-from flexcam.fidelity import deviation
-from flexcam.modal import frequency_response, normalized_response
-from flexcam.synthesis import harmonics_below
+from flexcam.analysis.error_estimate import deviation
+from flexcam.cams import harmonics_below
+from flexcam.dynamics import frequency_response, normalized_response
 
 SOURCE = "C. Li (2014), eqs. 2-4 and 12-13"
 CASE = Path(__file__).parents[2] / "cases/li/valve-train.toml"

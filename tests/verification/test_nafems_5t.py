@@ -9,11 +9,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.fem import Material, Member, Section
-from flexcam.fem.damping import rayleigh_damping
-from flexcam.integrate import Problem, newmark, solve, static_displacement
-from flexcam.modal import modes
-from flexcam.system import ConstantSpeed, Load, Probe, System
+from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, System, modes, newmark, solve, static_displacement
+from flexcam.fem.assembly import rayleigh_damping
+from flexcam.fem.members import Member
+from flexcam.fem.sections import Material, Section
 
 SOURCE = "NAFEMS 5T, deep beam, suddenly applied load"
 LENGTH, ELEMENTS, LOAD = 10.0, 10, 1e6

@@ -12,7 +12,8 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.fem import Material, Member, Section
+from flexcam.fem.members import Member
+from flexcam.fem.sections import Material, Section
 
 SOURCE = "NAFEMS FV5, deep simply supported beam"
 PRINTED = (42.649, 42.649, 77.542, 125.00, 148.31, 148.31, 233.10, 284.55, 284.55)

@@ -14,8 +14,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.integrate import Problem, State, generalized_alpha, hht, newmark, solve
-from flexcam.system import ConstantSpeed
+from flexcam.dynamics import ConstantSpeed, Problem, State, generalized_alpha, hht, newmark, solve
 
 SOURCE = "Newmark family, amplification matrix"
 TENTH = 2 * math.pi / 10

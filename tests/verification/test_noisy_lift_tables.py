@@ -12,7 +12,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.motion import LAWS, LiftEvent, lift_table
+from flexcam.cams import LAWS, LiftEvent, lift_table
 
 SOURCE = "Measured lift with known noise, 8 mm lobe of 130 deg"
 DEGREE = math.radians(1.0)

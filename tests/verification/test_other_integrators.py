@@ -13,19 +13,26 @@ import numpy as np
 import pytest
 
 from flexcam import InputError
-from flexcam.integrate import (
+from flexcam.core import Triplets
+from flexcam.dynamics import (
+    AngleVector,
+    Cause,
+    ConstantSpeed,
+    Load,
+    LocalForce,
+    Probe,
     Problem,
+    Reaction,
     State,
+    System,
     central_difference,
+    constant,
     dop853,
     exact,
     newmark,
     radau,
     solve,
 )
-from flexcam.linalg import Triplets
-from flexcam.response import Cause
-from flexcam.system import AngleVector, ConstantSpeed, Load, LocalForce, Probe, Reaction, System, constant
 from tests.integrators import METHODS
 
 SOURCE = "Hughes (1987), explicit and exact integration"

@@ -14,13 +14,12 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, run
-from flexcam.integrate import Problem, State, newmark, periodic, solve
-from flexcam.integrate.monodromy import revolution
-from flexcam.linalg import Triplets
-from flexcam.system import ConstantSpeed, Load, Probe, System
+from flexcam.core import Triplets
+from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, State, System, newmark, periodic, solve
+from flexcam.dynamics.floquet import period_map
 
 SOURCE = "Periodic start"
-SEARCH = sys.modules["flexcam.integrate.periodic"]  # the package shows the function of that name
+SEARCH = sys.modules["flexcam.dynamics.periodic"]  # the package shows the function of that name
 LINEAR = "cases/tayeb/model-1-cycloidal.toml"
 
 
@@ -194,9 +193,9 @@ def test_revolutions_of_the_search(monkeypatch, case, damped, most):
 
     def counted(*arguments, derived):
         taken.append(derived)
-        return revolution(*arguments, derived=derived)
+        return period_map(*arguments, derived=derived)
 
-    monkeypatch.setattr(SEARCH, "revolution", counted)
+    monkeypatch.setattr(SEARCH, "period_map", counted)
     ready = prepare(read_case(case, [*damped, "run.start=periodic"]))
     assert len(taken) <= most
     assert ready.problem.start.periodicity <= 1e-9

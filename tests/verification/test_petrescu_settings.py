@@ -15,10 +15,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flexcam import build_model, read_case, run
-from flexcam.fidelity import OneMass, setting, settings_of
-from flexcam.motion import LAWS, LiftEvent
-from flexcam.train import free_speed
-from flexcam.units import RPM
+from flexcam.analysis.measures import settings_of
+from flexcam.analysis.petrescu import OneMass, setting
+from flexcam.cams import LAWS, LiftEvent
+from flexcam.core.units import RPM
+from flexcam.valvetrain import free_speed
 
 SOURCE = "F. I. T. Petrescu and R. V. V. Petrescu (2013), rows 10-43, figures 2-7"
 CASE = Path(__file__).parents[2] / "cases/petrescu/valve-spring.toml"

@@ -13,7 +13,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from flexcam.motion import LAWS, LiftEvent, Polynomial, criteria, joints, quinquinomial
+from flexcam.cams import LAWS, LiftEvent, Polynomial, criteria, joints, quinquinomial
 
 SOURCE = "Roussev, Paleva-Kadiyska and Galabov, Quinquinomial power functions"
 TABLE = {

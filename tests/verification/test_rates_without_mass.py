@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexcam.integrate import Problem, generalized_alpha, hht, newmark, solve
-from flexcam.linalg import Triplets
-from flexcam.system import ConstantSpeed, Load, Probe, System
+from flexcam.core import Triplets
+from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, System, generalized_alpha, hht, newmark, solve
 
 PUSH, STIFF, SPEED, STEP, STEPS = 100.0, 1e4, 30.0, 1e-4, 4000
 METHODS = {

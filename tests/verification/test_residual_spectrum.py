@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexcam.motion import LAWS, BSplineLaw, CompoundCycloid, Harmonic, Polynomial, Scca, Turned, residual_spectrum
-from flexcam.motion.law import ClosedResidual, Law
+from flexcam.cams import LAWS, BSplineLaw, CompoundCycloid, Harmonic, Law, Polynomial, Scca, Turned, residual_spectrum
+from flexcam.cams.motion_law import ClosedResidual
 
 SOURCE = "Residual vibration after a rise, spectrum of a law"
 RATIOS = np.array([1e-3, 0.05, 0.5, 0.73, 1.0, 1.5, 2.0, 2.5, 3.0, 4.2, 7.0, 15.3])

@@ -13,12 +13,9 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.integrate import Problem, newmark, rest, solve
-from flexcam.modal import modes
-from flexcam.motion import LAWS, LiftEvent
-from flexcam.system import ConstantSpeed
-from flexcam.train.assembled import build_structure
-from flexcam.train.build import build_system
+from flexcam.cams import LAWS, LiftEvent
+from flexcam.dynamics import ConstantSpeed, Problem, modes, newmark, rest, solve
+from flexcam.valvetrain import build_structure, build_system
 
 SOURCE = "Residual vibration after a rise, closed form"
 FORMS = {

@@ -16,9 +16,9 @@ import pytest
 from scipy.optimize import brentq
 
 from flexcam import build_model, prepare, read_case, run
-from flexcam.console.doubts import input_doubts
-from flexcam.limits import find_limits, margins
-from flexcam.untold import shared
+from flexcam.analysis.limits import find_limits, margins
+from flexcam.analysis.model_checks import shared
+from flexcam.report.run_checks import input_doubts
 
 SOURCE = "Rigid follower"
 MASS, SPRING, INSTALLED = 0.5, 20e3, 300.0

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run
-from flexcam.integrate import Problem, equilibrium, solve
-from flexcam.system import ConstantSpeed
+from flexcam.dynamics import ConstantSpeed, Problem, equilibrium, solve
 
 CASE = """
 format = 1

@@ -14,17 +14,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexcam import prepare, read_case
-from flexcam.console.results import strength_table
-from flexcam.fem import COMPONENTS, Damping, Material, Member, PointMass, Section, beams, dof_map, stiffness
-from flexcam.fem.generate import chain
-from flexcam.fem.loads import element_weight, gathered, spread_force
+from flexcam.analysis.run import geometry_of
+from flexcam.dynamics import Block, ConstantSpeed, Problem, SaveAt, Series, newmark, solve, static_displacement
+from flexcam.fem.assembly import Damping, element_weight, gathered, spread_force, stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.members import Member, beams
+from flexcam.fem.mesh import chain
 from flexcam.fem.recovery import FORCES, fibres, section_forces
-from flexcam.integrate import Problem, newmark, solve, static_displacement
-from flexcam.response import Block, SaveAt, Series
-from flexcam.runner import geometry_of
-from flexcam.system import ConstantSpeed
-from flexcam.train import Model, StrengthSink, build_structure, build_system
-from flexcam.train.model import GivenLoad, MassAt
+from flexcam.fem.rigid_bodies import PointMass
+from flexcam.fem.sections import Material, Section
+from flexcam.report.result_tables import strength_table
+from flexcam.valvetrain import GivenLoad, MassAt, Model, StrengthSink, build_structure, build_system
 
 STATICS = "Statics of the part beyond a cut"
 UNEQUAL = Section(A=4e-4, Iy=2e-8, Iz=7e-9, J=1e-8)

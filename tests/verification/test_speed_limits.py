@@ -7,9 +7,9 @@ import math
 import pytest
 
 import flexcam
-from flexcam.limits import find_limits
-from flexcam.parting import parting, parts_at
-from flexcam.train import separation
+from flexcam.analysis.limits import find_limits
+from flexcam.analysis.model_divergence import parting, parts_at
+from flexcam.valvetrain import separation
 
 RPM = math.pi / 30.0
 

@@ -14,8 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 from flexcam import build_model, prepare, read_case, run
-from flexcam.integrate import equilibrium
-from flexcam.system import ConstantSpeed
+from flexcam.dynamics import ConstantSpeed, equilibrium
 
 SOURCE = "Coil springs"
 CASE = """

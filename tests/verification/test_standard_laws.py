@@ -13,7 +13,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.motion import LAWS, LiftEvent, Scca, criteria, joints
+from flexcam.cams import LAWS, LiftEvent, Scca, criteria, joints
 
 SOURCE = "Norton, Cam Design and Manufacturing Handbook, standard laws"
 PI = math.pi

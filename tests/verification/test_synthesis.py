@@ -13,8 +13,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.motion import LAWS, criteria
-from flexcam.synthesis import HarmonicFamily, SplineFamily, minimax
+from flexcam.cams import LAWS, HarmonicFamily, SplineFamily, criteria, minimax
 
 SOURCE = "Pavlovic and Lutovac, New class of camshaft transfer functions"
 JERK = 52.5

@@ -13,13 +13,10 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from flexcam.dynamics import ConstantSpeed, Problem, modes, newmark, rest, solve
 from flexcam.fem.elements import bending
-from flexcam.integrate import Problem, newmark, rest, solve
-from flexcam.modal import modes
-from flexcam.system import ConstantSpeed
-from flexcam.train import build_rigid, build_system
-from flexcam.train.assembled import build_structure
-from flexcam.train.published import follower_train, preload, series_stiffness
+from flexcam.valvetrain import build_rigid, build_structure, build_system, follower_train
+from flexcam.valvetrain.published_load import preload, series_stiffness
 
 SOURCE = "Tayeb and Sliman, Flexibility analysis of a cam mechanism"
 TWO_SCRIPTS = "half a unit of the last digit of two independent scripts, and their rounding (0.39453 given as 0.394)"

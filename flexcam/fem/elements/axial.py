@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexcam.linalg import FloatArray
+from flexcam.core import FloatArray
 
 _SPRING = np.array([[1.0, -1.0], [-1.0, 1.0]])
 _CONSISTENT = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0

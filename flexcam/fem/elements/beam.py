@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexcam.core import FloatArray, IntArray
 from flexcam.fem.elements import axial, bending
-from flexcam.linalg import FloatArray, IntArray
 
 AXIAL = np.array([0, 6])
 TORSION = np.array([3, 9])
@@ -47,7 +47,7 @@ class Beams:
 
     Examples
     --------
-    `flexcam.fem.beams` makes them from a mesh and its members.
+    `flexcam.fem.members.beams` makes them from a mesh and its members.
     """
 
     nodes: IntArray

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexcam.linalg import FloatArray
+from flexcam.core import FloatArray
 
 
 def _symmetric(

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, BSplineLaw, through_points
+from flexcam.cams import LAWS, BSplineLaw, through_points
+from flexcam.core.errors import InputError
 
 Z = np.linspace(0.0, 1.0, 401)
 STILL = (0.0, 0.0, 0.0)

@@ -9,17 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.motion import (
-    LAWS,
-    CompoundCycloid,
-    Harmonic,
-    Polynomial,
-    Scca,
-    Turned,
-    criteria,
-    quinquinomial,
-)
-from flexcam.motion.criteria import stationary_points
+from flexcam.cams import LAWS, CompoundCycloid, Harmonic, Polynomial, Scca, Turned, criteria, quinquinomial
+from flexcam.cams.law_criteria import stationary_points
 
 
 def test_shared_extremes_are_told_with_every_place():

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.motion import (
+from flexcam.cams import (
     LAWS,
     BSplineLaw,
     CosineSum,
@@ -23,6 +22,7 @@ from flexcam.motion import (
     quinquinomial,
     through_points,
 )
+from flexcam.core.errors import InputError
 
 TURN, DEGREE = 2 * math.pi, math.radians(1.0)
 LOBE = LiftEvent(LAWS["4-5-6-7"], 0.008, 65 * DEGREE, 65 * DEGREE, phase=0.7)

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent, Ramp, Shifted, Turned, quinquinomial
-from flexcam.motion.event import Segment
+from flexcam.cams import LAWS, HarmonicLift, LiftEvent, Ramp, Shifted, Turned, quinquinomial
+from flexcam.cams.lift_event import Segment
+from flexcam.core.errors import InputError
 
 TURN = 2 * math.pi
 RISE, DWELL, FALL, PHASE, LIFT = 1.0, 0.3, 1.6, 0.7, 0.008

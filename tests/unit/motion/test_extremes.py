@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.motion import LAWS, BSplineLaw, HarmonicLift, LiftEvent, criteria, event_extremes, lowest
+from flexcam.cams import LAWS, BSplineLaw, HarmonicLift, LiftEvent, criteria, event_extremes, lowest
 
 
 @pytest.mark.parametrize("name", LAWS)

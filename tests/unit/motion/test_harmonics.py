@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent, PeriodicSpline, Ramp, harmonics
+from flexcam.cams import LAWS, HarmonicLift, LiftEvent, PeriodicSpline, Ramp, harmonics
+from flexcam.core.errors import InputError
 
 TURN = 2 * math.pi
 GRID = np.linspace(0.0, TURN, 721)

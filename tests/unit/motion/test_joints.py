@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent, PeriodicSpline, Ramp, joints
+from flexcam.cams import LAWS, HarmonicLift, LiftEvent, PeriodicSpline, Ramp, joints
 
 TURN = 2 * math.pi
 RISE, DWELL, FALL, PHASE, LIFT = 1.1, 0.4, 1.7, 0.6, 0.008

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from flexcam.checks import InputError
-from flexcam.motion import (
+from flexcam.cams import (
     KINDS,
     LAWS,
+    BSplineLaw,
     CompoundCycloid,
     CosineSum,
     Harmonic,
@@ -23,8 +23,8 @@ from flexcam.motion import (
     quinquinomial,
     through_points,
 )
-from flexcam.motion.bspline import BSplineLaw
-from flexcam.motion.ramp import FromRamp
+from flexcam.cams.ramps import FromRamp
+from flexcam.core.errors import InputError
 
 PART = st.floats(0.02, 0.98)
 WEIGHT = st.floats(0.0, 1.0)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.motion import LAWS, HarmonicLift, LiftEvent, PeriodicSpline, lift_table
+from flexcam.cams import LAWS, HarmonicLift, LiftEvent, PeriodicSpline, lift_table
 
 TURN = 2 * math.pi
 DEGREE = math.radians(1.0)

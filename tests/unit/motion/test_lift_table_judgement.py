@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, LiftEvent, lift_table
-from flexcam.motion.lift_faults import scatter
+from flexcam.cams import LAWS, LiftEvent, lift_table
+from flexcam.cams.lift_checks import scatter
+from flexcam.core.errors import InputError
 
 TURN, DEGREE = 2 * math.pi, math.radians(1.0)
 LOBE = LiftEvent(LAWS["4-5-6-7"], 0.008, 65 * DEGREE, 65 * DEGREE, phase=0.7)

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, LiftEvent, lift_table
+from flexcam.cams import LAWS, LiftEvent, lift_table
+from flexcam.core.errors import InputError
 
 DEGREE = math.radians(1.0)
 LOBE = LiftEvent(LAWS["4-5-6-7"], 0.008, 65 * DEGREE, 65 * DEGREE, phase=70 * DEGREE)

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from flexcam.case import given_law
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, Polynomial
+from flexcam.cams import LAWS, Polynomial
+from flexcam.case.lift import given_law
+from flexcam.core.errors import InputError
 
 END = (1.0, 0, 1.0)
 CONDITION = st.tuples(st.sampled_from([0.0, 0.25, 0.5, 0.7, 1.0]), st.integers(0, 4), st.floats(-5.0, 5.0))

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.checks import InputError
-from flexcam.motion import LAWS, LiftEvent, Ramp, Turned, joints
-from flexcam.motion.ramp import FromRamp
+from flexcam.cams import LAWS, LiftEvent, Ramp, Turned, joints
+from flexcam.cams.ramps import FromRamp
+from flexcam.core.errors import InputError
 
 TURN = 2 * math.pi
 RAMP = Ramp(0.0002, math.radians(15), 0.3)

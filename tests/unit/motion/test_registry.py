@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from flexcam import motion
-from flexcam.case import GivenLaw, given_law
-from flexcam.checks import InputError
-from flexcam.commands.laws import find_law
-from flexcam.motion import KINDS, LAWS, kind_names, law_kind, registry
+from flexcam import cams
+from flexcam.cams import KINDS, LAWS, kind_names, law_kind, law_registry
+from flexcam.case.lift import GivenLaw, given_law
+from flexcam.cli.laws import find_law
+from flexcam.core.errors import InputError
 
 Z = np.linspace(0.0, 1.0, 11)
 
@@ -35,21 +35,21 @@ def plugged(monkeypatch):
 
     def install(points):
         made = importlib.metadata.EntryPoints(
-            importlib.metadata.EntryPoint(name, target, registry.GROUP) for name, target in points.items()
+            importlib.metadata.EntryPoint(name, target, law_registry.GROUP) for name, target in points.items()
         )
 
         def entry_points(**selection):
             return made.select(**selection)
 
         monkeypatch.setattr(importlib.metadata, "entry_points", entry_points)
-        monkeypatch.setattr(registry, "entry_points", entry_points, raising=False)
+        monkeypatch.setattr(law_registry, "entry_points", entry_points, raising=False)
 
     return install
 
 
 def test_a_law_of_another_package_is_found(plugged):
-    plugged({"line": "flexcam.motion.harmonic:Harmonic", "stdlib": "fractions:Fraction"})
-    assert law_kind("line") is motion.Harmonic
+    plugged({"line": "flexcam.cams.standard_laws:Harmonic", "stdlib": "fractions:Fraction"})
+    assert law_kind("line") is cams.Harmonic
     assert kind_names() == (*KINDS, "line", "stdlib")
     assert law_kind("lines") is None
 
@@ -58,8 +58,8 @@ def test_a_law_of_another_package_is_found(plugged):
 def test_a_broken_package_is_named_and_breaks_no_other(plugged, target, tmp_path, monkeypatch):
     (tmp_path / "this_breaks.py").write_text("1 / 0\n")
     monkeypatch.syspath_prepend(tmp_path)
-    plugged({"broken": target, "line": "flexcam.motion.harmonic:Harmonic"})
-    assert law_kind("line") is motion.Harmonic
+    plugged({"broken": target, "line": "flexcam.cams.standard_laws:Harmonic"})
+    assert law_kind("line") is cams.Harmonic
     assert given_law({"id": "fb2", "split": 0.3}).law == KINDS["fb2"](0.3)
     with pytest.raises(InputError, match=f"'broken'.*{target} brings it and cannot be loaded"):
         given_law("broken")
@@ -81,7 +81,7 @@ def test_it_is_loaded_from_its_own_module(plugged, monkeypatch):
 
 
 def test_flexcams_own_kinds_come_first(plugged):
-    plugged({"fb2": "flexcam.motion.harmonic:Harmonic"})
+    plugged({"fb2": "flexcam.cams.standard_laws:Harmonic"})
     assert law_kind("fb2") is KINDS["fb2"]
     assert kind_names() == tuple(KINDS)
 
@@ -93,7 +93,7 @@ def test_none_installed(plugged):
 
 def test_other_groups_are_left_alone(monkeypatch):
     asked = []
-    monkeypatch.setattr(registry, "entry_points", lambda **selection: asked.append(selection) or [])
+    monkeypatch.setattr(law_registry, "entry_points", lambda **selection: asked.append(selection) or [])
     kind_names()
     assert asked == [{"group": "flexcam.laws"}]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.motion import LAWS, CompoundCycloid, Scca, Turned
+from flexcam.cams import LAWS, CompoundCycloid, Scca, Turned
 
 Z = np.linspace(0.0, 1.0, 1001)
 LAWS_AND_MORE = dict(LAWS) | {"fb2, dyadic split": CompoundCycloid(0.375), "trapezoid": Scca(0.5, 0.5, 0.0)}

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.checks import InputError
-from flexcam.motion import (
+from flexcam.cams import (
     LAWS,
     THRESHOLDS,
     HarmonicLift,
@@ -21,6 +20,7 @@ from flexcam.motion import (
     overlap,
     valve_event,
 )
+from flexcam.core.errors import InputError
 
 CYCLE = 4 * math.pi
 LIFT = 0.008

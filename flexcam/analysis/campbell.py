@@ -1,0 +1,193 @@
+"""Campbell diagram: natural frequencies over camshaft speed, and where the orders of a cam meet them.
+
+Nothing in a train gyrates, so that its modes know no speed of their own. What changes them is what is pressed: a Hertz
+contact is the softer the less force is left on the nose of the cam, a contact that has opened holds nothing, and a
+compressed pushrod yields. They are taken as they are at full lift in a run at every speed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.stability import Resonance, force_harmonics, lift_harmonics, reached_modes
+from flexcam.case.builder import build_model
+from flexcam.case.case import Case
+from flexcam.case.schema.contacts import CamContactRecord
+from flexcam.core import FloatArray, Triplets
+from flexcam.core.errors import did_you_mean, refuse
+from flexcam.core.units import RPM
+from flexcam.dynamics import Advance, RunFailedError, Status, raise_if_interrupted, solve, track_progress
+from flexcam.valvetrain import ReachedModes, build_structure
+
+_SPARE = 8
+"""Modes beyond those asked for, among which one is found again that others have overtaken."""
+
+_LIKE = 0.5
+"""Likeness of shapes (modal assurance criterion, weighted by mass) from which on modes at two speeds are the same."""
+
+_LEAP = 0.2
+"""Part by which a frequency may differ between neighbouring speeds; by more, a contact has opened or closed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Campbell:
+    """Natural frequencies over speed.
+
+    Parameters
+    ----------
+    contact
+        Whose cam's orders are looked at.
+    rpm
+        Camshaft speeds, shape (m,).
+    frequencies
+        Hz, shape (m, k), a column per mode, the lowest first; NaN where a run broke off or its state
+        is unstable, or where there is no such mode because a contact has opened or closed.
+    reached
+        Whether each mode is felt at the contact at some speed: it takes part in what the contact yields.
+    words
+        What moves in each mode, at the lowest speed at which there is one.
+    lifts
+        Order to its amplitude in the lift, m: those that are looked at.
+    loads
+        Amplitudes of these orders in the contact's force, N, shape (m, orders); NaN where a run broke off, is shorter
+        than a revolution, or has too few steps for the order.
+    crossings
+        Where an order meets a mode that is felt at the contact, the lowest speed first.
+    statuses
+        How every speed ended: its run, or the search for its modes, of which an unstable state has none.
+    """
+
+    contact: str
+    rpm: FloatArray
+    frequencies: FloatArray
+    reached: tuple[bool, ...]
+    words: tuple[str, ...]
+    lifts: Mapping[int, float]
+    loads: FloatArray
+    crossings: tuple[Resonance, ...]
+    statuses: tuple[Status, ...]
+
+
+@dataclass(eq=False)
+class _Line:
+    """A mode, followed over speed."""
+
+    frequencies: FloatArray
+    shape: FloatArray
+    words: str
+    reached: bool = False
+
+    @property
+    def latest(self) -> float:
+        """Frequency at the highest speed it was found at, Hz."""
+        return float(self.frequencies[~np.isnan(self.frequencies)][-1])
+
+
+def campbell(
+    case: Case, speeds: Sequence[float], *, orders: Sequence[int], modes: int = 8, contact: str | None = None,
+    advance: Advance | None = None,
+) -> Campbell:  # fmt: skip
+    """Return natural frequencies over speed, and where orders of a cam meet them."""
+    name, cam = _checked(case, speeds, orders, modes, contact)
+    rpm = np.array(speeds) / RPM
+    sizes = lift_harmonics(build_model(case).cams[cam].event, max(orders))
+    lifts = {n: size for n, size in sizes.items() if n in orders}
+    wanted = np.array(list(lifts), dtype=int)
+    loads, statuses = np.full((len(rpm), len(lifts)), math.nan), list[Status]()
+    lines: list[_Line] = []
+    for i, speed in enumerate(track_progress(speeds, advance)):
+        try:
+            ready = prepare(case.at_speed(speed))
+        except RunFailedError as failure:
+            statuses.append(failure.status)
+            continue
+        response = solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=ready.save)
+        raise_if_interrupted(response.status)
+        statuses.append(response.status)
+        if not response.status.ok:
+            continue
+        loads[i] = force_harmonics(response, name, max(orders))[wanted - 1]
+        structure = build_structure(ready.model)
+        try:
+            here = reached_modes(ready, response, name, structure)
+        except RunFailedError as failure:
+            statuses[-1] = failure.status
+        else:
+            _follow(lines, i, len(rpm), here, structure.mass, modes)
+    lines.sort(key=lambda line: float(np.nanmin(line.frequencies)))
+    met = _crossings(name, rpm, lines, lifts, loads)
+    frequencies = np.array([line.frequencies for line in lines]).reshape(len(lines), len(rpm)).T
+    reached, words = tuple(line.reached for line in lines), tuple(line.words for line in lines)
+    return Campbell(name, rpm, frequencies, reached, words, lifts, loads, met, tuple(statuses))
+
+
+def _follow(lines: list[_Line], i: int, count: int, here: ReachedModes, mass: Triplets, modes: int) -> None:
+    """Lengthen the lines by the modes at one more speed; what is like none of them begins a new one."""
+    first = here.found.modes.rigid
+    last = min(first + modes + _SPARE, len(here.found.modes.omegas))
+    shapes, hit = here.found.modes.shapes[:, first:last], set(here.felt)
+    before = np.array([line.shape for line in lines]).reshape(len(lines), mass.size)
+    likeness = (before @ mass.times_all(shapes)) ** 2
+    here_hz = here.found.modes.frequencies[first:last]
+    leaps = np.abs(here_hz / np.array([line.latest for line in lines])[:, None] - 1.0) > _LEAP
+    alike = np.where(leaps, 0.0, likeness)
+    pairs = [(k, j) for k, j in np.argwhere(_assigned(alike)).tolist() if alike[k, j] >= _LIKE]
+    new = set(range(min(modes, last - first))) - {j for _, j in pairs}
+    for j in sorted(new):
+        lines.append(_Line(np.full(count, math.nan), shapes[:, j], here.found.words(first + j)))
+        pairs.append((len(lines) - 1, j))
+    for k, j in pairs:
+        lines[k].frequencies[i] = here_hz[j]
+        lines[k].shape = shapes[:, j]
+        lines[k].reached |= first + j in hit
+
+
+def _assigned(likeness: FloatArray) -> NDArray[np.bool_]:
+    """Return which pairs together are most alike, every row and column taken once at most."""
+    from scipy.optimize import linear_sum_assignment
+
+    taken = np.zeros(likeness.shape, dtype=bool)
+    taken[linear_sum_assignment(-likeness)] = True
+    return taken
+
+
+def _crossings(
+    contact: str, rpm: FloatArray, lines: Sequence[_Line], lifts: Mapping[int, float], loads: FloatArray
+) -> tuple[Resonance, ...]:
+    """Return where the lines of orders meet those of modes, straight between speeds."""
+    met: list[Resonance] = []
+    for mode, line in enumerate(lines):
+        for column, (n, size) in enumerate(lifts.items() if line.reached else ()):
+            above = line.frequencies - n * rpm / 60.0
+            for i in np.flatnonzero(above[:-1] * above[1:] <= 0.0).tolist():
+                if above[i + 1] == 0.0 and i + 2 < len(rpm):  # met again at the beginning of the next piece
+                    continue
+                part = above[i] / (above[i] - above[i + 1]) if above[i] != above[i + 1] else 0.0
+                speed, load = (float(one[i] + part * (one[i + 1] - one[i])) for one in (rpm, loads[:, column]))
+                met.append(Resonance(contact, speed, n, size, load, mode, n * speed / 60.0, line.words))
+    return tuple(sorted(met, key=lambda one: one.rpm))
+
+
+def _checked(
+    case: Case, speeds: Sequence[float], orders: Sequence[int], modes: int, contact: str | None
+) -> tuple[str, str]:
+    """Return the contact and its cam."""
+    if len(speeds) < 2 or not (np.diff(speeds) > 0.0).all() or speeds[0] <= 0.0:
+        raise refuse("speeds", f"{len(speeds)} speeds", "two or more, rising, above zero")
+    if not orders or min(orders) < 1:
+        raise refuse("orders", str(list(orders)), "whole numbers from 1")
+    if modes < 1:
+        raise refuse("modes", modes, "a whole number from 1")
+    driven = {name: one.cam for name, one in case.record.contacts.items() if isinstance(one, CamContactRecord)}
+    if not driven:
+        raise refuse("contacts", "none with a cam", "a contact of a cam and its follower", "its orders are looked at")
+    if contact is not None and contact not in driven:
+        raise refuse("contact", repr(contact), f"one of {', '.join(driven)}", "", did_you_mean(contact, driven))
+    name = contact or next(iter(driven))
+    return name, driven[name]

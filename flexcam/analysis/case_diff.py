@@ -1,0 +1,86 @@
+"""By what two runs differ, told by key, line or version: a run goes on only as it began."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from itertools import islice, zip_longest
+from typing import Any, cast
+
+from flexcam.core.errors import Fault
+
+_WHY = "a run goes on only as it began"
+_REMEDY = "restore it, or run the case again with --overwrite"
+
+_SHORT, _FEW = 60, 4
+"""Characters of a value that are told, and values."""
+
+_NONE = "nothing"
+
+
+def differing(now: Mapping[str, str], then: Mapping[str, str]) -> list[Fault]:
+    """Return by what a run differs from one that is to go on."""
+    return [
+        difference(f"{what}{place}", given, allowed)
+        for key, (what, parts) in _DECISIVE.items()
+        if now.get(key, "") != then.get(key, "")
+        for place, given, allowed in islice(parts(now.get(key, ""), then.get(key, "")), _FEW)
+    ]
+
+
+def difference(what: str, given: str = "another one", allowed: str = "the one it began with") -> Fault:
+    """Return a difference as a fault."""
+    return Fault(f"--resume: {what}", _short(given), _short(allowed), _WHY, _REMEDY)
+
+
+Part = tuple[str, str, str]
+"""Where within a text, what stands there now, and what stood there."""
+
+
+def _lines(now: str, then: str) -> Iterator[Part]:
+    """Yield the first line in which two texts differ; a missing one has ended."""
+    pairs = zip_longest(now.split("\n"), then.split("\n"), fillvalue="its end")
+    first = next(((i, *pair) for i, pair in enumerate(pairs, start=1) if pair[0] != pair[1]), None)
+    number, *both = first or (1, now, then)
+    yield f", line {number}", both[0].strip() or "an empty line", both[1].strip() or "an empty line"
+
+
+def _whole(now: str, then: str) -> Iterator[Part]:
+    yield "", now or _NONE, then or _NONE
+
+
+def _overrides(now: str, then: str) -> Iterator[Part]:
+    """Yield the overrides that only one of two runs has; where they are the same, their order."""
+    one, other = (list[str](json.loads(text or "[]")) for text in (now, then))
+    own = [[x for x in a if x not in b] for a, b in ((one, other), (other, one))]
+    given, allowed = own if any(own) else (one, other)
+    yield "", ", ".join(given) or _NONE, ", ".join(allowed) or _NONE
+
+
+def _values(now: str, then: str) -> Iterator[Part]:
+    """Yield the keys in which two cases differ."""
+    one, other = ({} if not text else dict(_leaves(json.loads(text))) for text in (now, then))
+    for key in dict.fromkeys([*one, *other]):
+        if one.get(key, _NONE) != other.get(key, _NONE):
+            yield f", {key}", one.get(key, _NONE), other.get(key, _NONE)
+
+
+def _leaves(value: object, path: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the dotted key and the text of every value in a tree of tables."""
+    if not isinstance(value, dict):
+        yield path, json.dumps(value)
+        return
+    for name, inner in cast("dict[str, Any]", value).items():
+        yield from _leaves(inner, f"{path}.{name}".removeprefix("."))
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _SHORT else f"{text[: _SHORT - 3]}..."
+
+
+_DECISIVE: dict[str, tuple[str, Callable[[str, str], Iterator[Part]]]] = {
+    "case": ("the text of the case", _lines), "overrides": ("--set", _overrides),
+    "resolved": ("values of the case", _values),
+    **{name: (name, _whole) for name in ("flexcam", "python", "numpy", "scipy", "numba")},
+}  # fmt: skip
+"""Texts of a result that must agree for the numbers to be the same, what they are, and how they are told."""

@@ -1,0 +1,164 @@
+"""Flexible against rigid: how far the motion of a probe deviates, and where in the cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.dynamics import SLOPES, History, Response, Status, extent, peak
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Deviation of one quantity from the rigid system's.
+
+    Parameters
+    ----------
+    quantity
+        ``displacement``, ``velocity`` or ``acceleration``.
+    peak, rms
+        Largest difference, of the dense output, and root mean square one, SI.
+    rigid_peak, flexible_peak
+        Largest absolute value of either, SI.
+    angle_deg
+        Cam angle of the largest difference, deg.
+    """
+
+    quantity: str
+    peak: float
+    rms: float
+    rigid_peak: float
+    flexible_peak: float
+    angle_deg: float
+
+    @property
+    def of_rigid(self) -> float:
+        """Largest difference as a fraction of the rigid peak."""
+        return self.peak / self.rigid_peak if self.rigid_peak > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Flexible against rigid at one probe.
+
+    Parameters
+    ----------
+    probe
+        Its name.
+    speed_rpm
+        Camshaft speed, rpm.
+    lift
+        Lift of the rigid system at the probe, m.
+    deviations
+        Of displacement, velocity and acceleration.
+    status
+        How the flexible run ended; figures of an incomplete run cover the finished part.
+    names
+        What is compared with what: the first stands for the flexible system, the second for the rigid one.
+    """
+
+    probe: str
+    speed_rpm: float
+    lift: float
+    deviations: tuple[Deviation, Deviation, Deviation]
+    status: Status
+    names: tuple[str, str] = ("flexible", "rigid")
+
+    @property
+    def peak_deviation(self) -> float:
+        """Largest difference of displacement as a fraction of the lift."""
+        return self.deviations[0].peak / self.lift
+
+    @property
+    def rms_deviation(self) -> float:
+        """Root mean square difference of displacement as a fraction of the lift."""
+        return self.deviations[0].rms / self.lift
+
+    @property
+    def peak_acceleration_ratio(self) -> float:
+        """Largest acceleration of the flexible system by that of the rigid one."""
+        still = self.deviations[2].rigid_peak
+        return self.deviations[2].flexible_peak / still if still > 0.0 else 0.0
+
+
+def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -> Comparison:
+    """Compare a flexible with a rigid response at a probe of one scalar.
+
+    Parameters
+    ----------
+    flexible, rigid
+        Responses over the same instants; a flexible one that broke off is compared over its own length.
+    probe
+        Name of the probe, such as ``"valve"`` or ``"tappet.uy"``.
+    speed_rpm
+        Camshaft speed, rpm, for the record.
+
+    Returns
+    -------
+    Comparison
+        With the three deviations.
+
+    Raises
+    ------
+    InputError
+        If the probe has several scalars, or the rigid system does not move there.
+
+    Examples
+    --------
+    ``compare(flexcam.run(case), flexcam.run(case, rigid=True), "valve", 3000.0).peak_deviation``
+    """
+    count = len(flexible.time)
+    if not np.array_equal(flexible.time, rigid.time[:count]):
+        raise refuse(
+            "responses", "responses at different instants", "the same instants", "they are compared one by one"
+        )
+    moved, still = flexible[probe], rigid[probe]
+    if moved.displacement.ndim != 1:
+        raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in moved.components))
+    lift = extent(rigid.time, still.displacement, still.velocity)
+    if lift == 0.0:
+        why, remedy = "nothing moves it in what is compared with", "add a follower's point to output.probes"
+        raise refuse("probe", repr(probe), "a point that the cam moves", why, remedy)
+    found = [_deviation(name, moved, still, flexible) for name in ("displacement", "velocity", "acceleration")]
+    return Comparison(probe, speed_rpm, lift, (found[0], found[1], found[2]), flexible.status)
+
+
+def between(one: Response, other: Response, probe: str, speed_rpm: float, names: tuple[str, str]) -> Comparison:
+    """Compare two responses over the time that both have, at the instants of the first."""
+    first, last = max(one.time[0], other.time[0]), min(one.time[-1], other.time[-1])
+    times = one.time[(one.time >= first) & (one.time <= last)]
+    if len(times) < _FEWEST:
+        raise refuse("responses", "no time in common", "runs that overlap", "they are compared instant by instant")
+    both = one.at(times), other.at(times)
+    if np.abs(both[0].angle - both[1].angle).max() > _SAME_ANGLE:
+        raise refuse("responses", "the cam at different angles", "runs at one speed", "they are compared at one time")
+    return replace(compare(*both, probe, speed_rpm), names=names)
+
+
+_FEWEST = 2
+_SAME_ANGLE = 1e-6
+"""rad."""
+
+
+def _deviation(quantity: str, moved: History, still: History, flexible: Response) -> Deviation:
+    time = flexible.time
+    (flexed, flexing), (rigid, turning) = (_with_slopes(one, quantity, len(time)) for one in (moved, still))
+    difference = flexed - rigid
+    largest, at = peak(time, difference, None if flexing is None or turning is None else flexing - turning)
+    return Deviation(
+        quantity,
+        peak=largest,
+        rms=float(np.sqrt(np.mean(difference**2))),
+        rigid_peak=peak(time, rigid, turning)[0],
+        flexible_peak=peak(time, flexed, flexing)[0],
+        angle_deg=float(np.degrees(np.interp(at, time, flexible.angle))),
+    )
+
+
+def _with_slopes(history: History, quantity: str, count: int) -> tuple[FloatArray, FloatArray | None]:
+    """Return so many values of a quantity, and their slopes where the dense output has them."""
+    slopes: FloatArray | None = getattr(history, SLOPES[quantity]) if quantity in SLOPES else None
+    return getattr(history, quantity)[:count], None if slopes is None else slopes[:count]

@@ -1,0 +1,187 @@
+"""What the paper of Tayeb and Sliman says, held against what its own model computes: in words, with numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from flexcam.analysis.comparison import Comparison, compare
+from flexcam.analysis.measures import Measured, distance
+from flexcam.analysis.model_ladder import Rung, as_beams, beat, measured_run, steps_of, with_elements
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import run
+from flexcam.case.builder import build_model
+from flexcam.case.case import Case
+from flexcam.case.lift import given_law
+from flexcam.core.units import RPM
+from flexcam.dynamics import floquet, raise_if_interrupted
+from flexcam.io import file_beside, read_mesh
+from flexcam.valvetrain import build_structure, model_modes
+
+_CLOSE = 0.05
+"""Deviation, as a fraction of the lift, up to which a response counts as "very close" to the rigid one."""
+
+
+_THEIR_LAWS = ("shm", "parabolic", "cycloidal")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of the paper and what the computation says to it.
+
+    Parameters
+    ----------
+    statement
+        What the paper says.
+    reproduced
+        Whether this model shows it.
+    finding
+        What was computed.
+    """
+
+    statement: str
+    reproduced: bool
+    finding: str
+
+
+def loaded_mode(case: Case) -> tuple[float, float]:
+    """Return the mode nearest the cam speed among those the contact force drives."""
+    structure = build_structure(build_model(case))
+    found = model_modes(structure).modes
+    contact = next(iter(structure.model.driven.values()))
+    push = structure.row(contact.follower, contact.direction)
+    driven = abs(push @ found.shapes)
+    loaded = [f for f, part in zip(found.frequencies, driven, strict=True) if f > 0.0 and part > 1e-3 * driven.max()]
+    nearest = min(loaded, key=lambda f: abs(math.log(f * 2.0 * math.pi / case.speed)))
+    return float(nearest), float(nearest) * 60.0
+
+
+def deviation(case: Case, probe: str) -> Comparison:
+    """Run a case flexible and rigid and compare them."""
+    flexible = run(case)
+    raise_if_interrupted(flexible.status)
+    return compare(flexible, run(case, rigid=True), probe, case.speed / RPM)
+
+
+def claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
+    """Return the paper's claims beside what the case's data give."""
+    slow = deviation(case.at_speed(2000.0 * RPM), probe)
+    laws = {name: deviation(_with_law(case, name), probe) for name in _THEIR_LAWS}
+    largest = max(laws, key=lambda name: laws[name].peak_deviation)
+    told = ", ".join(f"{name} {one.peak_deviation:.3f}" for name, one in laws.items())
+    others = _other_models(case, probe)
+    spread = max(others.values()) - min(others.values())
+    off = (here.deviations[0].angle_deg + 90.0) % 180.0 - 90.0
+    return [
+        _unstable(case, probe),
+        Claim("at 2000 rpm and below very close to the rigid system", slow.peak_deviation < _CLOSE,
+              f"the deviation at 2000 rpm is {slow.peak_deviation:.3f} of the lift (very close: below {_CLOSE})"),
+        Claim("SHM has the largest displacement", largest == "shm", f"peak deviation of the lift: {told}"),
+        Claim("the response depends on the model's number of unknowns", spread > 0.01 * max(others.values()),
+              "peak deviation " + ", ".join(f"{name} {value:.4f}" for name, value in others.items())
+              + ": the pushrod is far stiffer than the spring"),
+        Claim("the deviation is largest at multiples of 180 deg", abs(off) < 1.0,
+              f"it is largest at {here.deviations[0].angle_deg:.1f} deg"),
+    ]  # fmt: skip
+
+
+def _unstable(case: Case, probe: str) -> Claim:
+    """Tell growth from revolution to revolution, which a beat has at first, from an instability."""
+    rpm, (_, mode) = 4000.0, loaded_mode(case.at_speed(4000.0 * RPM))
+    early, late = (deviation(case.at_speed(rpm * RPM, revolutions=n), probe).peak_deviation for n in (2.0, 4.0))
+    multipliers = floquet(prepare(case.at_speed(rpm * RPM, revolutions=1.0)).problem)
+    revolutions, bound = beat(rpm, mode)
+    return Claim("unstable at 4000 rpm (SHM, parabolic)", not multipliers.stable(),
+                 f"from 2 to 4 revolutions the deviation grows {late / early:.2f} times, but disturbances do not: "
+                 f"their largest multiplier is {abs(multipliers.multipliers[0]):.5g}; the follower's mass on its "
+                 f"spring resonates at {mode:.0f} rpm, and beside it an undamped motion beats: within "
+                 f"{revolutions:.0f} revolutions up to {bound:.0f} of the lift (SHM) and back")  # fmt: skip
+
+
+def _with_law(case: Case, law: str) -> Case:
+    cams = {name: cam.model_copy(update={"law": given_law(law)}) for name, cam in case.record.cams.items()}
+    return replace(case, record=case.record.model_copy(update={"cams": cams}))
+
+
+def _other_models(case: Case, probe: str) -> dict[str, float]:
+    """Return the peak deviation on the meshes of all three models, which lie beside the case's own."""
+    folder = (file_beside(case.path, case.record.mesh or "") or case.path).parent
+    meshes = {f"model {k}": folder / f"tayeb-{k}.msh" for k in (1, 2, 3)}
+    found = {name: replace(case, mesh=read_mesh(path)) for name, path in meshes.items() if path.is_file()}
+    return {name: deviation(other, probe).peak_deviation for name, other in (found or {"this model": case}).items()}
+
+
+_COVERS = 2.0
+_CONVERGES = 0.75
+"""Part of the distance at twice the step that is left at the step, up to which runs come together."""
+
+_NOTHING = 1e-12
+"""Part of a quantity's size below which distances are rounding."""
+
+
+@dataclass(frozen=True)
+class Error:
+    """A number of a run and how far it may be off.
+
+    Parameters
+    ----------
+    quantity
+        As in `Measured`.
+    unit
+        SI.
+    size
+        Largest value, of the lift its range.
+    time, space, model
+        Estimated errors by the steps, by the elements, and by a model coarser than beams (its distance to them), of the
+        history at its worst instant.
+    holds
+        Whether runs with shorter steps come together: without that the estimate says nothing.
+    """
+
+    quantity: str
+    unit: str
+    size: float
+    time: float
+    space: float
+    model: float
+    holds: bool
+
+    @property
+    def total(self) -> float:
+        """All errors together."""
+        return self.time + self.space + self.model
+
+
+def estimate(case: Case, probe: str, until: float | None = None) -> list[Error]:
+    """Return how far the numbers of a case's run may be off."""
+    steps = steps_of(case)
+    own = Rung("own", "", case).stepped(steps)
+    finer = Rung("finer", "", with_elements(case, factor=2)).stepped(steps)
+    # Half of an odd number of steps is none: then whether runs come together is asked of shorter steps.
+    counts = (steps // 2, steps, 2 * steps) if steps % 2 == 0 else (steps, 2 * steps, 4 * steps)
+    asked = own.case.record.fidelity
+    coarse = asked.model != "beams" or asked.modes is not None
+    work = sum(counts) + steps * (2 if coarse else 1)
+    runs = {n: measured_run(own.stepped(n), probe, until, work) for n in counts}
+    longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
+    base, better = runs[steps], runs[2 * steps]
+    beams = as_beams(own.case)
+    model = distance(base, measured_run(Rung("beams", "", beams), probe, until, work)) if coarse else {}
+    mesh = distance(base, measured_run(finer, probe, until, work))
+    return _errors(base, distance(base, better), mesh, model, (longer, shorter))
+
+
+def _errors(
+    base: Measured, step: Mapping[str, float], mesh: Mapping[str, float], model: Mapping[str, float],
+    halvings: tuple[Mapping[str, float], Mapping[str, float]],
+) -> list[Error]:  # fmt: skip
+    longer, shorter = halvings
+    errors: list[Error] = []
+    for name in step:
+        size = base.size(name)
+        holds = shorter[name] <= max(_CONVERGES * longer[name], _NOTHING * size)
+        parts = _COVERS * step[name], _COVERS * mesh[name], model.get(name, 0.0)
+        errors.append(Error(name, base.unit(name), size, *parts, holds))
+    return errors

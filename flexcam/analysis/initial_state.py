@@ -1,0 +1,170 @@
+"""How a case begins: how the camshaft turns, and the state the run starts from.
+
+May import `case` and everything below it; `analysis` prepares runs with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flexcam.case.case import Case
+from flexcam.case.schema.run import GivenStartRecord, ResultStartRecord
+from flexcam.core import FloatArray
+from flexcam.core.errors import Fault, InputError, did_you_mean, refuse
+from flexcam.dynamics import (
+    ConstantSpeed,
+    Drive,
+    FluctuatingSpeed,
+    Problem,
+    Response,
+    SpeedByAngle,
+    State,
+    System,
+    moving_equilibrium,
+    periodic,
+    rest,
+)
+from flexcam.io import named_file, read_result
+from flexcam.valvetrain import Model, build_structure, free_running
+
+_REVOLUTION = 2.0 * math.pi
+_SAME_ANGLE = 1e-9
+"""Difference of cam angle, rad, that is the rounding of speed times time."""
+
+
+def drive_of(case: Case, model: Model, start: float = 0.0) -> Drive:
+    """Return how the camshaft turns."""
+    run = case.record.run
+    if run.fluctuation is not None:
+        return FluctuatingSpeed(case.speed, *run.fluctuation.made(), start)
+    if run.free_running is not None:
+        return free_running(model, case.speed, *run.free_running.made(), start)
+    return ConstantSpeed(case.speed, start)
+
+
+def _from_angle(case: Case, model: Model, drive: Drive, angle: float, time: float) -> Drive:
+    """Return the drive that passes a cam angle at a time."""
+    missing = angle - float(drive.at(np.array([time])).angle[0])
+    if abs(missing) <= _SAME_ANGLE:
+        return drive
+    free = case.record.run.free_running
+    if free is not None:
+        return free_running(model, case.speed, *free.made(), angle, time)
+    return drive_of(case, model, missing)
+
+
+def revolution_of(case: Case, drive: Drive) -> float:
+    """Return the time of a camshaft revolution, s."""
+    return drive.period if isinstance(drive, SpeedByAngle) else _REVOLUTION / case.speed
+
+
+def started(case: Case, model: Model, problem: Problem, *, until: float | None = None) -> Problem:
+    """Return a problem from the start its case asks for."""
+    system = problem.system
+    match case.record.run.start:
+        case "rest":
+            return replace(problem, start=rest(system, problem.drive))
+        case "equilibrium":
+            return replace(problem, start=_carried(problem))
+        case "periodic":
+            return _periodic(case, replace(problem, start=_carried(problem)), until)
+        case ResultStartRecord(result=name):
+            state, angle = _last_state(case, model, system, name)
+            taken = round(state.time / problem.step)
+            state = replace(state, taken=taken if taken * problem.step == state.time else 0)
+            drive = _from_angle(case, model, problem.drive, angle, state.time)
+            return replace(problem, drive=drive, start=state)
+        case GivenStartRecord(displacement=displacement, velocity=velocity):
+            given = {"displacement": displacement, "velocity": velocity}
+            if faults := [fault for kind, values in given.items() for fault in _misplaced(case, system, values, kind)]:
+                raise InputError(faults)
+            return replace(problem, start=State(_placed(system, displacement), _placed(system, velocity)))
+
+
+def _carried(problem: Problem) -> State:
+    return moving_equilibrium(problem.system, problem.drive) if problem.system.size else State.rest(0)
+
+
+def steps_per_revolution(case: Case, problem: Problem) -> int:
+    """Return the steps of a revolution, after which a periodic state is there again."""
+    for key, order in broken_orders(case).items():
+        raise refuse(key, f"{order:g}", "a whole order with start = periodic", "the state repeats with the camshaft")
+    revolution = revolution_of(case, problem.drive)
+    steps = round(revolution / problem.step)
+    if abs(steps * problem.step - revolution) > _SAME_ANGLE * revolution:
+        given, why = f"a step of {problem.step:g} s", "the periodic state is that after a whole revolution"
+        raise refuse("run.step", given, "a whole number of steps per revolution", why, "use steps_per_revolution")
+    return steps
+
+
+def broken_orders(case: Case) -> dict[str, float]:
+    """Return the orders of the camshaft that are no whole numbers: what swings by them does not return with it."""
+    speed = case.record.run.fluctuation
+    broken = [order for order in speed.orders if order % 1.0] if speed else []
+    found = {"run.fluctuation.orders": broken[0]} if broken else {}
+    for name, spring in case.record.springs.items():
+        if spring.pulsation is not None and spring.pulsation.order % 1.0:
+            found[f"springs.{name}.pulsation.order"] = spring.pulsation.order
+    return found
+
+
+def _periodic(case: Case, problem: Problem, until: float | None) -> Problem:
+    """Return the problem from its periodic state."""
+    if not problem.system.size:
+        return replace(problem, start=replace(State.rest(0), periodicity=0.0))
+    one = replace(problem, steps=steps_per_revolution(case, problem))
+    return replace(problem, start=periodic(one, case.record.run.integrator.made(), until=until))
+
+
+def _misplaced(case: Case, system: System, values: Mapping[str, float], kind: str) -> list[Fault]:
+    """Return the names of given values that are no unknowns; the rigid mechanism has none to place."""
+    wrong = [name for name in values if name not in system.names] if system.size else []
+    where, allowed = case.place(("run", "start", kind)), "a free component such as 'cam.uy'"
+    return [Fault(where, repr(name), allowed, "", did_you_mean(name, system.names)) for name in wrong]
+
+
+def _placed(system: System, values: Mapping[str, float]) -> FloatArray:
+    row = np.zeros(system.size)
+    for name, value in values.items() if system.size else ():
+        row[system.names.index(name)] = value
+    return row
+
+
+def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[State, float]:
+    """Return the last saved state of a result and its cam angle."""
+    where = case.place(("run", "start"))
+    result = read_result(named_file(case.path, name, where))
+    response = result.response
+    if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(response.field_time):
+        raise refuse(where, name, "a result of the same mesh with at least one saved field")
+    time, angle = float(response.field_time[-1]), float(response.field_angle[-1])
+    if not system.size:  # the rigid mechanism has no state but its angle
+        return State(np.zeros(0), np.zeros(0), time), angle
+    free = build_structure(model).dofs.numbers >= 0
+    fields = response.fields
+    nodal = [one[-1].reshape(-1, 6) for one in (fields.displacement, fields.velocity, fields.acceleration)]
+    if any(values[~free].any() for values in nodal):
+        raise refuse(where, name, "a result of the same supports", "it moves where this model is held")
+    beside = _beside_nodes(response, system.names[int(free.sum()) :], where, name)
+    moved, moving, pushed = (np.concatenate([one[free], more]) for one, more in zip(nodal, beside, strict=True))
+    inner, states = response.inner, sum(force.states for force in system.local_forces)
+    if len(inner) != states:
+        raise refuse(where, name, "a result of the same contacts", f"it holds {len(inner)} of {states} internal states")
+    return State(moved, moving, time, inner if states else None, acceleration=pushed), angle
+
+
+def _beside_nodes(response: Response, names: Sequence[str], where: str, result: str) -> list[FloatArray]:
+    """Return the motion of unknowns that belong to no node, at the last saved field: three series."""
+    try:
+        histories = [response[name] for name in names]
+    except InputError as refusal:
+        why = f"it does not hold {refusal.faults[0].given}"
+        raise refuse(where, result, "a result of the same model", why) from None
+    time = float(response.field_time[-1])
+    at = int(np.searchsorted(response.time, time - 1e-12 * max(abs(time), 1.0)))
+    series = ("displacement", "velocity", "acceleration")
+    return [np.array([float(getattr(one, kind)[at]) for one in histories]) for kind in series]

@@ -1,0 +1,323 @@
+"""Up to which speed a train follows its cam, and what gives way first.
+
+May import `analysis` and everything below it; `flexcam limits` prints what stands here.
+Each limit is a question to a run at one speed; the lowest speed at which the answer is yes is bracketed and halved.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.analysis.preparation import Prepared, described, prepare, standing
+from flexcam.cams import event_extremes
+from flexcam.case.case import Case
+from flexcam.core import FloatArray
+from flexcam.core.errors import positive, refuse
+from flexcam.core.units import RPM, shaft_speed
+from flexcam.dynamics import Advance, ConstantSpeed, Problem, Response, equilibrium, raise_if_interrupted, solve
+from flexcam.valvetrain import BOUNCE_HEIGHT, OPEN, CamContact, Model, Seat, main_lift, seating, separation, valve_ratio
+
+_REVOLUTIONS = 3.0
+
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
+"""Where the rigid train's contact force is looked at."""
+
+
+LIMITS = ("loss_of_contact", "bounce", "coil_clash", "buckling")
+"""Names of what may give way."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """Where limits are looked for, and how closely.
+
+    Parameters
+    ----------
+    lowest, highest
+        Camshaft speeds between which to look, rad/s.
+    tolerance
+        Width of the bracket, rad/s.
+    bounce_height
+        Height above the seat from which a valve that has closed counts as bouncing, m; None for 0.1 mm, or 2 % of the
+        lift where that is less.
+    count
+        Speeds looked at before a bracket is halved.
+    """
+
+    lowest: float
+    highest: float
+    tolerance: float = RPM
+    bounce_height: float | None = None
+    count: int = 25
+
+    def __post_init__(self) -> None:
+        positive("lowest", self.lowest, "rad/s")
+        positive("tolerance", self.tolerance, "rad/s")
+        if not self.highest > self.lowest:
+            raise refuse("highest", f"{self.highest / RPM:g} rpm", f"above {self.lowest / RPM:g} rpm")
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A speed at which something gives way.
+
+    Parameters
+    ----------
+    rpm
+        Camshaft speed, rpm; None where it does not happen up to the highest speed looked at.
+    tolerance_rpm
+        How closely it is bracketed.
+    words
+        What happens there, and in brackets to which contact, seat, spring or member.
+    """
+
+    rpm: float | None
+    tolerance_rpm: float
+    words: str
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The limits of a train.
+
+    Parameters
+    ----------
+    limits
+        By name: ``loss_of_contact``, ``bounce``, ``coil_clash``, ``buckling``.
+    lowest_rpm, highest_rpm
+        Camshaft speeds between which they were looked for.
+    rigid_rpm
+        Camshaft speed at which a rigid train would lose contact: where its inertia equals its springs; None if never.
+    spring_margin
+        What the springs of the rigid train push at the case's speed beyond its inertia, as a part of the inertia, where
+        that is least; None if the inertia never pulls.
+    buckling_margins
+        Buckling load by the compression at full lift at rest, by member.
+    """
+
+    limits: Mapping[str, Limit]
+    lowest_rpm: float
+    highest_rpm: float
+    rigid_rpm: float | None
+    spring_margin: float | None
+    buckling_margins: Mapping[str, float]
+
+    @property
+    def first(self) -> str | None:
+        """Name of the limit that comes first; None where none was met."""
+        met = {name: one.rpm for name, one in self.limits.items() if one.rpm is not None}
+        return min(met, key=lambda name: met[name]) if met else None
+
+
+Question = Callable[[Response, Prepared], list[str]]
+"""Returns the names of the parts to which something happens."""
+Answers = dict[str, list[str]] | str
+"""By question, or why there are none."""
+
+
+def find_limits(
+    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float | None = None,
+    count: int = 25, advance: Advance | None = None,
+) -> Limits:  # fmt: skip
+    """Find the speeds at which a train loses contact, its valve bounces, its coils clash and its pushrod buckles."""
+    search = Search(lowest, highest, tolerance, bounce_height, count)
+    found = bracketed_limits(case, search, advance=advance)
+    left = margins(case)
+    return Limits(found, lowest / RPM, highest / RPM, left.rigid_rpm, left.spring, left.buckling)
+
+
+def bracketed_limits(
+    case: Case, search: Search, among: Collection[str] | None = None,
+    *, runs: int = 1, advance: Advance | None = None,
+) -> dict[str, Limit]:  # fmt: skip
+    """Find the speeds at which something gives way, without what can be told of the case at rest."""
+    lowest, highest = search.lowest, search.highest
+    model = _may_part(case)
+    speeds = np.geomspace(lowest, highest, max(search.count, 2)).tolist()
+    seen: dict[float, Answers] = {}
+    questions = {
+        name: one for name, one in _questions(model, search.bounce_height).items() if among is None or name in among
+    }
+
+    def ask(speed: float) -> Answers:
+        if speed not in seen:
+            ready = prepare(case.at_speed(speed, _REVOLUTIONS), model=model)
+            response = solve(replace(ready.problem, runs=runs * len(speeds)), ready.scheme, save=ready.save)
+            raise_if_interrupted(response.status)
+            if advance is not None:
+                advance(1)
+            if response.status.ok:
+                seen[speed] = {name: question(response, ready) for name, (question, _) in questions.items()}
+            else:
+                seen[speed] = f"the run at {shaft_speed(speed, case.turns)} ended: {response.status.text}"
+        return seen[speed]
+
+    return {name: _bracketed(name, words, speeds, ask, search.tolerance) for name, (_, words) in questions.items()}
+
+
+def limits_of(case: Case) -> tuple[str, ...]:
+    """Return the names of the limits that a case can meet."""
+    return tuple(_questions(_may_part(case), 0.0))
+
+
+def _may_part(case: Case) -> Model:
+    """Return the model of a case whose follower may leave its cam; refuse another."""
+    model = described(case)[0]
+    if not any(isinstance(one, CamContact) and one.unilateral for one in model.contacts.values()):
+        why, allowed = "only a follower that may leave its cam can lose it", 'a contact with model = "unilateral"'
+        raise refuse("contacts", "no unilateral contact", allowed, why, "change the model")
+    return model
+
+
+@dataclass(frozen=True)
+class Margins:
+    """What a train has in hand at its speed; no run of the flexible train is needed.
+
+    Parameters
+    ----------
+    rigid_rpm
+        As in `Limits`.
+    spring
+        As ``spring_margin`` in `Limits`.
+    buckling
+        As ``buckling_margins`` in `Limits`.
+    """
+
+    rigid_rpm: float | None
+    spring: float | None
+    buckling: Mapping[str, float]
+
+
+def margins(case: Case) -> Margins:
+    """Return what the springs of a rigid train and its members have in hand."""
+    rigid = _rigid(case)
+    return Margins(rigid, None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0, _at_rest(case))
+
+
+def _at_rest(case: Case) -> dict[str, float]:
+    """Return the buckling load of every member by its compression when its cam stands at full lift."""
+    ready = standing(case)
+    system = ready.problem.system
+    least: dict[str, float] = {}
+    for cam in ready.model.cams.values():
+        drive = ConstantSpeed(case.speed, event_extremes(cam.event)[1].at)
+        still = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))
+        for name, use in solve(still, ready.scheme).channels.items():
+            if name.endswith(".buckling_use") and float(use[0]) > 0.0:
+                member = name.split(".")[1]
+                least[member] = min(1.0 / float(use[0]), least.get(member, math.inf))
+    return least
+
+
+def _bracketed(name: str, words: str, speeds: list[float], ask: Callable[[float], Answers], tolerance: float) -> Limit:
+    """Return the lowest speed of a list at which something happens, halved towards the one before."""
+    low, parts = 0.0, list[str]()
+    for high in speeds:
+        answers = ask(high)
+        if isinstance(answers, str):
+            return Limit(None, tolerance / RPM, f"{words}: not known from there on; {answers}")
+        if parts := answers[name]:
+            break
+        low = high
+    else:
+        return Limit(None, tolerance / RPM, f"{words}: not up to the highest speed looked at")
+    if low == 0.0:
+        return Limit(high / RPM, math.inf, f"{words} ({', '.join(parts)}): already at the lowest speed looked at")
+    while high - low > tolerance:
+        middle = 0.5 * (low + high)
+        answers = ask(middle)
+        if isinstance(answers, str):
+            return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}); {answers}")
+        if answers[name]:
+            high, parts = middle, answers[name]
+        else:
+            low = middle
+    return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)})")
+
+
+def _bounce_height(model: Model) -> float:
+    """Return the height from which a valve bounces, m: a choice, less for small lifts."""
+    lifts = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
+    return min(BOUNCE_HEIGHT, _BOUNCE_PART * max(lifts, default=math.inf))
+
+
+_BOUNCE_PART = 0.02
+"""The same as a part of the lift, which is the smaller one up to 5 mm."""
+
+
+def _questions(model: Model, given: float | None) -> dict[str, tuple[Question, str]]:
+    questions: dict[str, tuple[Question, str]] = {"loss_of_contact": (_lost, "the follower leaves its cam on the lift")}
+    if any(isinstance(one, Seat) for one in model.contacts.values()):
+        bounce_height = _bounce_height(model) if given is None else given
+        words = f"the valve leaves its seat again by more than {1e3 * bounce_height:g} mm"
+        questions["bounce"] = (lambda response, ready: _bounces(response, ready, bounce_height), words)
+    if any(spring.clash_travel is not None for spring in model.springs.values()):
+        questions["coil_clash"] = (_clashed, "coils of a spring touch")
+    words = "a member's compression passes its buckling load"
+    questions["buckling"] = (_buckled, words)
+    return questions
+
+
+def _lost(response: Response, ready: Prepared) -> list[str]:
+    """Return the contacts whose follower is off its cam somewhere on the main lift, in the last revolution."""
+    last = response.latest(ready.revolution)
+    free = [name for name, one in ready.model.driven.items() if isinstance(one, CamContact) and one.unilateral]
+    return [name for name in free if separation(ready.model, response, name, last) > OPEN]
+
+
+def _bounces(response: Response, ready: Prepared, height: float) -> list[str]:
+    """Return the seats whose valve, once closed, rises again before its cam lifts it."""
+    last = response.latest(ready.revolution)
+    found: list[str] = []
+    for name, contact in ready.model.contacts.items():
+        if isinstance(contact, Seat):
+            gap, velocity = (response.channels[f"contacts.{name}.{one}"][last] for one in ("gap", "velocity"))
+            came = seating(gap, velocity, response.angle[last])
+            if came.height > height if came else float(gap.max()) > height:  # or it never comes down
+                found.append(name)
+    return found
+
+
+def _clashed(response: Response, ready: Prepared) -> list[str]:
+    return _above(response, ready, ".clash", 0.0)
+
+
+def _buckled(response: Response, ready: Prepared) -> list[str]:
+    return _above(response, ready, ".buckling_use", 1.0)
+
+
+def _above(response: Response, ready: Prepared, end: str, least: float) -> list[str]:
+    """Return the parts whose channel of some name is above a value somewhere in the last revolution."""
+    last = response.latest(ready.revolution)
+    own = {name: values[last] for name, values in response.channels.items() if name.endswith(end)}
+    return [name.split(".")[1] for name, values in own.items() if float(values.max()) > least]
+
+
+def _rigid(case: Case) -> float | None:
+    """Return the camshaft speed at which the rigid train's inertia first takes up its springs and loads, rpm."""
+    one = prepare(case.at_speed(1.0), rigid=True)
+    worst: list[float] = []
+    for name, contact in one.model.driven.items():
+        lifted = one.model.cams[contact.cam].event(_ANGLES) > main_lift(one.model, contact.cam)
+        still, _, inertia = _by_speed(case, name)[:, lifted]
+        pulls = inertia < 0.0
+        if pulls.any():
+            worst.append(float(np.sqrt((np.maximum(still[pulls], 0.0) / -inertia[pulls]).min())))
+    return min(worst) / RPM if worst else None
+
+
+def _by_speed(case: Case, contact: str) -> FloatArray:
+    """Return what of the rigid train's contact force is constant, per rad/s and per (rad/s)^2, shape (3, angles)."""
+    speeds = case.speed * np.array([0.5, 1.0, 2.0])
+    forces = [_rigid_force(case, contact, float(speed), _ANGLES) for speed in speeds]
+    return np.asarray(np.linalg.solve(np.vander(speeds, increasing=True), forces), dtype=np.float64)
+
+
+def _rigid_force(case: Case, contact: str, speed: float, angle: FloatArray) -> FloatArray:
+    ready = prepare(case.at_speed(speed), rigid=True)
+    steps = replace(ready.problem, step=(angle[1] - angle[0]) / speed, steps=len(angle) - 1)
+    return solve(steps, ready.scheme).channels[f"contacts.{contact}.force"]

@@ -1,0 +1,174 @@
+"""Settings of the valve spring of a case: its one mass, and every speed and spring it asks about."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from flexcam.analysis.petrescu import OneMass, Setting, setting
+from flexcam.case.builder import build_model
+from flexcam.case.case import Case
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.dynamics import SLOPES, AngleFunction, Response, Series, constant, extent, peak
+from flexcam.valvetrain import Cam, CamContact, Model, Spring, build_structure, follower_train, free_speed
+
+
+def settings_of(case: Case) -> list[Setting]:
+    """Return what the closed form says of a case as it stands, and of the settings it lists."""
+    model = build_model(case)
+    where, contact = _only("contacts", {n: one for n, one in model.driven.items() if isinstance(one, CamContact)})
+    if contact.stiffness is None or contact.follower in (rocker.start for rocker in model.rockers.values()):
+        given = "a hertz contact, or a rocker on the follower"
+        raise refuse(where, given, "a stiffness, and the valve at the follower", "the closed form is that of one mass")
+    spring = _spring(model, contact)
+    mass, cam = follower_train(build_structure(model), contact, where).mass, model.cams[contact.cam]
+    rows: list[tuple[str, float, float, float]] = [
+        (case.name, case.speed, spring.stiffness, (spring.installed_force or 0.0) / spring.stiffness)
+    ]
+    for name, one in case.record.settings.items():
+        given = one.camshaft_speed, one.stiffness, one.installed_compression
+        speed, k, x0 = (own if new is None else new for new, own in zip(given, rows[0][1:], strict=True))
+        rows.append((name, speed, k, x0))
+    return [
+        setting(name, OneMass(cam.event, mass, contact.stiffness, k, x0), _speed(case, cam, speed), speed)
+        for name, speed, k, x0 in rows
+    ]
+
+
+def _only(kind: str, found: Mapping[str, CamContact]) -> tuple[str, CamContact]:
+    if len(found) != 1:
+        given = f"{len(found)} contacts of a cam in true contact"
+        raise refuse(kind, given, "one", "the closed form is that of one mass under one cam")
+    name, contact = next(iter(found.items()))
+    return f"contacts.{name}", contact
+
+
+def _spring(model: Model, contact: CamContact) -> Spring:
+    found = [one for one in model.springs.values() if one.installed_force and one.stiffness > 0.0]
+    if len(found) != 1 or found[0].at != contact.follower:
+        given = f"{len(found)} springs with stiffness and preload, not one at {contact.follower!r}"
+        why, remedy = "the closed form is that of one mass on one spring", "give it an installed_compression"
+        raise refuse("springs", given, f"one at {contact.follower!r}", why, remedy)
+    return found[0]
+
+
+def _speed(case: Case, cam: Cam, speed: float) -> AngleFunction:
+    """Return the speed over the cam angle: that of a cam by its own inertia, or a constant one."""
+    free = case.record.run.free_running
+    if free is None:
+        return constant(speed)
+    if cam.follower is None:
+        why = "the inertia of the cam follows from its base circle"
+        raise refuse("run.free_running.cam", "no base circle", "base_radius and follower", why, "add both")
+    return free_speed(cam.event, cam.follower.base_radius, speed, free.cam_mass, free.follower_mass)
+
+
+Norm = Literal["max", "rms"]
+"""How a difference of two histories is told: by its largest value, or by its root mean square."""
+
+_MOTIONS = {"lift": "displacement", "velocity": "velocity", "acceleration": "acceleration"}
+_UNITS = {"lift": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Histories of a run by quantity, at common instants.
+
+    Parameters
+    ----------
+    time
+        s, shape (m,).
+    values
+        Name of the quantity to its history, SI, shape (m,): ``lift``, ``velocity`` and ``acceleration`` of the probe,
+        ``force NAME`` of every contact.
+    slopes
+        Name of a quantity that is a cubic between two instants to its rate, shape (m,); others are straight there.
+    """
+
+    time: FloatArray
+    values: Mapping[str, FloatArray]
+    slopes: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
+
+    def unit(self, quantity: str) -> str:
+        """Return the SI unit of a quantity."""
+        return _UNITS.get(quantity, "N")
+
+    def size(self, quantity: str) -> float:
+        """Return the largest absolute value of a quantity, of the lift its range unless it stands still."""
+        history = self.time, self.values[quantity], self.slopes.get(quantity)
+        moved = extent(*history) if quantity == "lift" else 0.0
+        return moved or peak(*history)[0]
+
+
+def measured(response: Response, probe: str) -> Measured:
+    """Return what of a run is compared."""
+    history = response[probe]
+    if history.displacement.ndim != 1:
+        raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components))
+    motions: dict[str, FloatArray] = {name: getattr(history, series) for name, series in _MOTIONS.items()}
+    slopes = {name: getattr(history, SLOPES[series]) for name, series in _MOTIONS.items() if series in SLOPES}
+    forces = {
+        f"force {name.split('.')[1]}": values
+        for name, values in response.channels.items()
+        if name.startswith("contacts.") and name.endswith(".force")
+    }
+    return Measured(response.time, {**motions, **forces}, slopes)
+
+
+def norm_of(quantity: str, asked: Norm | None) -> Norm:
+    """Return by which norm the error of a quantity is told: the one asked for, else the largest of a force.
+
+    A force acts by its largest value, and an impact of a few steps hardly shows in its root mean square.
+    """
+    return asked or ("max" if quantity.startswith("force") else "rms")
+
+
+def distance(one: Measured, other: Measured, *, norm: Norm | None = "max") -> dict[str, float]:
+    """Return the difference of two runs by quantity, SI; without a norm each by its own, as `norm_of` has it.
+
+    Root mean squares are taken at the instants both have. So are the largest differences, those of motions with slopes
+    at all instants of the finer run; they are no less than the difference of the largest values of both.
+    """
+    fine, coarse = (one, other) if len(one.time) >= len(other.time) else (other, one)
+    step, shorter = _step(coarse), _step(fine)
+    every = max(round(step / shorter), 1) if shorter > 0.0 else 1
+    count = min(len(coarse.time), (len(fine.time) - 1) // every + 1)
+    if np.abs(fine.time[::every][:count] - coarse.time[:count]).max(initial=0.0) > _SAME * step:
+        raise refuse("responses", "instants that do not meet", "steps that divide each other")
+    found: dict[str, float] = {}
+    for name in (name for name in coarse.values if name in fine.values):
+        apart = fine.values[name][::every][:count] - coarse.values[name][:count]
+        found[name] = _mean(apart) if norm_of(name, norm) == "rms" else _largest(fine, coarse, name, apart)
+    return found
+
+
+def _largest(fine: Measured, coarse: Measured, name: str, apart: FloatArray) -> float:
+    """Return the largest difference of a quantity, from that at common instants."""
+    found = max(float(np.abs(apart).max(initial=0.0)), abs(fine.size(name) - coarse.size(name)))
+    slopes = coarse.slopes.get(name)
+    if slopes is None or len(coarse.time) < _FEWEST:
+        return found
+    both = fine.time <= coarse.time[-1]
+    values, rates = coarse.values[name][:, None], slopes[:, None]
+    between = Series(values, rates, np.zeros_like(rates)).between(coarse.time, fine.time[both]).displacement[:, 0]
+    return max(found, float(np.abs(fine.values[name][both] - between).max(initial=0.0)))
+
+
+def _step(one: Measured) -> float:
+    return float(one.time[-1] - one.time[0]) / (len(one.time) - 1) if len(one.time) > 1 else 0.0
+
+
+def _mean(values: FloatArray) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+_FEWEST = 2
+"""Instants between which there is something."""
+
+_SAME = 1e-6
+"""Part of a step by which instants may miss each other."""

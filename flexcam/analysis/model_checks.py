@@ -1,0 +1,194 @@
+"""What is open, loose, idle or struck before a cam turns: contacts no spring closes, members nothing touches, and more.
+
+May import what stands below `starting`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from flexcam.case.case import Case
+from flexcam.core.errors import FlexcamError
+from flexcam.dynamics import (
+    ConstantSpeed,
+    Method,
+    Problem,
+    Response,
+    RunFailedError,
+    SaveAt,
+    Scheme,
+    equilibrium,
+    newmark,
+    solve,
+)
+from flexcam.valvetrain import Adjuster, Cam, CamContact, Lash, Model, Seat, build_system, shared_forces, touching_coils
+
+_LARGEST = 3000
+"""Unknowns up to which the start of a run is computed to look at its contacts."""
+
+
+def unheld(model: Model, problem: Problem, scheme: Method) -> list[str]:
+    """Return the contacts with a cam that are open on the base circle before it turns, in words."""
+    contacts = {name: one for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral}
+    if not contacts or not 0 < problem.system.size <= _LARGEST:
+        return []
+    try:
+        begun = solve(replace(problem, steps=1, engine="direct", adaptive=None), scheme)
+    except RunFailedError:
+        return []  # the run itself will say so
+    return [_told(name) for name, one in contacts.items() if _open(name, model.cams[one.cam], begun)]
+
+
+def _open(name: str, cam: Cam, begun: Response) -> bool:
+    """Tell whether a contact bears nothing although its cam does not lift."""
+    if not len(begun.time) or abs(float(cam.event(begun.angle[:1])[0])) > _LIFTED * cam.event.height:
+        return False
+    return float(begun.channels[f"contacts.{name}.force"][0]) <= 0.0
+
+
+def _told(name: str) -> str:
+    why, remedy = "no spring presses the follower to its cam before it turns", "give a spring an installed_force"
+    return f"Warning: contacts.{name}: {why}; {remedy}"
+
+
+_LIFTED = 1e-9
+"""Part of its lift from which a cam counts as off its base circle."""
+
+
+def overshot(problem: Problem, scheme: Method) -> list[str]:
+    """Return by how much the first step overshoots a start that dies out within it, in words."""
+    start = problem.start
+    if not isinstance(scheme, Scheme) or start is None or not 0 < problem.system.size <= _LARGEST:
+        return []
+    if not scheme.overshoot or not start.velocity.any():
+        return []  # only a velocity is damped
+    scale = max(float(np.abs(one).max()) for one in (start.displacement, problem.step * start.velocity))
+    try:
+        first = solve(replace(problem, steps=1, engine="direct", adaptive=None), scheme, save=SaveAt(field_every=1))
+    except RunFailedError:
+        return []  # the run itself will say so
+    beyond = scheme.overshoot * problem.step**2 * np.abs(first.fields.acceleration[0])
+    if float(beyond.max()) <= _OVERSHOT * scale:
+        return []
+    size, name = f"{100.0 * float(beyond.max()) / scale:.3g} %", problem.system.names[int(np.argmax(beyond))]
+    why, remedy = "the step does not resolve how fast it is damped", "take newmark, bathe or smaller steps"
+    return [
+        f"Warning: the first step overshoots at {name} by {size} of the largest motion of the start: {why}; {remedy}"
+    ]
+
+
+_OVERSHOT = 0.01
+"""Part of the motion of a start from which an overshoot is told: flexcam's choice."""
+
+
+def struck(case: Case, model: Model, problem: Problem) -> list[str]:
+    """Return the cams that lift already when a run starts from rest, which strikes their trains, in words."""
+    if case.record.run.start != "rest" or not problem.system.size:
+        return []
+    begin = problem.drive.at(np.zeros(1))
+    found: list[str] = []
+    for name in dict.fromkeys(one.cam for one in model.driven.values()):
+        event = model.cams[name].event
+        lift, slope = (float(event(begin.angle, order)[0]) for order in (0, 1))
+        if abs(lift) > _RAISED * event.height:
+            moves = f"{1e3 * lift:.3g} mm and {slope * float(begin.speed[0]):.3g} m/s"
+            found.append(
+                f"Warning: cams.{name}: the run starts in the middle of its lift, at {moves}, and strikes a train at "
+                f'rest; turn it onto its base circle (phase), or take start = "equilibrium" or "periodic"'
+            )
+    return found
+
+
+_RAISED = 1e-3
+"""Part of its lift from which a cam strikes what rests; measured lifts are no quieter on the base circle."""
+
+
+def idle_loads(model: Model, problem: Problem) -> list[str]:
+    """Return the loads that push nothing that can move, in words."""
+    vectors = {load.name: load.vector for load in problem.system.loads} if problem.system.size else {}
+    return [
+        f"Warning: loads.{name}: it pushes nothing: a support holds what it acts on, or no member and no mass is there"
+        for name, load in model.loads.items()
+        if load.size and not vectors.get(f"loads.{name}", np.ones(1)).any()
+    ]
+
+
+def loose(model: Model) -> list[str]:
+    """Return the members that no support, spring, rocker, cam or contact touches, in words."""
+    mesh = model.mesh
+    touched = {int(node) for name in _touching(model) for node in mesh.points.get(name, ())}
+    parts = [set(part.tolist()) for part in mesh.parts]
+    return [
+        f"Warning: members {', '.join(name for name, line in mesh.lines.items() if int(line[0]) in part)}: no support, "
+        "spring, rocker, cam or contact touches them"
+        for part in parts
+        if not part & touched
+    ]
+
+
+def _touching(model: Model) -> Iterator[str]:
+    """Yield the points at which something acts between a member and the rest of the world."""
+    yield from model.supports
+    for spring in model.springs.values():
+        yield from (spring.at, spring.to or "")
+    for rocker in model.rockers.values():
+        yield from (rocker.start, rocker.point)
+    for cam in model.cams.values():
+        yield cam.at
+    for contact in model.contacts.values():
+        match contact:
+            case Seat():
+                yield contact.at
+            case Lash() | Adjuster():
+                yield from contact.ends or ()
+            case _:
+                yield contact.follower
+
+
+_LARGEST_UNTOLD = 3000
+"""Unknowns up to which the flexible train is asked."""
+
+_LIFTED_UNTOLD = 1e-9
+"""Part of its lift from which a cam counts as off its base circle."""
+
+
+def shared(model: Model, speed: float) -> list[str]:
+    """Return the cams that share a closed valve's springs with its seat, in words: rigid members cannot tell how."""
+    return [
+        f"Warning: contacts.{name}: no play parts the cam from a closed seat, and both share the {force:.4g} N of the "
+        "springs by their stiffness: on the base circle the rigid train leaves all to the seat"
+        + _left(model, name, speed)
+        for name, force in shared_forces(model, speed).items()
+    ]
+
+
+def pressed_shut(model: Model, speed: float) -> list[str]:
+    """Return the springs that a rigid train presses until their coils touch, in words as of a flexible one."""
+    touching = touching_coils(model, speed).items()
+    return [f"Warning: coils of {name!r} touch: {1e3 * beyond:.3g} mm beyond closed" for name, beyond in touching]
+
+
+def _left(model: Model, contact: str, speed: float) -> str:
+    """Return what the flexible train leaves to a cam on its base circle, in words; nothing where that is not known."""
+    event = model.cams[model.driven[contact].cam].event
+    low = _ANGLES[np.abs(event(_ANGLES, 0)) <= _LIFTED_UNTOLD * event.height]
+    if not len(low):
+        return ""
+    drive = ConstantSpeed(speed, float(low[0]))
+    try:
+        system = build_system(model, speed)
+        if system.size > _LARGEST_UNTOLD:
+            return ""
+        still = Problem(system, drive, 1e-6 / speed, 1, equilibrium(system, drive), engine="direct")
+        force = float(solve(still, newmark()).channels[f"contacts.{contact}.force"][0])
+    except FlexcamError:  # what a rigid train does not need may be missing
+        return ""
+    return f", the flexible one leaves {force:.4g} N to the cam"
+
+
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 721)
+"""Where a cam's base circle is sought, rad."""

@@ -1,0 +1,128 @@
+"""The cheapest model of a case that is good enough: tried from the least work on, against a converged run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from flexcam.analysis.model_ladder import Rung
+from flexcam.analysis.preparation import scalar_probe, standing
+from flexcam.analysis.trade import Reference, Traded, candidates, reference, tried, work_of
+from flexcam.case.case import Case
+from flexcam.case.schema.run import ResultStartRecord
+from flexcam.core.errors import refuse
+from flexcam.dynamics import Cause, RunFailedError, Status
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A model that meets a tolerance, or the best that was reached.
+
+    Parameters
+    ----------
+    rung
+        The model: the cheapest that meets the tolerance, else the closest.
+    found
+        Its errors and cost.
+    cheaper
+        The closest of those that cost less and do not meet it; None where there is none.
+    against
+        The reference.
+    met
+        Whether the tolerance is met, the reference's own error counted.
+    tried
+        How many models were.
+    tolerance
+        What was asked, by quantity.
+    """
+
+    rung: Rung
+    found: Traded
+    cheaper: Traded | None
+    against: Reference
+    met: bool
+    tried: int
+    tolerance: Mapping[str, float]
+
+    @property
+    def why(self) -> str:
+        """Why no model meets the tolerance; empty where one does."""
+        if self.met:
+            return ""
+        sizes, own = self.against.size, self.against.errors
+        asked = {name: error for name, error in self.found.errors.items() if name.partition(" ")[0] in self.tolerance}
+        said = [f"{name} {_percent(error)} (the reference {_percent(own[name] / sizes[name])})"
+                for name, error in asked.items()]  # fmt: skip
+        if not said:
+            return f"none of {self.tried} models has all of {', '.join(self.tolerance)}"
+        return f"the closest of {self.tried} models is off by {', '.join(said)}"
+
+
+def choose(
+    case: Case, probe: str, tolerance: Mapping[str, float], until: float | None = None
+) -> Choice:  # fmt: skip
+    """Return the cheapest model of a case whose errors are within a tolerance."""
+    rungs = candidates(case)
+    work = work_of(case, rungs)
+    against = reference(case, probe, until, work=work)
+    known = list(dict.fromkeys(name.partition(" ")[0] for name in against.errors))
+    if missing := [name for name in tolerance if name not in known]:
+        where, why = case.place(("fidelity", "tolerance")), "no other quantity is in the case"
+        raise refuse(where, ", ".join(missing), ", ".join(known), why, "leave it out")
+    met: list[tuple[Rung, Traded]] = []
+    missed: list[tuple[Rung, Traded]] = []
+    for rung in rungs:
+        found = tried(rung, probe, against, until=until, work=work)
+        if found.status.cause is Cause.TIME_LIMIT:
+            raise RunFailedError(found.status)
+        if _misses(found, against, tolerance) <= 1.0:
+            met.append((rung, found))
+            break
+        missed.append((rung, found))
+    missed.sort(key=lambda one: _misses(one[1], against, tolerance))
+    rung, found = (met or missed)[0]
+    cheaper = missed[0][1] if met and missed else None
+    return Choice(rung, found, cheaper, against, bool(met), len(met) + len(missed), tolerance)
+
+
+def chosen(case: Case, until: float | None = None) -> tuple[Case, Choice | None]:
+    """Return the case to run: the cheapest model within the tolerance it asks for, or itself."""
+    asked = case.record.fidelity
+    if not asked.tolerances:
+        return case, None
+    if isinstance(case.record.run.start, ResultStartRecord):
+        why, remedy = "a result fits one mesh, and others are tried", "leave one of them out"
+        raise refuse(case.place(("fidelity", "tolerance")), "a start from a result", "another start", why, remedy)
+    try:
+        choice = choose(case, scalar_probe(standing(case)), asked.tolerances, until)
+    except RunFailedError as failure:
+        if failure.status.cause is Cause.TIME_LIMIT:
+            raise RunFailedError(_LATE) from None
+        raise
+    return choice.rung.case.with_fidelity({"estimate": asked.estimate}), choice
+
+
+_LATE = Status(
+    Cause.TIME_LIMIT, "the time given to the command was over while a model within fidelity.tolerance was sought: "
+    "nothing is kept", "allow more time, or run `flexcam trade` once and choose the model by hand",
+)  # fmt: skip
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %"
+
+
+_NOTHING = 1e-300
+"""In place of a tolerance of zero, which nothing meets: the closest model is still the closest."""
+
+
+def _misses(found: Traded, against: Reference, tolerance: Mapping[str, float]) -> float:
+    """Return the largest error over its tolerance, the reference's own counted; infinite for a run that failed."""
+    shares: list[float] = []
+    for name, own in against.errors.items():
+        allowed = tolerance.get(name.partition(" ")[0])
+        if allowed is not None and against.size[name] > 0.0:  # what a model does not know it gets wrong
+            error = found.errors.get(name, math.inf) + own / against.size[name]
+            shares.append(error / max(allowed, _NOTHING))
+    return max(shares, default=math.inf)

@@ -1,0 +1,130 @@
+"""Where models of a train part: rigid, held to its cam (bilateral), and free to leave it (unilateral), over speed.
+
+May import `analysis` and everything below it; `flexcam parting` prints and draws what stands here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.analysis.preparation import Prepared, prepare
+from flexcam.cams import event_extremes
+from flexcam.case.case import Case
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.core.units import RPM
+from flexcam.dynamics import Advance, Response, equilibrium, raise_if_interrupted, solve, track_progress
+from flexcam.dynamics.force_laws import line_load
+from flexcam.valvetrain import CamContact, Model, build_structure, build_system, hertz_line, main_lift
+
+MODELS = ("rigid", "bilateral", "unilateral")
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Contact force of one model at one speed, on the main lift in the last revolution.
+
+    Parameters
+    ----------
+    least, largest
+        N.
+    """
+
+    least: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class Speed:
+    """The models at one speed.
+
+    Parameters
+    ----------
+    rpm
+        Camshaft speed.
+    forces
+        By model: ``rigid``, ``bilateral``, ``unilateral``; None where the run did not reach its end.
+    """
+
+    rpm: float
+    forces: Mapping[str, Forces | None]
+
+    def differs(self, first: str, second: str, tolerance: float) -> bool:
+        """Tell whether two models' extremes differ by more than a part of the larger one's largest force."""
+        one, other = self.forces[first], self.forces[second]
+        if one is None or other is None:
+            return True
+        size = max(one.largest, other.largest)
+        return max(abs(one.largest - other.largest), abs(one.least - other.least)) > tolerance * size
+
+
+def parting(
+    case: Case, speeds: Sequence[float], *, contact: str | None = None, advance: Advance | None = None
+) -> list[Speed]:
+    """Run a case over speeds with a rigid train, with a contact that cannot part, and with one that can."""
+    model = prepare(case).model
+    known = [name for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral]
+    if not known or (contact is not None and contact not in known):
+        given = "no unilateral contact" if contact is None else repr(contact)
+        raise refuse("contacts", given, f"one of {', '.join(known)}" if known else "a unilateral contact")
+    return [_at(case, speed, contact or known[0], len(speeds)) for speed in track_progress(speeds, advance)]
+
+
+def parts_at(found: Sequence[Speed], first: str, second: str, tolerance: float = 0.05) -> float | None:
+    """Return the lowest speed, rpm, from which two models differ by more than a part of the force; None if never."""
+    return next((one.rpm for one in found if one.differs(first, second, tolerance)), None)
+
+
+def _at(case: Case, speed: float, contact: str, runs: int) -> Speed:
+    one = case.at_speed(speed)
+    rigid, free = prepare(one, rigid=True), prepare(one)
+    still = _forces(_solved(rigid, runs), free, contact)
+    held = _held(free, contact, still.largest if still else 0.0)
+    responses = {name: _solved(ready, runs) for name, ready in (("bilateral", held), ("unilateral", free))}
+    forces = {name: _forces(response, free, contact) for name, response in responses.items()}
+    return Speed(speed / RPM, {"rigid": still, **forces})
+
+
+def _solved(ready: Prepared, runs: int) -> Response:
+    """Return one of several runs; what is stopped stops all."""
+    response = solve(replace(ready.problem, runs=runs), ready.scheme)
+    raise_if_interrupted(response.status)
+    return response
+
+
+def _forces(response: Response, ready: Prepared, contact: str) -> Forces | None:
+    if not response.status.ok:
+        return None
+    model = ready.model
+    cam = model.driven[contact].cam
+    lifted = response.latest(ready.revolution) & (model.cams[cam].event(response.angle) > main_lift(model, cam))
+    force: FloatArray = response.channels[f"contacts.{contact}.force"][lifted]
+    return Forces(float(force.min()), float(force.max()))
+
+
+def _held(ready: Prepared, contact: str, force: float) -> Prepared:
+    """Return the same train with a contact that cannot part."""
+    part = ready.model.contacts[contact]
+    if not isinstance(part, CamContact):
+        raise refuse("contacts", repr(contact), "a contact with a stiffness")
+    stiffness = part.stiffness or _secant(ready.model, contact, part, force)
+    held = replace(part, unilateral=False, stiffness=stiffness, restitution=None)
+    model = replace(ready.model, contacts={**ready.model.contacts, contact: held})
+    system = build_system(model, ready.case.speed)
+    start = equilibrium(system, ready.problem.drive)
+    return replace(ready, model=model, problem=replace(ready.problem, system=system, start=start))
+
+
+def _secant(model: Model, name: str, part: CamContact, force: float) -> float:
+    """Return force by approach of a Hertz contact, N/m, where the cam is at full lift."""
+    structure = build_structure(model)
+    cam = model.cams[part.cam]
+    line = hertz_line(structure, name, part, cam)
+    width, give, rest, reference, _, limit = line.law().constants
+    limit *= float(line.radius(np.array([event_extremes(cam.event)[1].at]), 0)[0])
+    depth = np.geomspace(1e-8, 1e-4, 400)
+    there = [width * line_load(x, limit, give, rest, reference)[0] for x in depth.tolist()]
+    return force / float(np.interp(force, there, depth))

@@ -1,0 +1,246 @@
+"""The beat of a mass on a spring that is driven beside its own frequency."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.analysis.initial_state import started
+from flexcam.analysis.measures import Measured, measured
+from flexcam.analysis.preparation import DEFAULT_STEPS_PER_REVOLUTION, Prepared, prepare, standing
+from flexcam.case.builder import build_model
+from flexcam.case.case import Case
+from flexcam.case.schema.run import GivenStartRecord
+from flexcam.core import FloatArray
+from flexcam.core.errors import InputError
+from flexcam.dynamics import Problem, Response, RunFailedError, State, solve
+from flexcam.fem.recovery import deflection
+from flexcam.valvetrain import Chain, Structure, build_structure, chain_of
+from flexcam.valvetrain.structure import inner_name, spring_parts
+
+
+def beat(speed: float, mode: float) -> tuple[float, float]:
+    """Return how long an undamped oscillator beats, and how far it then leaves what drives it.
+
+    The load form moves the valve as ``x'' + w^2 x = w^2 (1 - cos W t)/2`` from rest, under simple harmonic motion of
+    lift 1. With ``r = W/w`` it leaves the lift by ``r^2/(1 - r^2) (cos w t - cos W t)/2``: the difference of two
+    cosines of nearly the same frequency is a beat, bounded wherever r is not 1.
+    """
+    share = (speed / mode) ** 2
+    if share == 1.0:
+        return math.inf, math.inf
+    return speed / abs(mode - speed), share / abs(1.0 - share)
+
+
+def carried_start(case: Case, other: Case) -> Case:
+    """Return a case that starts as another one does, where that is given at nodes.
+
+    What lies between two nodes of a member follows the shape of its elements: otherwise a finer mesh would have points
+    at rest between those that are moved, and begin with a blow that the given mesh does not know. Between the ends of a
+    part of a spring the motion is linear.
+    """
+    start = case.record.run.start
+    if not isinstance(start, GivenStartRecord):
+        return other
+    structure, its = (build_structure(build_model(one)) for one in (case, other))
+    parts = {name: (one.elements, other.record.members[name].elements) for name, one in case.record.members.items()}
+    seen = [_seen(structure, its, parts, values) for values in (start.displacement, start.velocity)]
+    return other.with_run({"start": GivenStartRecord(displacement=seen[0], velocity=seen[1])})
+
+
+def _seen(
+    structure: Structure, its: Structure, parts: Mapping[str, tuple[int, int]], values: Mapping[str, float]
+) -> dict[str, float]:
+    """Return named values of one mesh as those of another; what names no node stays as it is."""
+    names, mesh = structure.dofs.names, structure.model.mesh
+    on_nodes = names[: int((structure.dofs.numbers >= 0).sum())]
+    row = np.array([values.get(name, 0.0) if name in on_nodes else 0.0 for name in names])
+    nodal = structure.dofs.nodal(row)
+    found, given = np.zeros((len(its.model.mesh.nodes), 6)), len(mesh.nodes)
+    for name, elements in mesh.element_ranges().items():
+        found[its.model.mesh.lines[name]] = _along(structure, nodal, elements, *parts[name])
+        given -= (elements.stop - elements.start) // parts[name][0] * (parts[name][0] - 1)
+    found[:given] = nodal[:given]  # nodes of the case come first in every mesh of it
+    free = its.dofs.numbers >= 0
+    numbers: list[int] = its.dofs.numbers[free].tolist()
+    amounts: list[float] = found[free].tolist()
+    moved = {its.dofs.names[i]: x for i, x in zip(numbers, amounts, strict=True) if x}
+    beside = {name: value for name, value in values.items() if name not in on_nodes}
+    return moved | _within_springs(structure, its, values, beside)
+
+
+def _within_springs(
+    structure: Structure, its: Structure, values: Mapping[str, float], beside: Mapping[str, float]
+) -> dict[str, float]:
+    """Return values of what is no node, those within springs as the parts of another mesh have them."""
+    found, row = dict(beside), np.array([values.get(name, 0.0) for name in structure.dofs.names])
+    for name, spring in structure.model.springs.items():
+        own, parts = spring.elements, its.model.springs[name].elements
+        if own == parts:
+            continue
+        ends = spring_parts(structure, name, spring)
+        line = [float(ends[0][0] @ row), *(float(high @ row) for _, high in ends)]
+        for i in range(1, own):
+            found.pop(inner_name(name, i), None)
+        inner = np.interp(np.arange(1, parts) / parts, np.arange(own + 1) / own, line).tolist()
+        found |= {inner_name(name, i): value for i, value in enumerate(inner, start=1) if value}
+    return found
+
+
+def _along(structure: Structure, nodal: FloatArray, elements: slice, parts: int, other: int) -> FloatArray:
+    """Return the motion at the nodes of a member that has `other` elements per segment in place of `parts`."""
+    local = deflection(structure.beams, nodal, other, elements)
+    triads = structure.beams.triads[elements]
+    turned = [np.einsum("eji,epj->epi", triads, local[..., kind]) for kind in (slice(0, 3), slice(3, 6))]
+    whole = np.concatenate(turned, axis=-1)
+    line = np.concatenate([whole[:, :-1].reshape(-1, 6), whole[-1:, -1]])
+    return line[::parts]
+
+
+_GIVEN = ("rest", "equilibrium", "periodic")
+"""Starts that are found anew for the chain; others are the beam model's, seen at what is kept."""
+
+
+def chain(case: Case, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
+    """Return the train of a case as a chain of masses."""
+    return chain_of(build_model(case), case.speed, count, contact=contact, lumped=lumped)
+
+
+def chain_run(case: Case, count: int, *, contact: str | None = None, lumped: bool = False) -> Prepared:
+    """Return a run of a case with its train as a chain of masses, ready for `flexcam.solve`."""
+    ready, found = prepare(case), chain(case, count, contact=contact, lumped=lumped)
+    problem = replace(ready.problem, system=found.system, start=None)
+    if case.record.run.start in _GIVEN:
+        return replace(ready, problem=started(case, ready.model, problem))
+    return replace(ready, problem=replace(problem, start=_seen_chain(ready.problem, found)))
+
+
+def _seen_chain(whole: Problem, found: Chain) -> State | None:
+    """Return the start of the beam model in the chain's unknowns, by least squares."""
+    if whole.start is None:
+        return None
+    moved = np.column_stack([whole.start.displacement, whole.start.velocity])
+    near = np.linalg.lstsq(found.shapes, moved, rcond=None)[0]
+    return replace(whole.start, displacement=near[:, 0], velocity=near[:, 1])
+
+
+_ELEMENTS = (1, 2)
+"""Elements per segment of every member, beside those of the case and twice as many."""
+
+_MODES = (3, 10, 30)
+"""Shapes of reduced models."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rung:
+    """A model of a case.
+
+    Parameters
+    ----------
+    name
+        Such as ``rigid`` or ``beams x2``.
+    words
+        What it is.
+    case
+        The case it is made from.
+    """
+
+    name: str
+    words: str
+    case: Case
+
+    def prepared(self, until: float | None = None, work: int = 0) -> Prepared:
+        """Return everything a run needs; the search for a periodic start ends at `until`, s of `time.monotonic`.
+
+        `work` is the steps per revolution of all runs to come, this one among them: what makes many short runs fast may
+        not be worth its while for one.
+        """
+        return prepare(self.case, until=until, runs=max(round(work / steps_of(self.case)), 1) if work else 1)
+
+    def run(self, until: float | None = None, work: int = 0) -> Response:
+        """Return its response, by `until` at the latest."""
+        ready = self.prepared(until, work)
+        return solve(ready.problem, ready.scheme, save=ready.save, until=until)
+
+    def stepped(self, per_revolution: int) -> Rung:
+        """Return the same model with other steps per revolution."""
+        return replace(self, case=self.case.with_run({"steps_per_revolution": per_revolution, "step": None}))
+
+
+def measured_run(rung: Rung, probe: str, until: float | None = None, work: int = 0) -> Measured:
+    """Return what a rung's run has to be compared."""
+    response = rung.run(until, work)
+    if not response.status.ok:
+        raise RunFailedError(response.status)
+    return measured(response, probe)
+
+
+def steps_of(case: Case) -> int:
+    """Return the steps per camshaft revolution of a case, rounded where it gives a step."""
+    run = case.record.run
+    if run.step is None:
+        return run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
+    ready = prepare(case, rigid=True)
+    return round(ready.revolution / ready.problem.step)
+
+
+def with_elements(case: Case, factor: int | None = None, each: int | None = None) -> Case:
+    """Return a case with other elements per segment of its members and springs."""
+    members = {
+        name: one.model_copy(update={"elements": each or one.elements * (factor or 1)})
+        for name, one in case.record.members.items()
+    }
+    springs = {
+        name: one.model_copy(update={"elements": one.elements * (factor or 1)}) if one.mass or one.elements > 1 else one
+        for name, one in case.record.springs.items()
+    }
+    made = replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))
+    return carried_start(case, made)
+
+
+def as_beams(case: Case) -> Case:
+    """Return a case with all unknowns of its beams, whatever model it asks for."""
+    return case.with_fidelity(
+        {"model": "beams", "tolerance": None, "estimate": False, "modes": None, "reduction": "modes"}
+    )
+
+
+def _stands(rung: Rung) -> bool:
+    """Tell whether a case has such a model: a chain is that of one train with nodes enough."""
+    try:
+        standing(rung.case)
+    except (InputError, RunFailedError):
+        return False
+    return True
+
+
+def ladder(case: Case) -> tuple[Rung, ...]:
+    """Return the models of a case, coarse to fine."""
+    beams = as_beams(case)
+    own = {one.elements for one in case.record.members.values()}
+    unknowns = standing(beams).problem.system.size
+    fewer = [
+        Rung(f"beams {n}", f"{n} element{'s' if n > 1 else ''} per segment", with_elements(beams, each=n))
+        for n in _ELEMENTS
+        if n < min(own, default=0)
+    ]
+    modes = [
+        Rung(f"modes {n}", f"{n} modes with the static answers they miss", beams.with_fidelity({"modes": n}))
+        for n in _MODES
+        if 2 * n < unknowns
+    ]
+    chains = [
+        Rung("sdof", "one mass for the train", beams.with_fidelity({"model": "sdof"})),
+        Rung("chain 3", "three masses along the train", beams.with_fidelity({"model": "chain", "masses": 3})),
+    ]
+    return (
+        Rung("rigid", "rigid members", beams.with_fidelity({"model": "rigid"}).with_run({"path": "auto"})),
+        *(rung for rung in chains if _stands(rung)),
+        *modes,
+        *fewer,
+        Rung("beams", "the case as it stands", beams),
+        Rung("beams x2", "twice its elements", with_elements(beams, factor=2)),
+    )

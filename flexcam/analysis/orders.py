@@ -1,0 +1,195 @@
+"""Orders of what a train does: harmonics of the camshaft's rotation in the last revolution of a run, over speed.
+
+May import `analysis` and everything below it; `flexcam orders` prints and draws what stands here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.analysis.preparation import DEFAULT_STEPS_PER_REVOLUTION, prepare
+from flexcam.cams import OrderSpectrum, order_spectrum
+from flexcam.case.case import Case
+from flexcam.core import FloatArray
+from flexcam.core.errors import did_you_mean, refuse
+from flexcam.core.units import RPM
+from flexcam.dynamics import Advance, Response, RunFailedError, Status, raise_if_interrupted, solve, track_progress
+from flexcam.io.exports import component_unit
+
+_REVOLUTION = 2.0 * math.pi
+_SAME_ANGLE = 1e-9
+"""Part of a revolution by which rounding may have moved its beginning."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A history of a run.
+
+    Parameters
+    ----------
+    name
+        Of a channel, such as ``contacts.intake.force``, or of a probe of one scalar, such as ``valve`` or ``cam.uy``.
+    probe
+        Whether it is a probe, of which the acceleration counts.
+    """
+
+    name: str
+    probe: bool = False
+
+    def of(self, response: Response) -> FloatArray:
+        """Return the history, SI, shape (steps + 1,)."""
+        if not self.probe:
+            known = response.channels
+            if self.name not in known:
+                near = did_you_mean(self.name, known)
+                raise refuse("--channel", repr(self.name), f"one of {', '.join(known)}", "", near)
+            return known[self.name]
+        history = response[self.name]
+        if history.acceleration.ndim != 1:
+            allowed = f"one of its components: {', '.join(f'{self.name}.{one}' for one in history.components)}"
+            raise refuse("--probe", repr(self.name), allowed, "an order is that of one scalar")
+        return history.acceleration
+
+    def unit(self, response: Response) -> str:
+        """Return the unit of the history."""
+        if not self.probe:
+            return dict(response.outline.channels)[self.name]
+        return component_unit(response[self.name].components[0], "m/s^2")
+
+
+@dataclass(frozen=True, eq=False)
+class Waterfall:
+    """Orders of one history over speed.
+
+    Parameters
+    ----------
+    signal
+        The history.
+    unit
+        Its unit; empty if no run reached its end.
+    rpm
+        Camshaft speeds, shape (m,).
+    amplitudes
+        From order 0 (the size of the mean), in the unit, shape (m, count + 1); NaN where a run did not reach its end.
+    gaps
+        By how much the revolution misses closing, in the unit, shape (m,); NaN as above.
+    statuses
+        How every run ended.
+    """
+
+    signal: Signal
+    unit: str
+    rpm: FloatArray
+    amplitudes: FloatArray
+    gaps: FloatArray
+    statuses: tuple[Status, ...]
+
+
+def latest_orders(response: Response, values: FloatArray, count: int) -> OrderSpectrum:
+    """Return the orders of a history in the last revolution of a run."""
+    begin = _beginning(response)
+    steps, highest = len(response.angle) - begin - 1, highest_order(response)
+    if count > highest:
+        given, allowed = f"{count} of a last revolution of {steps} steps", f"up to {highest}" if highest else "none"
+        raise refuse("orders", given, allowed, _TWO_EACH, f"take {_wanted(count)} steps per revolution or more")
+    return order_spectrum(response.angle[begin:], values[begin:], count)
+
+
+_TWO_EACH = "an order needs two steps of its own"
+
+
+def _wanted(count: int) -> int:
+    """Return how many steps of a revolution so many orders need, the mean included."""
+    return 2 * count + 1
+
+
+def has_revolution(response: Response) -> bool:
+    """Tell whether a run is as long as a revolution of the camshaft."""
+    angle = response.angle
+    return len(angle) > 1 and float(angle[-1] - angle[0]) >= _REVOLUTION * (1.0 - _SAME_ANGLE)
+
+
+def highest_order(response: Response) -> int:
+    """Return the highest order that the last revolution of a run has steps for."""
+    return max((len(response.angle) - _beginning(response)) // 2 - 1, 0) if has_revolution(response) else 0
+
+
+def _beginning(response: Response) -> int:
+    if not has_revolution(response):
+        turned = math.degrees(float(np.ptp(response.angle))) if len(response.angle) else 0.0
+        raise refuse("run.revolutions", f"a run over {turned:.4g} deg", "one revolution or more", "it is the period")
+    begins = float(response.angle[-1]) - _REVOLUTION * (1.0 + _SAME_ANGLE)
+    return int(np.searchsorted(response.angle, begins))
+
+
+def waterfall(
+    case: Case, speeds: Sequence[float], signals: Sequence[Signal], count: int, *, advance: Advance | None = None
+) -> list[Waterfall]:
+    """Return the orders of histories over speed."""
+    _refuse_few_steps(case, max(speeds), count)
+    rpm = np.array(speeds) / RPM
+    found: dict[Signal, list[OrderSpectrum | None]] = {one: [] for one in signals}
+    statuses: list[Status] = []
+    units: dict[Signal, str] = {}
+    for speed in track_progress(speeds, advance):
+        response = _run(case.at_speed(speed), len(speeds))
+        raise_if_interrupted(response if isinstance(response, Status) else response.status)
+        statuses.append(response if isinstance(response, Status) else response.status)
+        for one, its in found.items():
+            if isinstance(response, Status) or not response.status.ok:
+                its.append(None)
+                continue
+            its.append(latest_orders(response, one.of(response), count))
+            units[one] = one.unit(response)
+    return [_joined(one, units.get(one, ""), rpm, its, tuple(statuses), count) for one, its in found.items()]
+
+
+def _refuse_few_steps(case: Case, fastest: float, count: int) -> None:
+    """Refuse, before the first run, steps that are too few for the orders; those that adapt are known behind it."""
+    run, wanted = case.record.run, _wanted(count)
+    turn = _REVOLUTION / fastest
+    steps = math.floor(turn / run.step) if run.step else run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
+    if run.adaptive is not None or steps >= wanted:
+        return
+    fewer = f"or ask for {(steps - 1) // 2} orders at most (--orders)" if steps >= _wanted(1) else ""
+    if run.step:
+        at = f"{fastest / RPM:.6g} camshaft rpm"
+        most = f"{0.995 * turn / wanted:.3g} s or less for {count} orders"  # three digits that are not rounded up
+        given, key, remedy = f"{run.step:.6g} s, {steps} steps per revolution at {at}", "step", "take shorter steps"
+    else:
+        given, key, remedy = str(steps), "steps_per_revolution", "take more steps"
+        most = f"{wanted} or more for {count} orders"
+    raise refuse(case.place(("run", key)), given, most, _TWO_EACH, ", ".join(filter(None, (remedy, fewer))))
+
+
+def _run(case: Case, runs: int) -> Response | Status:
+    """Return one of several runs, or why there is none."""
+    try:
+        ready = prepare(case)
+    except RunFailedError as failure:
+        return failure.status
+    return solve(replace(ready.problem, runs=runs), ready.scheme, save=ready.save)
+
+
+def _joined(
+    signal: Signal, unit: str, rpm: FloatArray, found: Sequence[OrderSpectrum | None], ended: tuple[Status, ...],
+    count: int,
+) -> Waterfall:  # fmt: skip
+    nothing = np.full(count + 1, math.nan)
+    amplitudes = np.array([nothing if one is None else one.amplitudes for one in found])
+    gaps = np.array([math.nan if one is None else one.gap for one in found])
+    return Waterfall(signal, unit, rpm, amplitudes, gaps, ended)
+
+
+def ridges(found: Waterfall, count: int = 3) -> Mapping[int, tuple[float, float]]:
+    """Return the orders that grow largest over the speeds, the mean left out."""
+    if np.isnan(found.amplitudes).all():
+        return {}
+    peaks = np.nanmax(found.amplitudes[:, 1:], axis=0)
+    largest: list[int] = (np.argsort(-peaks, kind="stable")[:count] + 1).tolist()
+    at = {n: int(np.nanargmax(found.amplitudes[:, n])) for n in largest}
+    return {n: (float(found.rpm[i]), float(found.amplitudes[i, n])) for n, i in at.items()}

@@ -1,0 +1,287 @@
+"""The probe that stands for a case."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.analysis.initial_state import drive_of, revolution_of, started, steps_per_revolution
+from flexcam.analysis.resources import affordable_mesh
+from flexcam.case.builder import build_model
+from flexcam.case.case import Case
+from flexcam.case.schema.run import GivenStartRecord
+from flexcam.core import FloatArray
+from flexcam.core.errors import InputError, refuse
+from flexcam.dynamics import Basis, Method, ModeBasis, Probe, Problem, Response, SaveAt, System, method_refusal
+from flexcam.fem.frames import COMPONENTS
+from flexcam.valvetrain import (
+    ANY_SPEED,
+    Chain,
+    Metric,
+    Model,
+    build_rigid,
+    build_system,
+    chain_of,
+    modal_basis,
+    straighten,
+    train_metrics,
+    without_compression,
+)
+
+DEFAULT_STEPS_PER_REVOLUTION = 3600
+"""Steps of a run that says nothing else: a tenth of a degree."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Everything a run needs, ready for `flexcam.dynamics.solve`.
+
+    Parameters
+    ----------
+    case
+        The case.
+    model
+        Its model.
+    problem
+        System, drive, step and start.
+    scheme
+        Of the time integration.
+    save
+        What is kept.
+    """
+
+    case: Case
+    model: Model
+    problem: Problem
+    scheme: Method
+    save: SaveAt
+
+    def __repr__(self) -> str:
+        """Return what is to be run, not its numbers."""
+        problem = self.problem
+        return f"<Prepared {self.case!r}: {problem.steps} steps of {problem.step:.4g} s, {problem.system!r}>"
+
+    @property
+    def revolution(self) -> float:
+        """Time of a camshaft revolution, s."""
+        return revolution_of(self.case, self.problem.drive)
+
+
+def prepare(
+    case: Case, *, rigid: bool = False, model: Model | None = None, until: float | None = None,
+    allow_large: bool = False, runs: int = 1,
+) -> Prepared:  # fmt: skip
+    """Build what a case describes, up to the point where time begins.
+
+    Parameters
+    ----------
+    case
+        A checked case.
+    rigid
+        The same mechanism with rigid members.
+    model
+        That of the case, where it is built already, such as for another speed.
+    until
+        When the search for a periodic start ends at the latest, s of `time.monotonic`; None for no limit.
+    allow_large
+        Whether the matrices may take more memory than there seems to be.
+    runs
+        How many runs like this one are to come, as `flexcam.dynamics.Problem` has it.
+
+    Returns
+    -------
+    Prepared
+        Model, problem and scheme.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+    RunFailedError
+        If the start has no balance.
+
+    Examples
+    --------
+    ``prepare(case).problem.system`` is the `System` of a case, for one's own studies.
+    """
+    model, system, few = _described(case, model, _kind(case, rigid=rigid), allow_large=allow_large)
+    save = SaveAt(field_every=case.record.output.field_every)
+    scheme = case.record.run.integrator.made()
+    try:
+        plain = replace(_problem(case, model, system), runs=runs)
+        if rigid:  # the companion of a flexible run, which its way through time was asked for
+            plain = replace(plain, engine="auto")
+        problem = started(case, model, plain, until=until)
+    except InputError as refusal:
+        raise _placed(case, refusal) from None
+    problem = replace(problem, basis=_basis(case, problem, few))
+    if refusal := method_refusal(problem, scheme):
+        raise _placed(case, refusal)
+    return Prepared(case, model, problem, scheme, save)
+
+
+def standing(case: Case) -> Prepared:
+    """Build what a case describes; from equilibrium where it asks for a periodic state, which takes time to find."""
+    if case.record.run.start != "periodic":
+        return prepare(case)
+    ready = replace(prepare(case.with_run({"start": "equilibrium"})), case=case)
+    try:
+        steps_per_revolution(case, ready.problem)
+    except InputError as refusal:
+        raise _placed(case, refusal) from None
+    return ready
+
+
+def described(
+    case: Case, *, rigid: bool = False, model: Model | None = None, allow_large: bool = False
+) -> tuple[Model, System]:  # fmt: skip
+    """Return the model of a case and its equations, before any start is looked for."""
+    return _described(case, model, _kind(case, rigid=rigid), allow_large=allow_large)[:2]
+
+
+def _described(
+    case: Case, model: Model | None, kind: str, *, allow_large: bool
+) -> tuple[Model, System, Chain | None]:  # fmt: skip
+    """Return model and equations, and the few masses that stand for them, if any."""
+    model = model or build_model(case)
+    if not allow_large:
+        affordable_mesh(model.mesh)
+    model = straighten(model) if kind in _CHAINS else model
+    make = build_rigid if kind == "rigid" else build_system
+    try:
+        system = make(model, case.speed)
+    except InputError as refusal:
+        raise _placed(case, refusal) from None
+    if kind not in _CHAINS or not system.size:
+        return model, system, None
+    few = _few(case, model, _CHAINS[kind] or case.record.fidelity.masses)
+    return model, without_compression(system, few.unfelt), few
+
+
+def _kind(case: Case, *, rigid: bool) -> str:
+    """Return which model of a case is meant."""
+    return "rigid" if rigid else case.record.fidelity.model
+
+
+_CHAINS = {"sdof": 1, "chain": None}
+"""Models of few masses, and how many where that is no choice."""
+
+
+_KEYS = {"count": "fidelity.masses", "contact": "fidelity.model"}
+"""What is asked of a chain, and the keys of a case that ask it."""
+
+
+def _few(case: Case, model: Model, count: int) -> Chain:
+    """Return the train of a case as a chain of so many masses."""
+    try:
+        return chain_of(model, case.speed, count)
+    except InputError as refusal:
+        named = InputError(replace(one, where=_KEYS.get(one.where, one.where)) for one in refusal.faults)
+        raise _placed(case, named) from None
+
+
+def _basis(case: Case, problem: Problem, few: Chain | None) -> Basis | None:
+    """Return what a case is integrated in; None for its own unknowns."""
+    fidelity = case.record.fidelity
+    if few is not None:
+        return ModeBasis(few.shapes, few.system.names, _answered(case, problem, few.shapes))
+    if fidelity.modes is None or not problem.system.size:
+        return None
+    return modal_basis(problem, fidelity.modes, by_parts=fidelity.reduction == "craig-bampton")
+
+
+def _answered(case: Case, problem: Problem, shapes: FloatArray) -> FloatArray | None:
+    """Return what a start has beside the shapes of a chain, uncoupled with them: it stays as it is.
+
+    What pushes elsewhere than at the masses, such as an installed spring, is answered by more than their shapes.
+    Without this a chain would not begin in its own balance, and ring about it for ever.
+    """
+    if problem.start is None or isinstance(case.record.run.start, GivenStartRecord):
+        return None
+    begun, stiff = problem.start.displacement, problem.system.stiffness.times_all(shapes)
+    return begun - shapes @ np.linalg.lstsq(shapes.T @ stiff, stiff.T @ begun)[0]
+
+
+def _placed(case: Case, refusal: InputError) -> InputError:
+    """Return a refusal with its keys' lines in the case file, where they are not told yet."""
+    told = (fault if " (" in fault.where else replace(fault, where=case.place(tuple(fault.where.split("."))))
+            for fault in refusal.faults)  # fmt: skip
+    return InputError(told)
+
+
+def _problem(case: Case, model: Model, system: System) -> Problem:
+    run, drive = case.record.run, drive_of(case, model)
+    per_revolution = run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
+    revolution = revolution_of(case, drive)
+    step = run.step or revolution / per_revolution
+    steps = round(run.revolutions * revolution / step)
+    if steps < 1:
+        given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
+        raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
+    adaptive = run.adaptive.made() if run.adaptive else None
+    prune = case.record.fidelity.prune
+    return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, engine=run.engine)
+
+
+def scalar_probe(ready: Prepared) -> str:
+    """Return the probe that stands for a case: a rocker's point, else the first that a cam moves, else the first."""
+    points = [rocker.point for rocker in ready.model.rockers.values()]
+    probes = [probe for probe in ready.problem.system.probes if probe.name in ready.model.probes]
+    if not probes:
+        raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
+    ordered = sorted(probes, key=lambda probe: probe.name not in points)
+    moved = _moved_by_cams(ready)
+    return next((moved[probe.name] for probe in ordered if probe.name in moved), _along_follower(ready, ordered[0]))
+
+
+def _moved_by_cams(ready: Prepared) -> dict[str, str]:
+    """Return the probes that the rigid train moves, each with the component that it moves most."""
+    if not ready.model.driven:
+        return {}
+    try:
+        rigid = build_rigid(ready.model, ANY_SPEED)
+    except InputError:  # no rigid train can be made of it: then the first probe will do
+        return {}
+    strokes = {probe: [0.0 if one is None else float(np.ptp(one(_ROUND, 0))) for one in probe.offset]
+               for probe in rigid.probes}  # fmt: skip
+    return {probe.name: _named(probe, int(np.argmax(path))) for probe, path in strokes.items() if max(path) > 0.0}
+
+
+_ROUND = np.linspace(0.0, 2.0 * np.pi, 361)
+"""Angles of a revolution; a lift between two of them would be none."""
+
+
+def _along_follower(ready: Prepared, probe: Probe) -> str:
+    """Return the component of a probe along the first follower's direction, or its first one."""
+    contact = next(iter(ready.model.driven.values()), None)
+    along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
+    return _named(probe, probe.components.index(along) if along in probe.components else 0)
+
+
+def _named(probe: Probe, component: int) -> str:
+    """Return what a component of a probe is called; a probe of one has its own name."""
+    return probe.name if len(probe.components) == 1 else f"{probe.name}.{probe.components[component]}"
+
+
+_FEW = ("sdof", "chain")
+"""Models that keep of the camshaft what contacts feel, and of a published load, which feels none of it, nothing."""
+
+_CAMSHAFT = ("cams.", "supports.")
+
+
+def figures_of(ready: Prepared, response: Response) -> list[Metric]:
+    """Return what a train did in the last revolution of a run, without what its model does not hold."""
+    found = train_metrics(ready.model, response, ready.revolution)
+    if ready.case.record.fidelity.model not in _FEW:
+        return found
+    return [one for one in found if not one.name.startswith(_CAMSHAFT) or _moves(response, one)]
+
+
+def _moves(response: Response, one: Metric) -> bool:
+    values = response.channels[one.name.rpartition(".")[0]]
+    return bool(np.ptp(values) > _STILL * np.abs(values).max())
+
+
+_STILL = 1e-9
+"""Part of a value by which rounding moves it."""

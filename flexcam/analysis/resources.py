@@ -1,0 +1,233 @@
+"""What there is of memory and disk."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from flexcam.core import DENSE_LIMIT
+from flexcam.core.errors import Fault, InputError
+from flexcam.dynamics import Problem, SaveAt, integrated_size, outline
+from flexcam.dynamics.engine_selection import MOST, candidate_engines
+from flexcam.dynamics.solve import AT_ONCE, LEAST_AT_ONCE
+from flexcam.fem.mesh import Mesh
+from flexcam.io import RECOVERED, VECTORS, points_drawn, result_bytes
+
+_UNLIMITED = 2**60
+"""Bytes from which a control group's limit is none."""
+
+
+def free_memory() -> int | None:
+    """Return the memory that this process may still take, bytes; None where the system does not tell.
+
+    The least of what the machine has to give (``MemAvailable`` of Linux, all of it elsewhere) and what the limits of
+    control groups leave, as those of containers and batch systems.
+    """
+    return min([*_of_machine(), *of_groups(Path("/sys/fs/cgroup"), Path("/proc/self/cgroup"))], default=None)
+
+
+def free_disk(folder: Path) -> int | None:
+    """Return what is free where a folder is or will be made, bytes; None where the system does not tell."""
+    there = next((one for one in (folder, *folder.absolute().parents) if one.is_dir()), None)
+    try:
+        return None if there is None else shutil.disk_usage(there).free
+    except OSError:
+        return None
+
+
+def _of_machine() -> Iterator[int]:
+    for line in _lines(Path("/proc/meminfo")):
+        name, _, value = line.partition(":")
+        if name == "MemAvailable":
+            yield 1024 * int(value.split()[0])
+            return
+    names = getattr(os, "sysconf_names", {})
+    if "SC_PHYS_PAGES" in names and "SC_PAGE_SIZE" in names:
+        yield os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def of_groups(root: Path, own: Path) -> Iterator[int]:
+    """Yield what the limits of this process's control groups leave, of either version."""
+    for line in _lines(own):
+        _, kinds, path = line.split(":", 2)
+        version = ("", "memory.max", "memory.current")
+        if kinds:
+            version = ("memory", "memory.limit_in_bytes", "memory.usage_in_bytes")
+        if version[0] not in kinds.split(","):
+            continue
+        folder = root / version[0] / path.strip("/")
+        for one in (folder, *(above for above in folder.parents if above.is_relative_to(root))):
+            limit, used = (next(_lines(one / name), "") for name in version[1:])
+            if limit.isdecimal() and used.isdecimal() and int(limit) < _UNLIMITED:
+                yield max(int(limit) - int(used), 0)
+
+
+def _lines(file: Path) -> Iterator[str]:
+    """Yield the lines of a file of the system; none where it is not there."""
+    try:
+        yield from file.read_text(encoding="ascii", errors="replace").splitlines()
+    except OSError:
+        return
+
+
+_NUMBER = 8
+"""Bytes."""
+
+_DENSE, _NATURAL = 12, 40
+"""Square matrices of a small system: M, C, K as entries and dense, an operator, its inverse; with natural motions, and
+what refines them."""
+
+_ENTRY = 250
+"""Bytes per entry of M, C and K of a large system: triplets, rows, sums of them and a factor."""
+
+_WALKED = 24
+"""Arrays of all unknowns over the steps that are walked together: motion, loads, what the energies need."""
+
+_ANY, _COMPILER = 4_000_000, 110_000_000
+"""Bytes of any run, for what it loads and writes, and of one in machine code, for the compiler."""
+
+_STEP = 3000
+"""Bytes per step that is walked one at a time, for Python's own objects."""
+
+_PLACES = 36
+"""Places on an outline where stresses are followed."""
+
+_DRAWN = 3 * len(VECTORS) + sum(width for _, width in RECOVERED.values())
+"""Numbers at a drawn point."""
+
+_COPIES = 2
+"""Blocks are joined of their parts, and histories of their blocks: both are there for a moment."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a run takes, in bytes.
+
+    Parameters
+    ----------
+    machine
+        What is loaded to compute and to write.
+    equations
+        Matrices and factors.
+    blocks
+        The steps that are computed and written together.
+    histories
+        What stays in memory until the end.
+    file
+        The result file, on disk.
+    """
+
+    machine: int
+    equations: int
+    blocks: int
+    histories: int
+    file: int
+
+    @property
+    def memory(self) -> int:
+        """Everything in memory together."""
+        return self.machine + self.equations + self.blocks + self.histories
+
+
+def budget(problem: Problem, mesh: Mesh, save: SaveAt, *, kept: int | None = None) -> Budget:
+    """Return what a run takes."""
+    names = outline(problem.system, channels=save.channels)
+    row = 2 + 3 * sum(len(components) for _, components in names.probes) + len(names.channels)
+    unknowns, rows, fields = len(names.unknowns), problem.steps + 1, problem.steps // save.field_every + 2
+    histories = (
+        rows * row + 3 * unknowns * fields if kept is None else min(kept + save.block, rows) * row + 3 * unknowns
+    )
+    inside, paths = integrated_size(problem), candidate_engines(problem)
+    return Budget(
+        machine=_ANY + (_COMPILER if "kernel" in paths else 0),
+        equations=_equations(problem, inside, natural=paths[0] != "direct" and inside <= MOST),
+        blocks=_blocks(inside, mesh, save, min(save.block, rows), row, unknowns),
+        histories=_COPIES * _NUMBER * histories,
+        file=result_bytes(names, mesh, save, problem.steps),
+    )
+
+
+def _equations(problem: Problem, inside: int, *, natural: bool) -> int:
+    system = problem.system
+    entries = sum(len(matrix.values) for matrix in (system.mass, system.damping, system.stiffness))
+    small = _NUMBER * (_NATURAL * inside**2 if natural else _DENSE * min(inside, DENSE_LIMIT) ** 2)
+    basis = _NUMBER * inside * system.size if problem.basis is not None else 0
+    return small + basis + _ENTRY * entries
+
+
+def _blocks(inside: int, mesh: Mesh, save: SaveAt, block: int, row: int, unknowns: int) -> int:
+    """Return what the steps in hand take: walked, joined to a block, and their fields as they are drawn."""
+    walked = min(max(AT_ONCE // max(inside, 1), LEAST_AT_ONCE), block)
+    fields = block // save.field_every + 1
+    drawn = 2 * (_DRAWN * points_drawn(mesh) + 3 * unknowns)
+    stressed = 3 * 2 * _PLACES * len(mesh.elements())
+    numbers = walked * (_WALKED * inside + 3 * row) + _COPIES * block * row + fields * (drawn + stressed)
+    return _NUMBER * numbers + _STEP * walked
+
+
+_SPARED = 0.9
+"""Part of what is free that a run may take: others work on the machine, and estimates are estimates."""
+
+_ELEMENT = 8000
+"""Bytes that matrices, factor and start of a model take per element at least, measured from 3e3 to 2e5 elements."""
+
+_SMALL = 1_000_000
+"""Bytes of matrices for which nobody is asked: a run of a sweep takes little longer than to ask."""
+
+_UNITS = ("B", "kB", "MB", "GB", "TB", "PB")
+
+_LARGE = "or --allow-large to try it all the same"
+
+
+def affordable(needs: Budget, folder: Path | None = None, *, together: int = 1) -> None:
+    """Refuse a run for which there is no room."""
+    faults = [_memory(needs, together), None if folder is None else _disk(needs, folder)]
+    if found := [fault for fault in faults if fault]:
+        raise InputError(found)
+
+
+def affordable_mesh(mesh: Mesh) -> None:
+    """Refuse a mesh for whose matrices there is no memory, before they are made."""
+    count = sum(len(line) - 1 for line in mesh.lines.values())
+    free = free_memory() if _ELEMENT * count > _SMALL else None
+    if free is None or _ELEMENT * count <= _SPARED * free:
+        return
+    given = f"{count} elements, whose matrices take {size(_ELEMENT * count)}"
+    remedy = "fewer elements, or flexcam run --allow-large to try it all the same"
+    raise InputError([Fault("memory", given, f"up to {size(int(_SPARED * free))}", f"{size(free)} are free", remedy)])
+
+
+def _memory(needs: Budget, together: int) -> Fault | None:
+    free, asked = free_memory(), together * needs.memory
+    if free is None or asked <= _SPARED * free:
+        return None
+    parts = {
+        "programs": needs.machine,
+        "matrices": needs.equations,
+        "blocks of steps": needs.blocks,
+        "histories": needs.histories,
+    }
+    told = ", ".join(f"{size(one)} of {name}" for name, one in parts.items())
+    given = f"a run of {size(needs.memory)}: {told}" + (f"; {together} side by side" if together > 1 else "")
+    remedy = f"fewer elements, steps or probes, fields saved more seldom (output.field_every), {_LARGE}"
+    return Fault("memory", given, f"up to {size(int(_SPARED * free))}", f"{size(free)} are free", remedy)
+
+
+def _disk(needs: Budget, folder: Path) -> Fault | None:
+    free = free_disk(folder)
+    if free is None or needs.file <= _SPARED * free:
+        return None
+    remedy = f"fewer steps or probes, fields saved more seldom (output.field_every), another disk (-o), {_LARGE}"
+    given, allowed = f"a result file of {size(needs.file)}", f"up to {size(int(_SPARED * free))}"
+    return Fault("disk", given, allowed, f"{size(free)} are free at {folder}", remedy)
+
+
+def size(count: float) -> str:
+    """Return bytes in words."""
+    power = 0
+    while count >= 1000.0 and power < len(_UNITS) - 1:
+        count, power = count / 1000.0, power + 1
+    return f"{count:.2g} {_UNITS[power]}" if count < 100.0 else f"{count:.0f} {_UNITS[power]}"

@@ -1,0 +1,165 @@
+"""The result file of a run, and going on with one that broke off."""
+
+from __future__ import annotations
+
+import json
+import platform
+import re
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, distribution, version
+from pathlib import Path
+from typing import Literal
+
+from flexcam.analysis.case_diff import difference, differing
+from flexcam.analysis.preparation import Prepared, prepare
+from flexcam.analysis.resources import Budget, affordable, budget
+from flexcam.case.case import Case
+from flexcam.case.input_checks import unusual
+from flexcam.core.errors import InputError, refuse
+from flexcam.dynamics import Response, Sink, Stats, fingerprint, outline, solve
+from flexcam.dynamics.checkpoint import Earlier
+from flexcam.dynamics.memory import Recent
+from flexcam.io import Geometry, ResultFile, Unfinished, made_folder, partial_of
+from flexcam.valvetrain import Model, build_structure, element_loads
+
+
+def geometry_of(model: Model) -> Geometry:
+    """Return what the results of a model are drawn on."""
+    structure = build_structure(model)
+    sections = {name: member.section for name, member in model.members.items()}
+    return Geometry(model.mesh, structure.dofs, structure.beams, sections, element_loads(structure), model.damping)
+
+
+def result_file(
+    ready: Prepared, folder: str | Path, *, overwrite: bool = False, resume: Unfinished | None = None,
+    warnings: Callable[[Stats], Sequence[str]] | None = None,
+) -> ResultFile:  # fmt: skip
+    """Open the result file of a run, to be given to `solve` as a sink."""
+    if ready.case.name.endswith(_PARTIAL):
+        why = f"the partial result of {ready.case.name.removesuffix(_PARTIAL)}.toml has the name of this one's result"
+        raise refuse("case file", ready.case.path.name, f"a name that does not end in {_PARTIAL}", why, "rename it")
+    path = made_folder(Path(folder)) / f"{ready.case.name}.vtkhdf"
+    about = _about(ready.case) if resume is None else resume.about
+    return ResultFile(
+        path, geometry_of(ready.model), outline(ready.problem.system), steps=ready.problem.steps, save=ready.save,
+        about=about, overwrite=overwrite, resume=None if resume is None else resume.checkpoint, warnings=warnings,
+    )  # fmt: skip
+
+
+def unfinished(ready: Prepared, folder: str | Path) -> Unfinished:
+    """Open what a run of a case finished before it was stopped, cut off or killed."""
+    path = Path(folder) / f"{ready.case.name}.vtkhdf"
+    if not partial_of(path).exists():
+        why = f"{path} is complete" if path.exists() else "there is no such file"
+        raise refuse("--resume", str(partial_of(path)), "the partial result of a run", why, "leave out --resume")
+    earlier = Unfinished(partial_of(path), geometry_of(ready.model), outline(ready.problem.system), ready.save)
+    _refuse_others(ready, earlier)
+    earlier.verify()
+    return earlier
+
+
+_PARTIAL = ".partial"
+"""Ends the name of a partial result."""
+
+
+def _refuse_others(ready: Prepared, earlier: Unfinished) -> None:
+    """Refuse to go on with another case, other packages or another problem."""
+    found = differing(_about(ready.case), earlier.about)
+    if not found and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
+        found = [difference("a mesh or a table beside the case")]
+    if found:
+        raise InputError(found)
+
+
+def _about(case: Case) -> dict[str, str]:
+    """Return what must be known of a result later: the case, as written and as resolved, and what computed it."""
+    return {
+        "title": case.record.title,
+        "case_file": str(case.path),
+        "case": case.text,
+        "overrides": json.dumps(case.overrides),
+        "resolved": case.record.model_dump_json(by_alias=True),
+        "warnings": "\n".join(unusual(case)),
+        "flexcam": _version("flexcam"),
+        "python": platform.python_version(),
+        **{package: _version(package) for package in ("numpy", "scipy", "h5py", "meshio", "numba")},
+        "platform": platform.platform(),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+@lru_cache
+def _version(package: str) -> str:
+    """Return the version of a package, from the head of its metadata: to parse all of it takes milliseconds."""
+    try:
+        text = distribution(package).read_text("METADATA") or ""
+    except PackageNotFoundError:
+        return "none"
+    found = re.search(r"^Version: (.+)$", text, re.MULTILINE)
+    return found[1].strip() if found else version(package)
+
+
+def recent(ready: Prepared) -> Recent:
+    """Return what keeps no more of a run in memory than its summary needs."""
+    return Recent(outline(ready.problem.system, channels=ready.save.channels), ready.revolution)
+
+
+def budget_of(ready: Prepared, keep: Literal["all", "revolution"] = "all") -> Budget:
+    """Return what a run takes of memory and disk."""
+    kept = None if keep == "all" else round(ready.revolution / ready.problem.step)
+    return budget(ready.problem, ready.model.mesh, ready.save, kept=kept)
+
+
+def run(
+    case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = (), keep: Literal["all", "revolution"] = "all",
+    allow_large: bool = False, resume: Earlier | None = None,
+) -> Response:  # fmt: skip
+    """Solve a case in time, by the model that stands in it.
+
+    `flexcam.analysis.model_choice` chooses a model within ``fidelity.tolerance``; `flexcam.analysis.error_estimate`
+    estimates errors.
+
+    Parameters
+    ----------
+    case
+        From `flexcam.read_case`.
+    rigid
+        Solve the same mechanism with rigid members.
+    sinks
+        Further takers of the results, such as a result file.
+    keep
+        What the response holds: all of the run, or its last revolution and last field, with which memory does not
+        grow with the length of the run.
+    allow_large
+        Whether a run may take more memory than there seems to be.
+    resume
+        What a run of this case finished before it broke off, from `unfinished`; it goes on from there.
+
+    Returns
+    -------
+    Response
+        Histories of the probes, fields, status.
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together, or memory is too short.
+    RunFailedError
+        If the run cannot even start.
+
+    Examples
+    --------
+    ``flexcam.run(flexcam.read_case("cases/tayeb/model-3-shm.toml"))["valve"].displacement`` is the lift of the valve.
+    """
+    if keep not in _KEPT:
+        raise refuse("keep", repr(keep), " or ".join(map(repr, _KEPT)))
+    ready = prepare(case, rigid=rigid, allow_large=allow_large)
+    if not allow_large:
+        affordable(budget_of(ready, keep))
+    memory = recent(ready) if keep == "revolution" else None
+    return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, memory=memory, resume=resume)
+
+
+_KEPT = ("all", "revolution")

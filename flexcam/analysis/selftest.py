@@ -1,0 +1,345 @@
+"""A number against the one it must be."""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+
+import numpy as np
+
+from flexcam.analysis.error_estimate import loaded_mode
+from flexcam.analysis.preparation import Prepared, prepare
+from flexcam.analysis.run import result_file
+from flexcam.cams import LAWS, criteria
+from flexcam.case.case import Case
+from flexcam.case.reader import read_case
+from flexcam.case.starters import new_case
+from flexcam.core import FloatArray, Triplets
+from flexcam.dynamics import (
+    AngleVector,
+    ConstantSpeed,
+    Load,
+    LocalForce,
+    Probe,
+    Problem,
+    Response,
+    State,
+    System,
+    constant,
+    elastic_stop,
+    equilibrium,
+    jit,
+    modes,
+    newmark,
+    solve,
+    static_displacement,
+)
+from flexcam.dynamics.jit import is_available
+from flexcam.fem.assembly import geometric, mass, stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.members import Member, beams
+from flexcam.fem.mesh import chain
+from flexcam.fem.sections import Material, Section
+from flexcam.io import read_result, scratch
+
+
+@dataclass(frozen=True)
+class Check:
+    """A computed number beside its reference.
+
+    Parameters
+    ----------
+    quantity
+        What it is.
+    source
+        Where the reference comes from.
+    reference, computed
+        SI, or as `unit` says.
+    tolerance
+        Largest error that passes, as a part of the reference; absolute where that is zero.
+    unit
+        Of both numbers.
+    """
+
+    quantity: str
+    source: str
+    reference: float
+    computed: float
+    tolerance: float
+    unit: str = "1"
+
+    @property
+    def error(self) -> float:
+        """Distance from the reference, as a part of it; absolute where that is zero."""
+        return abs(self.computed - self.reference) / (abs(self.reference) or 1.0)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the error is within its tolerance; what is no number is not."""
+        return self.error <= self.tolerance
+
+
+_PACKAGES = ("flexcam", "numpy", "scipy", "h5py", "meshio", "pydantic", "matplotlib", "pyvista", "numba")
+_EXTRAS = {
+    "tables": ("pandas", "pyarrow", "xarray"),
+    "cluster": ("distributed",),
+    "movie": ("imageio", "imageio_ffmpeg"),
+    "html": ("trame_vtk",),
+    "design": ("pymoo",),
+}
+"""Extras of the package and the modules each needs."""
+
+
+def installed() -> dict[str, str]:
+    """Return what this installation consists of."""
+    versions = {name: _version(name) for name in _PACKAGES}
+    extras = {f"extra {name}": _usable(name, modules) for name, modules in _EXTRAS.items()}
+    return {
+        "python": f"{platform.python_version()}, {platform.platform()}",
+        **versions,
+        "compiled code": _code(),
+        **extras,
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _code() -> str:
+    if not jit.is_available():
+        return "no compiler: install numba for long runs and contacts"
+    return f"compiled, cached in {jit.cache_root()}"
+
+
+def _usable(extra: str, modules: tuple[str, ...]) -> str:
+    missing = [name for name in modules if find_spec(name) is None]
+    return f"not there ({', '.join(missing)}): pip install 'flexcam[{extra}]'" if missing else "usable"
+
+
+_G, _V0, _STIFFNESS = 9.81, 1.2, 4e6
+"""Gravity, speed at the first touch, stiffness of the stop; the mass is 1 kg."""
+
+_STILL = ConstantSpeed(1.0)
+_PROBE = Probe("x", ("x",), np.eye(1), (None,))
+
+
+def oscillators() -> Iterator[Check]:
+    """Yield what one mass must do, and the peaks of motion laws."""
+    yield _late()
+    yield from _bounced()
+    yield from _laws()
+
+
+def _late() -> Check:
+    """Return where a free oscillation is after 1000 steps of a tenth of its period, by the average acceleration."""
+    turned, step = 2.0 * math.pi / 10.0, 0.01
+    stiffness = Triplets.from_dense([[(turned / step) ** 2]])
+    system = System(Triplets.from_dense([[1.0]]), Triplets.zeros(1), stiffness, ("x",), probes=(_PROBE,))
+    problem = Problem(system, _STILL, step, 1000, State(np.ones(1), np.zeros(1)), engine="direct")
+    end = solve(problem, newmark())["x"].displacement[-1]
+    source = "Hughes, The Finite Element Method, ch. 9"
+    return Check("Newmark after 100 periods", source, math.cos(2000.0 * math.atan(0.5 * turned)), float(end), 1e-9, "m")
+
+
+def _bouncing() -> System:
+    """Return a mass under gravity over an elastic stop."""
+    down, up = AngleVector.constant(np.array([-1.0])), AngleVector.constant(np.array([1.0]))
+    stop = LocalForce("stop", (down,), (up,), elastic_stop(_STIFFNESS), (constant(0.0),), switching=(0,))
+    weight = Load("weight", np.array([-_G]), lambda motion: np.ones_like(motion.angle))
+    nothing = Triplets.zeros(1)
+    return System(Triplets.from_dense([[1.0]]), nothing, nothing, ("x",), (weight,), (stop,), probes=(_PROBE,))
+
+
+def _bounced() -> Iterator[Check]:
+    source = "Goldsmith, Impact, ch. 4"
+    w, sunk = math.sqrt(_STIFFNESS), _G / _STIFFNESS
+    contact = 2.0 / w * (math.pi - math.atan(_V0 * w / _G))
+    steps, whole = 1000, 1.5 * contact
+    start = State(np.zeros(1), np.array([-_V0]))
+    found = solve(Problem(_bouncing(), _STILL, whole / steps, steps, start, engine="direct"), newmark())["x"]
+    deepest = sunk + math.hypot(sunk, _V0 / w)
+    # Steps of w dt = 0.005: the period is wrong by its square over 12, the speed at an event by as much.
+    yield Check("depth of an impact", source, deepest, -float(found.displacement.min()), 1e-5, "m")
+    yield Check("speed after an impact", source, _V0 - _G * (whole - contact), float(found.velocity[-1]), 1e-5, "m/s")
+    rest = equilibrium(_bouncing(), _STILL).displacement
+    yield Check("mass at rest on a stop", "m g/k", -sunk, float(rest[0]), 1e-9, "m")
+
+
+def _laws() -> Iterator[Check]:
+    source = "derivatives of the law, by hand"
+    for name, velocity, acceleration in (
+        ("cycloidal", 2.0, 2.0 * math.pi),
+        ("shm", 0.5 * math.pi, 0.5 * math.pi**2),
+        ("3-4-5", 1.875, 10.0 / math.sqrt(3.0)),
+    ):  # fmt: skip
+        found = criteria(LAWS[name])
+        yield Check(f"largest velocity of the law {name}", source, velocity, found.velocity[1].value, 1e-9)
+        yield Check(f"largest acceleration of the law {name}", source, acceleration, found.acceleration[1].value, 1e-9)
+
+
+_STEEL = Material(E=207e9, nu=0.29, density=7800.0)
+_TUBE = Section.tube(0.020, 0.012)
+_LENGTH, _ELEMENTS = 0.9, 16
+_SLENDER, _STOUT = Member(_STEEL, _TUBE, rotary_inertia=False), Member(_STEEL, _TUBE, shear=True)
+_BENDING = ("uy", "rz")
+_FIXED, _PINNED = ("ux", "uy", "uz", "rx", "ry", "rz"), ("ux", "uy", "uz", "rx", "ry")
+
+
+class _Beam:
+    """A straight beam along x, of equal elements, held at its start and perhaps at its end."""
+
+    def __init__(self, member: Member, start: tuple[str, ...], end: tuple[str, ...] = ()) -> None:
+        mesh = chain((0.0, 0.0, 0.0), (_LENGTH, 0.0, 0.0), _ELEMENTS)
+        self._beams = beams(mesh, {"shaft": member})
+        self.dofs = dof_map(mesh, [("start", start), *([("end", end)] if end else [])])
+        self.mass, self.stiffness = mass(self._beams, self.dofs), stiffness(self._beams, self.dofs)
+
+    def picked(self, *components: str) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+        """Return the unknowns of some components."""
+        return np.array([i for i, name in enumerate(self.dofs.names) if name.rpartition(".")[2] in components], np.intp)
+
+    def pushed(self, component: str, size: float) -> float:
+        """Return how far the end gives way to a force or torque."""
+        at = self.picked(component)[-1]
+        load = np.zeros(len(self.dofs.names))
+        load[at] = size
+        return float(static_displacement(self.stiffness, load, self.dofs.names)[at])
+
+    def frequencies(self, count: int) -> FloatArray:
+        """Return the lowest of bending in x-y, Hz."""
+        bends = self.picked(*_BENDING)
+        return modes(self.mass.part(bends), self.stiffness.part(bends), count).frequencies
+
+    def buckling(self) -> float:
+        """Return the force under which it bends without end, N."""
+        bends = self.picked(*_BENDING)
+        softened = geometric(self._beams, np.full(len(self._beams), -1.0), self.dofs).part(bends).dense()
+        return 1.0 / float(np.linalg.eigvals(np.linalg.solve(self.stiffness.part(bends).dense(), -softened)).real.max())
+
+
+def structures() -> Iterator[Check]:
+    """Yield what beams must do."""
+    yield from _pushed()
+    yield from _vibrating()
+    source = "Timoshenko and Gere, Theory of Elastic Stability, ch. 2"
+    euler = math.pi**2 * _STEEL.E * _TUBE.Iz / _LENGTH**2
+    found = _Beam(_SLENDER, _PINNED, ("uy", "uz")).buckling()
+    yield Check("buckling load of a pinned column", source, euler, found, 1e-5, "N")
+
+
+def _pushed() -> Iterator[Check]:
+    beam, force, torque = _Beam(_SLENDER, _FIXED), 100.0, 10.0
+    bent, found = force * _LENGTH**3 / (3.0 * _STEEL.E * _TUBE.Iz), beam.pushed("uy", force)
+    yield Check("tip of a cantilever under a force", "Euler-Bernoulli, P L^3/(3 E I)", bent, found, 1e-9, "m")
+    twisted, found = torque * _LENGTH / (_STEEL.G * _TUBE.J), beam.pushed("rx", torque)
+    yield Check("twist of a tube under a torque", "Saint-Venant, T L/(G J)", twisted, found, 1e-9, "rad")
+
+
+def _vibrating() -> Iterator[Check]:
+    source = "Timoshenko, Vibration Problems in Engineering, sec. 53-58"
+    speed = math.sqrt(_STEEL.E * _TUBE.Iz / (_STEEL.density * _TUBE.A))
+    found = _Beam(_SLENDER, _FIXED).frequencies(3)
+    for n, computed in enumerate(found, start=1):
+        near = (n - 0.5) * math.pi
+        root = _root(lambda x: math.cos(x) + 1.0 / math.cosh(x), near - 0.6, near + 0.6)
+        # Cubic elements: (x/n)^4/1440 in frequency, twice of which passes.
+        reference = root**2 / (2.0 * math.pi * _LENGTH**2) * speed
+        yield Check(f"bending frequency {n} of a cantilever", source, reference, float(computed),
+                    (root / _ELEMENTS) ** 4 / 720.0, "Hz")  # fmt: skip
+    found = _Beam(_STOUT, _PINNED, ("uy", "uz")).frequencies(1)
+    yield Check(
+        "bending frequency of a stout beam, pinned", source, _stout(math.pi / _LENGTH), float(found[0]), 1e-5, "Hz"
+    )
+
+
+def _stout(k: float) -> float:
+    """Return the frequency of a pinned Timoshenko beam with waves of k, Hz: the lower root of its quadratic."""
+    rho, area, second = _STEEL.density, _TUBE.A, _TUBE.Iz
+    shear = _TUBE.kappa_y * _STEEL.G
+    a = rho**2 * second / shear  # a w^4 + b w^2 + c = 0
+    b = -(rho * area + rho * second * k**2 * (1.0 + _STEEL.E / shear))
+    c = _STEEL.E * second * k**4
+    square = 2.0 * c / (-b + math.sqrt(b**2 - 4.0 * a * c))
+    return math.sqrt(square) / (2.0 * math.pi)
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Return a zero between two places of opposite sign, by bisection."""
+    rising = function(high) > 0.0
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if (function(middle) > 0.0) == rising else (middle, high)
+    return low
+
+
+_PROBE_TRAINS = "valve"
+_PAPER = "Tayeb and Sliman: unstable near 4000 rpm"
+
+
+def trains() -> Iterator[Check]:
+    """Yield what the published train must do: the starter case of that name."""
+    with scratch() as folder:
+        case = read_case(new_case("published-model", folder / "case.toml")[0])
+        yield Check(
+            "speed at which the loaded mode resonates", _PAPER, 4027.0, loaded_mode(case)[1], 0.5 / 4027.0, "rpm"
+        )
+        ready = prepare(case)
+        sink = result_file(ready, folder)
+        run = solve(replace(ready.problem, engine="direct"), ready.scheme, save=ready.save, sinks=[sink])
+        yield _balanced(run)
+        yield from _ways(ready, run)
+        yield _written(run, read_result(sink.path).response)
+        yield _followed(case)
+
+
+def _balanced(run: Response) -> Check:
+    residual = float(np.abs(run.channels["energy.residual"]).max() / np.ptp(run.channels["energy.work"]))
+    source = "exact for the average acceleration"
+    return Check("energy that does not add up, over the work", source, 0.0, residual, 1e-9)
+
+
+def _ways(ready: Prepared, run: Response) -> Iterator[Check]:
+    """Yield how far the faster ways through time are from the general one, as a part of the motion."""
+    for path in ("modal", "kernel") if is_available() else ("modal",):
+        other = solve(replace(ready.problem, engine=path), ready.scheme, save=ready.save)
+        yield Check(
+            f"way through time {path}, against the general one", "the same scheme", 0.0, _apart(run, other), 1e-8
+        )
+
+
+def _apart(one: Response, other: Response) -> float:
+    moved = one[_PROBE_TRAINS].displacement
+    return float(np.abs(moved - other[_PROBE_TRAINS].displacement).max() / np.abs(moved).max())
+
+
+def _written(run: Response, read: Response) -> Check:
+    """Return by how much a result file changes what is written into it."""
+    pairs = [(getattr(run.probes, kind), getattr(read.probes, kind)) for kind in ("displacement", "velocity")]
+    pairs += [(run.time, read.time), *((values, read.channels[name]) for name, values in run.channels.items())]
+    apart = max(float(np.abs(a - b).max(initial=0.0)) for a, b in pairs)
+    return Check("result file, read against what was written", "every digit", 0.0, apart, 0.0)
+
+
+def _followed(case: Case) -> Check:
+    """Return the largest lift of the rigid train: that of its cam times the rocker's ratio."""
+    ready = prepare(case, rigid=True)
+    top = float(solve(ready.problem, ready.scheme, save=ready.save)[_PROBE_TRAINS].displacement.max())
+    rocker, cam = next(iter(ready.model.rockers.values())), next(iter(ready.model.cams.values()))
+    return Check(
+        "lift of the rigid train", "cam lift times rocker ratio", cam.event.height * rocker.ratio, top, 1e-6, "m"
+    )
+
+
+def checks() -> Iterator[Check]:
+    """Yield all checks, each as it is computed."""
+    yield from structures()
+    yield from oscillators()
+    yield from trains()

@@ -1,0 +1,410 @@
+"""What endangers a case over a range of speeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.analysis.initial_state import broken_orders
+from flexcam.analysis.orders import highest_order, latest_orders
+from flexcam.analysis.preparation import Prepared, prepare
+from flexcam.cams import Event, harmonics
+from flexcam.case.case import Case
+from flexcam.core import FloatArray, Triplets
+from flexcam.core.errors import InputError
+from flexcam.core.units import RPM
+from flexcam.dynamics import (
+    Advance,
+    Floquet,
+    Method,
+    Problem,
+    Response,
+    RunFailedError,
+    Status,
+    Tangents,
+    basis_of,
+    floquet,
+    highest_frequency,
+    periodic,
+    project_system,
+    raise_if_interrupted,
+    solve,
+    track_progress,
+)
+from flexcam.valvetrain import ReachedModes, Structure, build_structure, contact_modes, holding, separation
+
+MOST = 400
+"""Unknowns up to which the system is linearized about its motion; above it its highest mode is, without contacts."""
+
+_LOOKS = 24
+"""Instants of the last revolution that are looked at: contacts open and close, and their stiffness changes."""
+
+_FREE = 1e-9
+"""Part of the highest frequency squared below which a motion is free."""
+
+
+@dataclass(frozen=True)
+class Discrete:
+    """Growth of a mode by the time integration.
+
+    Parameters
+    ----------
+    radius
+        Largest factor by which a mode grows in one step.
+    frequency
+        Of the mode it belongs to, Hz.
+    damping
+        Its damping ratio.
+    moving
+        What moves most in it, by name.
+    angle
+        Cam angle at which it is so, rad.
+    critical_step
+        Up to which no mode grows, s; infinite where the method has no limit.
+    """
+
+    radius: float
+    frequency: float
+    damping: float
+    moving: tuple[str, ...]
+    angle: float
+    critical_step: float
+
+    @property
+    def looked_at(self) -> bool:
+        """Whether there was a mode to look at."""
+        return bool(self.moving)
+
+
+@dataclass(frozen=True, eq=False)
+class _Swings:
+    """Natural motions at an instant: angular frequencies, damping ratios, shapes as columns."""
+
+    omegas: FloatArray
+    ratios: FloatArray
+    shapes: FloatArray
+
+
+def discrete(ready: Prepared, method: Method, response: Response) -> Discrete:
+    """Return which mode the time integration endangers most."""
+    step, names = ready.problem.step, ready.problem.system.names
+    if ready.problem.system.size > MOST:
+        return _of_the_highest(ready, method)
+    worst, critical = Discrete(0.0, 0.0, 0.0, (), 0.0, math.inf), math.inf
+    limited = method.stable_to() < math.inf
+    for angle, swings in _along(ready, response):
+        if not len(swings.omegas):
+            continue
+        pairs = zip(swings.omegas.tolist(), swings.ratios.tolist(), strict=True)
+        radii = [method.spectral_radius(omega * step, max(ratio, 0.0)) for omega, ratio in pairs]
+        most = max(range(len(radii)), key=lambda i: (round(radii[i], 9), swings.omegas[i]))
+        here = Discrete(
+            radii[most], float(swings.omegas[most]) / (2.0 * math.pi), float(swings.ratios[most]),
+            _moving(swings.shapes[:, most], names), angle, math.inf,
+        )  # fmt: skip
+        if limited:
+            ratio = max(float(swings.ratios[-1]), 0.0)
+            critical = min(critical, method.stable_to(ratio) / float(swings.omegas[-1]))
+        if (round(here.radius, 9), here.frequency) > (round(worst.radius, 9), worst.frequency):
+            worst = here
+    return Discrete(worst.radius, worst.frequency, worst.damping, worst.moving, worst.angle, critical)
+
+
+def _of_the_highest(ready: Prepared, method: Method) -> Discrete:
+    """Return the growth of the highest mode without contacts: methods that have a limit have it there."""
+    basis, system = basis_of(ready.problem), ready.problem.system
+    omega, moving = highest_frequency(project_system(system, basis) if basis is not None and basis.size else system)
+    radius, limit = method.spectral_radius(omega * ready.problem.step), method.stable_to()
+    return Discrete(radius, omega / (2.0 * math.pi), 0.0, tuple(moving), 0.0, limit / omega if omega else math.inf)
+
+
+def _along(ready: Prepared, response: Response) -> list[tuple[float, _Swings]]:
+    """Return cam angle and natural motions at some instants of the last revolution."""
+    system = ready.problem.system
+    if not 0 < system.size <= MOST or not len(response.field_time):
+        return []
+    late: list[int] = np.flatnonzero(response.field_time > response.field_time[-1] - ready.revolution).tolist()
+    chosen = late[:: max(len(late) // _LOOKS, 1)]
+    fields = response.fields.at(np.isin(np.arange(len(response.field_time)), chosen))
+    motion = ready.problem.drive.at(response.field_time[chosen])
+    tangents = Tangents(system, motion, fields.displacement, fields.velocity)
+    basis = basis_of(ready.problem)
+    within = basis.spread(np.eye(basis.size)).T if basis is not None and basis.size else np.eye(system.size)
+    last = None
+    found: list[tuple[float, _Swings]] = []
+    for i in range(len(chosen)):
+        C, K = tangents.at(i)
+        if last is None or not np.array_equal(K, last):
+            swings = _swings(*(within.T @ matrix @ within for matrix in (tangents.mass, C, K)))
+            shown = replace(swings, shapes=within @ swings.shapes)
+            found.append((float(response.field_angle[chosen[i]]), shown))
+        last = K
+    return found
+
+
+def _swings(M: FloatArray, C: FloatArray, K: FloatArray) -> _Swings:
+    """Return the natural motions of matrices that need not be symmetric, lowest first, without free or growing ones."""
+    from scipy.linalg import eig
+
+    values, vectors = (np.asarray(one) for one in eig(K, M))
+    squares: FloatArray = np.real(values)
+    good = np.isfinite(squares) & (np.abs(np.imag(values)) <= np.abs(squares))
+    good &= squares > _FREE * np.max(np.abs(squares[good]), initial=0.0)
+    order = np.flatnonzero(good)[np.argsort(squares[good])]
+    omegas, shapes = np.sqrt(squares[order]), np.real(vectors[:, order])
+    heavy = np.einsum("ik,ik->k", shapes, M @ shapes)
+    slowed = np.einsum("ik,ik->k", shapes, C @ shapes)
+    return _Swings(omegas, slowed / np.where(heavy > 0.0, 2.0 * omegas * heavy, np.inf), shapes)
+
+
+def _moving(shape: FloatArray, names: tuple[str, ...]) -> tuple[str, ...]:
+    order: list[int] = np.argsort(-np.abs(shape)).tolist()
+    return tuple(names[i] for i in order[:3])
+
+
+def reached_modes(ready: Prepared, response: Response, contact: str, structure: Structure) -> ReachedModes:
+    """Return the modes of a train on the lift of a cam."""
+    cam = ready.model.cams[ready.model.driven[contact].cam]
+    return contact_modes(structure, contact, _held(ready, response, cam.event))
+
+
+def _held(ready: Prepared, response: Response, event: Event) -> list[tuple[str, Triplets]]:
+    """Return the stiffness of each local force at the saved instant of the largest lift."""
+    system = ready.problem.system
+    late = response.field_time > response.field_time[-1:] - ready.revolution
+    if not late.any() or not system.local_forces or system.size > MOST:
+        return []
+    at = np.flatnonzero(late)[[int(np.argmax(event(response.field_angle[late], 0)))]]
+    motion = ready.problem.drive.at(response.field_time[at])
+    return holding(system, motion, response.fields.displacement[at], response.fields.velocity[at])
+
+
+def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
+    """Return the amplitudes of the harmonics of a contact's force in the last revolution of a run."""
+    force, told = response.channels.get(f"contacts.{contact}.force"), min(count, highest_order(response))
+    if force is None or not told:
+        return np.full(count, np.nan)
+    return np.append(latest_orders(response, force, told).amplitudes[1:], np.full(count - told, np.nan))
+
+
+_HARMONICS = 24
+_SMALL = 1e-3
+"""Part of the largest harmonic in the lift below which one is not looked at."""
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """A harmonic of a cam that meets a mode.
+
+    Parameters
+    ----------
+    contact
+        Name of the contact whose cam and force it is in.
+    rpm
+        Camshaft speed at which it does.
+    harmonic
+        Which, counted per camshaft revolution.
+    amplitude
+        Of that harmonic in the lift, m.
+    load
+        Of that harmonic in the contact's force in the last revolution of the run, N; zero where its steps are too few
+        to tell.
+    mode
+        Position of the mode, from 0.
+    frequency
+        Of the mode, Hz.
+    words
+        What moves in it.
+    """
+
+    contact: str
+    rpm: float
+    harmonic: int
+    amplitude: float
+    load: float
+    mode: int
+    frequency: float
+    words: str
+
+
+def resonances(ready: Prepared, response: Response) -> tuple[Resonance, ...]:
+    """Return where the harmonics of the cams meet the modes."""
+    met: list[Resonance] = []
+    structure = build_structure(ready.model)
+    for name, contact in ready.model.driven.items():
+        reached = reached_modes(ready, response, name, structure)
+        lifts = lift_harmonics(ready.model.cams[contact.cam].event, _HARMONICS)
+        loads = np.nan_to_num(force_harmonics(response, name, _HARMONICS))
+        for n, amplitude in lifts.items():
+            for i in reached.felt:
+                frequency, words = float(reached.found.modes.frequencies[i]), reached.found.words(i)
+                rpm, load = 60.0 * frequency / n, float(loads[n - 1])
+                met.append(Resonance(name, rpm, n, amplitude, load, i, frequency, words))
+    own = ready.case.speed / RPM
+    return tuple(sorted(met, key=lambda one: abs(math.log(one.rpm / own))))
+
+
+def lift_harmonics(event: Event, count: int) -> dict[int, float]:
+    """Return the harmonics of a lift that are worth looking at."""
+    sizes = np.abs(harmonics(event, count))[1:]
+    return {n: float(size) for n, size in enumerate(sizes, start=1) if size >= _SMALL * sizes.max()}
+
+
+_NEAR = 0.03
+"""Distance of a harmonic from a mode, as a part of its frequency, that counts as resonance."""
+
+_HEARD = 0.01
+"""Part of the largest harmonic of a contact's own force from which on one makes a resonance; weaker ones are listed."""
+
+_REACH = 2.0
+"""Times the case's speed up to which resonances are told one by one."""
+
+_RETURNS = 1e-3
+"""Part of the motion by which one that repeats may miss its beginning."""
+
+_GROWS = 1.0 + 1e-6
+
+_LEAST = 360
+"""Steps per revolution that disturbances are followed by, at least: coarse ones step over what makes them grow."""
+
+_MOST = 36_000
+"""The same, at most: every one takes a linearization of its own, and a hundredth of a degree leaves nothing to find."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stability:
+    """Stability of a case at its speed.
+
+    Parameters
+    ----------
+    rpm
+        Camshaft speed.
+    discrete
+        Growth by the time integration at the case's step.
+    floquet
+        Multipliers of the periodic motion; None where there is none to be disturbed.
+    why_not
+        Why there are no multipliers; empty otherwise.
+    resonances
+        Nearest to the case's speed first.
+    open_on_the_lift
+        Cam angle over which a follower is off its cam on the main lift, or would have to be pulled, rad.
+    status
+        How the run ended that contacts, modes and the integrator are judged by.
+    """
+
+    rpm: float
+    discrete: Discrete
+    floquet: Floquet | None
+    why_not: str
+    resonances: tuple[Resonance, ...]
+    open_on_the_lift: float
+    status: Status
+
+    @property
+    def resonant(self) -> tuple[Resonance, ...]:
+        """Resonances that the case's speed meets, with harmonics that are in the force of their contact."""
+        largest: dict[str, float] = {}
+        for one in self.resonances:
+            largest[one.contact] = max(one.load, largest.get(one.contact, 0.0))
+        near = (one for one in self.resonances if abs(one.rpm / self.rpm - 1.0) <= _NEAR)
+        return tuple(one for one in near if one.load >= _HEARD * largest[one.contact])
+
+    @property
+    def highest(self) -> float:
+        """Camshaft speed up to which resonances are told one by one, rpm: twice the case's own."""
+        return _REACH * self.rpm
+
+    @property
+    def within(self) -> tuple[Resonance, ...]:
+        """Resonances up to the highest such speed, nearest to the case's speed first."""
+        return tuple(one for one in self.resonances if one.rpm <= self.highest)
+
+    @property
+    def beyond(self) -> tuple[Resonance, ...]:
+        """Resonances above it, the lowest speed first."""
+        return tuple(sorted((one for one in self.resonances if one.rpm > self.highest), key=lambda one: one.rpm))
+
+    @property
+    def chatters(self) -> bool:
+        """Whether contacts open and close so that small differences grow: single bounces cannot be predicted."""
+        return self.floquet is not None and not self.floquet.stable() and self.floquet.events > 0
+
+    @property
+    def verdict(self) -> tuple[str, ...]:
+        """What endangers the speed, in this order.
+
+        ``broken off`` (the run ended early), ``numerical``, ``parametric``, ``resonance``, ``contact loss``.
+        """
+        found: list[str] = [] if self.status.ok else ["broken off"]
+        if self.discrete.radius > _GROWS:
+            found.append("numerical")
+        if self.floquet is not None and not self.floquet.stable() and not self.floquet.events:
+            found.append("parametric")
+        if self.resonant:
+            found.append("resonance")
+        if self.open_on_the_lift > 0.0:
+            found.append("contact loss")
+        return tuple(found)
+
+
+def stability(case: Case) -> Stability:
+    """Return what endangers a case at its speed."""
+    method = case.record.run.integrator.made()
+    limited = method.stable_to() < math.inf
+    ready = prepare(case.with_average_acceleration() if limited else case)
+    whole = math.ceil(ready.revolution / ready.problem.step)
+    problem = replace(ready.problem, steps=max(ready.problem.steps, whole))  # causes are asked of whole revolutions
+    response = solve(problem, ready.scheme, save=ready.save)
+    raise_if_interrupted(response.status)
+    opened = _open(ready, response)
+    why_not = "the follower leaves its cam, and what impacts follow need not repeat"
+    multipliers, why_not = _multipliers(ready) if opened == 0.0 else (None, why_not)
+    return Stability(
+        rpm=case.speed / RPM,
+        discrete=discrete(ready, method, response),
+        floquet=multipliers,
+        why_not=why_not,
+        resonances=resonances(ready, response),
+        open_on_the_lift=opened,
+        status=response.status,
+    )
+
+
+def _multipliers(ready: Prepared) -> tuple[Floquet | None, str]:
+    for key, order in broken_orders(ready.case).items():
+        return None, f"what swings at order {order:g} ({key}) does not return with the camshaft"
+    one = _revolution(ready)
+    try:
+        state = periodic(one, ready.scheme, tolerance=1e-7)
+        if (missed := state.periodicity or 0.0) > _RETURNS:
+            return None, f"no motion that repeats was found: it misses by {missed:.2g}"
+        return floquet(replace(one, start=state), ready.scheme), ""
+    except InputError as refusal:
+        return None, refusal.faults[0].why
+    except RunFailedError as failure:
+        raise_if_interrupted(failure.status)
+        return None, failure.status.text
+
+
+def _revolution(ready: Prepared) -> Problem:
+    """Return one revolution, in the case's own steps where whole ones fill it and are neither too long nor too many."""
+    given = round(ready.revolution / ready.problem.step)
+    steps = min(max(given, _LEAST), _MOST)
+    adaptive = ready.problem.adaptive if steps == given else None
+    return replace(ready.problem, step=ready.revolution / steps, steps=steps, adaptive=adaptive)
+
+
+def _open(ready: Prepared, response: Response) -> float:
+    if not len(response.time):
+        return 0.0
+    last = response.latest(ready.revolution)
+    return max((separation(ready.model, response, name, last) for name in ready.model.driven), default=0.0)
+
+
+def over_speeds(case: Case, speeds: Iterable[float], *, advance: Advance | None = None) -> list[Stability]:
+    """Return what endangers a case at several speeds: growth rates as a map, causes beside them."""
+    return [stability(case.at_speed(speed)) for speed in track_progress(speeds, advance)]

@@ -1,0 +1,64 @@
+"""A result file as the run that wrote it: its case prepared anew, its fields in the unknowns of the equations.
+
+May import `analysis` and everything below it. Nothing is solved again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from flexcam.analysis.preparation import Prepared, prepare
+from flexcam.case.case import Case
+from flexcam.case.schema.run import ResultStartRecord
+from flexcam.core import FloatArray, IntArray
+from flexcam.core.errors import InputError, refuse
+from flexcam.dynamics import Block, Response, Series, outline
+from flexcam.io import Result
+from flexcam.valvetrain import MemberStrength, StrengthSink, build_structure
+
+
+def reopened(case: Case, result: Result) -> tuple[Prepared, Response]:
+    """Return a case made ready and its response as the run gave it."""
+    start = case.record.run.start
+    standing = (
+        case.with_run({"start": "equilibrium"}) if start == "periodic" or isinstance(start, ResultStartRecord) else case
+    )
+    ready = replace(prepare(standing), case=case)
+    names = outline(ready.problem.system)
+    response = result.response
+    free = build_structure(ready.model).dofs.numbers >= 0
+    if response.fields.displacement.shape[1] != free.size:
+        raise refuse("result", "another number of nodes", "a result of its case")
+    beside = names.unknowns[int(free.sum()) :]
+    at = np.searchsorted(response.time, response.field_time - 1e-12 * np.abs(response.field_time))
+    series = [
+        np.concatenate([values.reshape(-1, *free.shape)[:, free], *_beside(response, beside, kind, at)], axis=1)
+        for kind, values in vars(response.fields).items()
+    ]
+    return ready, replace(response, outline=names, fields=Series(*series))
+
+
+def _beside(response: Response, names: tuple[str, ...], kind: str, at: IntArray) -> list[FloatArray]:
+    """Return what no node has, of which results keep every step, at some of them."""
+    try:
+        return [np.asarray(getattr(response[name], kind))[at, None] for name in names]
+    except InputError as refusal:
+        if response.stats.unknowns == 0:  # the inner parts of a spring lie still in a rigid train, which keeps none
+            return [np.zeros((len(at), len(names)))]
+        why = f"it does not hold {refusal.faults[0].given}"
+        raise refuse("result", "a result without an unknown of its case", "a result of its case", why) from None
+
+
+def strength_of(ready: Prepared, response: Response) -> dict[str, MemberStrength]:
+    """Return the stresses of the members over a run, from its saved fields."""
+    if ready.case.record.fidelity.model != "beams":
+        return {}
+    sink = StrengthSink(build_structure(ready.model))
+    channels = np.zeros((len(response.time), 0))
+    sink.write(
+        Block(response.time, response.angle, response.probes, channels,
+              response.field_time, response.field_angle, response.fields)
+    )  # fmt: skip
+    return sink.members()

@@ -1,0 +1,403 @@
+"""Followers: where they touch the cam, and which curve that leaves on it.
+
+Plane geometry in complex numbers, the cam's centre at the origin. A follower stands in the fixed frame: a translating
+one moves up, along the imaginary axis; the pivot of a swinging one lies on the positive real axis. The cam turns by the
+angle theta, counterclockwise where ``turn`` is 1 and clockwise where it is -1; in the frame of the cam a fixed point c
+is ``c exp(-i turn theta)``. Curvature is taken from the profile's derivatives, which follow from lift, velocity and
+acceleration; nothing is differentiated numerically.
+
+Sources: F. Y. Chen, Mechanics and Design of Cam Mechanisms (1982), ch. 4-5; R. L. Norton, Cam Design and Manufacturing
+Handbook, 2nd ed. (2009), ch. 7. The equations for the swinging follower with a flat face are derived in the code.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.core import ComplexArray, FloatArray
+from flexcam.core.errors import positive, refuse
+
+Turn = Literal[1, -1]
+"""Sense of rotation of the cam: 1 counterclockwise, -1 clockwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """Where a follower touches its cam, fixed frame, per cam angle.
+
+    Parameters
+    ----------
+    point
+        Contact point, m, shape (n,), complex.
+    normal
+        Unit normal of the cam there, outward.
+    radius
+        Radius of curvature of the cam, m: positive where it is convex, negative where hollow.
+    motion
+        Unit direction in which the follower's touching point moves on the rise.
+    trace
+        Centre of the roller, m; the contact point itself for a flat face.
+    sliding
+        Velocity of the cam's surface relative to the follower along the tangent (the normal turned by -90 deg), m/rad.
+        A roller takes it up by turning.
+    sliding_rate
+        Its derivative by the cam angle, m/rad^2.
+    pressure_rate
+        Derivative by the cam angle of the angle from the normal to the motion, 1.
+    reach
+        Path along the normal per lift, 1: the cosine of the pressure angle; on a swinging flat face the contact's
+        distance from the pivot along the face, by the arm.
+    reach_rate
+        Its derivative by the cam angle, 1.
+    turning
+        Angle by which the normal turns per cam angle, counterclockwise, 1.
+    """
+
+    point: ComplexArray
+    normal: ComplexArray
+    radius: FloatArray
+    motion: ComplexArray
+    trace: ComplexArray
+    sliding: FloatArray
+    sliding_rate: FloatArray
+    pressure_rate: FloatArray
+    reach: FloatArray
+    reach_rate: FloatArray
+    turning: FloatArray
+
+
+class Follower(Protocol):
+    """A follower on a cam.
+
+    `lift` is in metres along the path of the part that follows the cam: of the roller's centre where it swings, of a
+    point at the arm's length for a swinging flat face.
+    """
+
+    @property
+    def base_radius(self) -> float:
+        """Radius of the cam's base circle, m."""
+        ...
+
+    @property
+    def roller_radius(self) -> float:
+        """m; infinite for a flat face."""
+        ...
+
+    @property
+    def lift_direction(self) -> complex:
+        """Unit direction in which the lift begins, fixed frame."""
+        ...
+
+    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
+        """Return where it touches at given lift (m), velocity (m/rad) and acceleration (m/rad^2), shape (n,) each."""
+        ...
+
+    def lift_at(self, point: ComplexArray) -> FloatArray:
+        """Return the lift at which it would touch points given in the fixed frame, m; -inf where it cannot."""
+        ...
+
+    def with_base(self, base_radius: float) -> Follower:
+        """Return the same follower on another base circle."""
+        ...
+
+
+@dataclass(frozen=True)
+class FlatFollower:
+    """Translating follower with a flat face square to its motion.
+
+    Parameters
+    ----------
+    base_radius
+        m.
+    """
+
+    base_radius: float
+
+    def __post_init__(self) -> None:
+        positive("base_radius", self.base_radius, "m")
+
+    @property
+    def roller_radius(self) -> float:
+        """Infinite: a flat face."""
+        return math.inf
+
+    @property
+    def lift_direction(self) -> complex:
+        """Upwards."""
+        return 1j
+
+    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
+        """Touch at the distance s' from the axis: there the cam's surface moves with the follower."""
+        height = self.base_radius + lift
+        point = _complex(turn * velocity + 1j * height)
+        up = _complex(np.full(point.shape, 1j))
+        still = np.zeros(point.shape)
+        rates = -turn * height, -turn * velocity, still, 1.0 + still, still, still
+        return Touch(point, up, height + acceleration, up, point, *rates)
+
+    def lift_at(self, point: ComplexArray) -> FloatArray:
+        """Return the height of the face above the base circle."""
+        return point.imag - self.base_radius
+
+    def with_base(self, base_radius: float) -> FlatFollower:
+        """Return the same follower on another base circle."""
+        return FlatFollower(base_radius)
+
+
+def _complex(values: NDArray[Any]) -> ComplexArray:
+    return np.asarray(values, dtype=np.complex128)
+
+
+def _roller(
+    trace: ComplexArray, first: ComplexArray, second: ComplexArray, motion: ComplexArray, swing: FloatArray | float,
+    radius: float, turn: Turn,
+) -> Touch:  # fmt: skip
+    """Return the touch of a roller from its centre's path in the fixed frame, two derivatives, and its direction.
+
+    `swing` is by how much the direction turns per cam angle.
+    """
+    # In the frame of the cam, c exp(-i turn theta): its derivatives, without the common factor.
+    speed = first - 1j * turn * trace
+    bend = second - 2j * turn * first - trace
+    fast, curved = np.abs(speed), np.conj(speed) * bend
+    along = speed / fast
+    normal = 1j * turn * along
+    pitch = -turn * fast**3 / curved.imag
+    point = trace - radius * normal
+    # The material velocity of the cam at the contact, less that of the roller's centre, along the tangent.
+    sliding = (np.conj(-1j * normal) * (1j * turn * point - first)).real
+    # The speed, which the normal follows, turns by what its own direction does in the frame of the cam and by that.
+    tilted = swing - turn - curved.imag / fast**2
+    lean = motion * np.conj(normal)
+    return Touch(
+        point, normal, pitch - radius, motion, trace, sliding, -turn * curved.real / fast, tilted,
+        lean.real, -lean.imag * tilted, swing - tilted,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RollerFollower:
+    """Translating follower with a roller.
+
+    Parameters
+    ----------
+    base_radius
+        Of the cam, m.
+    roller_radius
+        m.
+    offset
+        Distance of the follower's axis from the cam's, m; positive to the right of the upward motion.
+    """
+
+    base_radius: float
+    roller_radius: float
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("base_radius", self.base_radius, "m")
+        positive("follower.radius", self.roller_radius, "m")
+        if not abs(self.offset) < self.base_radius + self.roller_radius:
+            given = f"{self.offset:g} m"
+            allowed = f"less than base circle and roller together, {self.base_radius + self.roller_radius:g} m"
+            raise refuse("follower.offset", given, allowed, "the roller would miss the cam")
+
+    @property
+    def lift_direction(self) -> complex:
+        """Upwards."""
+        return 1j
+
+    @property
+    def _start(self) -> float:
+        """Height of the roller's centre on the base circle."""
+        return math.sqrt((self.base_radius + self.roller_radius) ** 2 - self.offset**2)
+
+    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
+        """Touch where the normal of the centre's path meets the roller."""
+        trace = _complex(self.offset + 1j * (self._start + lift))
+        up = _complex(np.full(trace.shape, 1j))
+        return _roller(trace, _complex(1j * velocity), _complex(1j * acceleration), up, 0.0, self.roller_radius, turn)
+
+    def lift_at(self, point: ComplexArray) -> FloatArray:
+        """Return the lift at which the roller would touch a point."""
+        beside = self.roller_radius**2 - (point.real - self.offset) ** 2
+        height = point.imag + np.sqrt(np.where(beside >= 0.0, beside, 0.0))
+        return np.where(beside >= 0.0, height - self._start, -math.inf)
+
+    def with_base(self, base_radius: float) -> RollerFollower:
+        """Return the same follower on another base circle."""
+        return RollerFollower(base_radius, self.roller_radius, self.offset)
+
+
+def _square_to(angle: float, side: Turn) -> complex:
+    """Return the direction of the rise of an arm at an angle (rad) to the line of centres."""
+    return complex(1j * side * np.exp(-1j * side * angle))
+
+
+@dataclass(frozen=True)
+class SwingRollerFollower:
+    """Follower that swings about a pivot, with a roller at the end of its arm.
+
+    Parameters
+    ----------
+    base_radius
+        Of the cam, m.
+    roller_radius, arm, distance
+        Roller, pivot to roller centre, pivot to cam centre, m.
+    side
+        1 where the arm turns clockwise on the rise (the roller lies above the line of centres), -1 where
+        counterclockwise (below).
+    """
+
+    base_radius: float
+    roller_radius: float
+    arm: float
+    distance: float
+    side: Turn = 1
+
+    def __post_init__(self) -> None:
+        positive("base_radius", self.base_radius, "m")
+        positive("follower.radius", self.roller_radius, "m")
+        positive("follower.arm", self.arm, "m")
+        positive("follower.distance", self.distance, "m")
+        pitch = self.base_radius + self.roller_radius
+        if not abs(self.arm - self.distance) < pitch < self.arm + self.distance:
+            given = f"base circle and roller of {pitch:g} m together"
+            allowed = f"between {abs(self.arm - self.distance):g} and {self.arm + self.distance:g} m"
+            raise refuse("follower", given, allowed, "arm, distance and pitch circle must close a triangle")
+
+    @classmethod
+    def from_angle(
+        cls, roller_radius: float, arm: float, distance: float, angle: float, side: Turn = 1
+    ) -> SwingRollerFollower:
+        """Return the follower whose arm stands at an angle (rad) to the line of centres on the base circle."""
+        pitch = math.sqrt(arm**2 + distance**2 - 2.0 * arm * distance * math.cos(angle))
+        if pitch <= roller_radius:
+            given = f"{math.degrees(angle):g} deg, where the roller's centre is {pitch:g} m from the cam's"
+            raise refuse("follower.angle", given, "an angle that leaves a base circle", "", "a larger angle")
+        return cls(pitch - roller_radius, roller_radius, arm, distance, side)
+
+    @property
+    def start_angle(self) -> float:
+        """Angle of the arm to the line of centres on the base circle, rad."""
+        pitch = self.base_radius + self.roller_radius
+        return math.acos((self.arm**2 + self.distance**2 - pitch**2) / (2.0 * self.arm * self.distance))
+
+    @property
+    def lift_direction(self) -> complex:
+        """Square to the arm on the base circle."""
+        return _square_to(self.start_angle, self.side)
+
+    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
+        """Touch where the normal of the centre's path meets the roller."""
+        angle = self.start_angle + lift / self.arm
+        rate, bend = velocity / self.arm, acceleration / self.arm
+        reach = _complex(-self.arm * np.exp(-1j * self.side * angle))
+        first = _complex(-1j * self.side * rate * reach)
+        second = _complex(-1j * self.side * bend * reach - rate**2 * reach)
+        motion = _complex(-1j * self.side * reach / self.arm)
+        swing = -self.side * rate
+        return _roller(_complex(self.distance + reach), first, second, motion, swing, self.roller_radius, turn)
+
+    def lift_at(self, point: ComplexArray) -> FloatArray:
+        """Return the lift at which the roller would touch a point: the larger of the two triangles' angles."""
+        span = np.abs(point - self.distance)
+        away = np.angle(-(point - self.distance)) * -self.side
+        cosine = (self.arm**2 + span**2 - self.roller_radius**2) / (2.0 * self.arm * np.maximum(span, 1e-300))
+        angle = away + np.arccos(np.clip(cosine, -1.0, 1.0))
+        return np.where(np.abs(cosine) <= 1.0, self.arm * (angle - self.start_angle), -math.inf)
+
+    def with_base(self, base_radius: float) -> SwingRollerFollower:
+        """Return the same follower on another base circle."""
+        return SwingRollerFollower(base_radius, self.roller_radius, self.arm, self.distance, self.side)
+
+
+@dataclass(frozen=True)
+class SwingFlatFollower:
+    """Follower that swings about a pivot, with a flat face.
+
+    Parameters
+    ----------
+    base_radius
+        Of the cam, m.
+    arm, distance
+        Length at which the lift is measured, and pivot to cam centre, m.
+    face
+        Distance of the face from the pivot, m; positive where the pivot lies on the cam's side of it.
+    side
+        1 where it turns clockwise on the rise, -1 where counterclockwise.
+    """
+
+    base_radius: float
+    arm: float
+    distance: float
+    face: float = 0.0
+    side: Turn = 1
+
+    def __post_init__(self) -> None:
+        positive("base_radius", self.base_radius, "m")
+        positive("follower.arm", self.arm, "m")
+        positive("follower.distance", self.distance, "m")
+        if not abs(self.base_radius - self.face) < self.distance:
+            allowed = f"within {self.distance:g} m (the distance) of the base radius"
+            raise refuse("follower.face", f"{self.face:g} m", allowed, "the face must touch the base circle")
+
+    @property
+    def roller_radius(self) -> float:
+        """Infinite: a flat face."""
+        return math.inf
+
+    @property
+    def start_angle(self) -> float:
+        """Angle of the face to the line of centres on the base circle, rad."""
+        return math.asin((self.base_radius - self.face) / self.distance)
+
+    @property
+    def lift_direction(self) -> complex:
+        """Square to the face on the base circle."""
+        return _square_to(self.start_angle, self.side)
+
+    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
+        """Touch at the distance q along the face where cam and face move alike along the normal.
+
+        With the face's direction t = -exp(-i psi), its normal m = -i t and the cam's velocity i turn z, equal normal
+        velocities at z = a + q t + e m give q = a cos(psi)/(1 + turn psi'). The lower side is the mirror image.
+        """
+        way = turn * self.side
+        psi = self.start_angle + lift / self.arm
+        rate, bend = velocity / self.arm, acceleration / self.arm
+        a, e, slip = self.distance, self.face, 1.0 + way * velocity / self.arm
+        q = a * np.cos(psi) / slip
+        q_rate = -a * np.sin(psi) * rate / slip - way * bend * q / slip
+        along = -np.exp(-1j * psi)
+        normal = -1j * along
+        point = a + q * along + e * normal
+        path = q_rate - (rate + way) * e - way * a * np.sin(psi)
+        sliding = (np.conj(along) * (1j * way * point + 1j * rate * (point - a))).real
+        motion = -1j * (point - a) / np.abs(point - a)
+        fixed = [one if self.side > 0 else np.conj(one) for one in (point, normal, motion)]
+        # In full the sliding is way a sin(psi) + (way + psi') e, and the motion is inclined like q - i e.
+        slid = way * a * np.cos(psi) * rate + e * bend
+        tilted = self.side * e * q_rate / (q**2 + e**2)
+        # The tangent is the normal turned by -90 deg: along the face in the mirror image, against it otherwise.
+        return Touch(
+            fixed[0], fixed[1], -way * path / slip, fixed[2], fixed[0], -self.side * sliding, -self.side * slid, tilted,
+            q / self.arm, q_rate / self.arm, -self.side * rate,
+        )  # fmt: skip
+
+    def lift_at(self, point: ComplexArray) -> FloatArray:
+        """Return the lift at which the face would touch a point."""
+        seen = point if self.side > 0 else np.conj(point)
+        span = np.abs(seen - self.distance)
+        away = -np.angle(-(seen - self.distance))
+        sine = self.face / np.maximum(span, 1e-300)
+        angle = away - np.arcsin(np.clip(sine, -1.0, 1.0))
+        return np.where(np.abs(sine) <= 1.0, self.arm * (angle - self.start_angle), -math.inf)
+
+    def with_base(self, base_radius: float) -> SwingFlatFollower:
+        """Return the same follower on another base circle."""
+        return SwingFlatFollower(base_radius, self.arm, self.distance, self.face, self.side)

@@ -1,0 +1,324 @@
+"""The least value of a curve over a revolution.
+
+A grid finds the valleys between the joints, ever finer grids their floors, and the value just before a joint is carried
+on to it from two places beside it: to rounding for curves that are smooth between the joints.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexcam.cams.motion_law import ClosedResidual, Law, quadrature
+from flexcam.core import FloatArray, IntArray
+from flexcam.core.errors import refuse
+
+_POINTS = 2001
+"""Samples per smooth piece: two extremes closer than 1/2000 of it would be taken for one."""
+
+_HALVINGS = 60
+_ZERO = 1e-9
+"""Size of a derivative (normalized law) that counts as none."""
+
+_SAME_CRITERIA = 1e-9
+"""Difference of two extremes, as part of the larger, below which both places are told."""
+
+_MOST_PLACES = 40
+"""More places than these are a plateau, of which only the first is told."""
+
+_HARMONICS = 12
+_STEPS = ((1, "velocity"), (2, "acceleration"), (3, "jerk"))
+
+Curve = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """Least or largest value of a curve and where it lies.
+
+    Parameters
+    ----------
+    value
+        The value.
+    at
+        The first place.
+    also
+        Further places with the same value.
+    """
+
+    value: float
+    at: float
+    also: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """Criteria of a normalized law s(z).
+
+    Parameters
+    ----------
+    velocity, acceleration, jerk, moment
+        Signed extremes (least, largest) of s', s'', s''' and of the operating moment s' s''.
+    rms
+        Root mean squares of s', s'' and s'''; the last without the impulses where s'' jumps.
+    harmonics
+        Amplitudes of s'' as a Fourier series over the rise, from 1 to 12.
+    jumps
+        Orders of derivatives (1 to 3) that jump inside the law; one jump in s'' makes the jerk infinite there.
+    ends
+        Derivatives s, s', s'', s''' at z = 0 and at z = 1.
+    symmetric
+        Whether s(z) + s(1 - z) = 1.
+    middle
+        s(1/2).
+    """
+
+    velocity: tuple[Extreme, Extreme]
+    acceleration: tuple[Extreme, Extreme]
+    jerk: tuple[Extreme, Extreme]
+    moment: tuple[Extreme, Extreme]
+    rms: tuple[float, float, float]
+    harmonics: tuple[float, ...]
+    jumps: tuple[int, ...]
+    ends: tuple[tuple[float, float, float, float], tuple[float, float, float, float]]
+    symmetric: bool
+    middle: float
+
+    @property
+    def Cv(self) -> float:  # noqa: N802 - the field's name
+        """Largest absolute velocity."""
+        return _largest(self.velocity)
+
+    @property
+    def Ca(self) -> float:  # noqa: N802
+        """Largest absolute acceleration."""
+        return _largest(self.acceleration)
+
+    @property
+    def Cj(self) -> float | None:  # noqa: N802
+        """Largest absolute jerk; None where the acceleration jumps inside the law and it is infinite."""
+        return None if 2 in self.jumps else _largest(self.jerk)
+
+    @property
+    def Cm(self) -> float:  # noqa: N802
+        """Largest absolute operating moment s' s''."""
+        return _largest(self.moment)
+
+    @property
+    def rest_at_ends(self) -> int:
+        """Order up to which all derivatives from the first vanish at both ends: 0, 1, 2 or 3."""
+        met = [all(abs(end[order]) < _ZERO for end in self.ends) for order in (1, 2, 3)]
+        return met.index(False) if False in met else 3
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """What a rise between two dwells should meet and this law does not, in words."""
+        said = [f"s({z}) = {end[0]:.6g}, not {z}" for z, end in enumerate(self.ends) if abs(end[0] - z) > _ZERO]
+        for order, name in _STEPS:
+            steps = ((0, self.ends[0][order]), (1, -self.ends[1][order]))  # after less before
+            at = [f"by {step:.6g} at z = {z}" for z, step in steps if abs(step) > _ZERO]
+            said += [f"the {name} steps next to a dwell: {' and '.join(at)}"] if at else []
+        inside = [name for order, name in _STEPS if order in self.jumps]
+        said += [f"steps inside the rise: {', '.join(inside)}"] if inside else []
+        return (*said, *([] if self.symmetric else [f"not symmetric: s(1/2) = {self.middle:.6g}"]))
+
+
+def criteria(law: Law) -> Criteria:
+    """Compute the criteria of a law."""
+
+    def derivative(order: int) -> Curve:
+        return lambda z: law(z, order)
+
+    def moment(z: FloatArray) -> FloatArray:
+        return law(z, 1) * law(z, 2)
+
+    def moment_slope(z: FloatArray) -> FloatArray:
+        return law(z, 2) ** 2 + law(z, 1) * law(z, 3)
+
+    grid = np.linspace(0.0, 1.0, _POINTS)
+    start, end = ([float(law(np.array([z]), order)[0]) for order in range(4)] for z in (0.0, 1.0))
+    return Criteria(
+        velocity=_extremes(derivative(1), derivative(2), law.breaks),
+        acceleration=_extremes(derivative(2), derivative(3), law.breaks),
+        jerk=_extremes(derivative(3), derivative(4), law.breaks),
+        moment=_extremes(moment, moment_slope, law.breaks),
+        rms=(_rms(law, 1), _rms(law, 2), _rms(law, 3)),
+        harmonics=_harmonics(law),
+        jumps=tuple(order for order in (1, 2, 3) if _jumps(derivative(order), law.breaks)),
+        ends=((start[0], start[1], start[2], start[3]), (end[0], end[1], end[2], end[3])),
+        symmetric=bool(np.abs(law(grid) + law(1.0 - grid) - 1.0).max() < _ZERO),
+        middle=float(law(np.array([0.5]))[0]),
+    )
+
+
+def stationary_points(law: Law, order: int) -> FloatArray:
+    """Return where a derivative of a law may be largest: its joints, ends and stationary points."""
+    pieces = _pieces(law.breaks)
+    return np.sort(np.concatenate([_candidates(lambda z: law(z, order + 1), *piece) for piece in pieces]))
+
+
+def _rms(law: Law, order: int) -> float:
+    return math.sqrt(sum(float(weight @ law(z, order) ** 2) for z, weight in quadrature(law.breaks)))
+
+
+def _harmonics(law: Law) -> tuple[float, ...]:
+    """Return the amplitudes 2 abs(integral of s'' exp(2 pi i n z)) over the rise."""
+    n = np.arange(1, _HARMONICS + 1)
+    total = np.zeros(_HARMONICS, dtype=complex)
+    for z, weight in quadrature(law.breaks):
+        total += np.exp(2j * np.pi * np.outer(n, z)) @ (weight * law(z, 2))
+    return tuple((2.0 * np.abs(total)).tolist())
+
+
+def _largest(extremes: tuple[Extreme, Extreme]) -> float:
+    return max(abs(one.value) for one in extremes)
+
+
+def _pieces(breaks: tuple[float, ...]) -> list[tuple[float, float]]:
+    """Return the smooth pieces; each ends just before its joint, because a law's value there is that to the right."""
+    ends = list(pairwise([0.0, *breaks, 1.0]))
+    return [(a, b if b == 1.0 else float(np.nextafter(b, 0.0))) for a, b in ends]
+
+
+def _extremes(curve: Curve, slope: Curve, breaks: tuple[float, ...]) -> tuple[Extreme, Extreme]:
+    places = np.sort(np.concatenate([_candidates(slope, *piece) for piece in _pieces(breaks)]))
+    values = curve(places)
+    return _extreme(values, places, int(np.argmin(values))), _extreme(values, places, int(np.argmax(values)))
+
+
+def _extreme(values: FloatArray, places: FloatArray, best: int) -> Extreme:
+    """Return an extreme with all places that share it, unless they are a plateau."""
+    value = float(values[best])
+    at = places[np.abs(values - value) <= _SAME_CRITERIA * max(abs(value), _ZERO)]
+    apart = at[np.concatenate([[True], np.diff(at) > 1.0 / _POINTS])]
+    if len(at) > _MOST_PLACES:
+        return Extreme(value, float(at[0]))
+    return Extreme(value, float(apart[0]), tuple(apart[1:].tolist()))
+
+
+def _candidates(slope: Curve, start: float, end: float) -> FloatArray:
+    """Return the ends of a smooth piece and the zeros of the slope between them."""
+    grid = np.linspace(start, end, _POINTS)
+    signs = np.sign(slope(grid))
+    left = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
+    low, high, sign = grid[left], grid[left + 1], signs[left]
+    for _ in range(_HALVINGS if len(left) else 0):
+        middle = 0.5 * (low + high)
+        before = np.sign(slope(middle)) == sign
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return np.concatenate([[start, end], grid[signs == 0.0], 0.5 * (low + high)])
+
+
+def _jumps(curve: Curve, breaks: tuple[float, ...]) -> bool:
+    joints = np.array(breaks)
+    step = np.abs(curve(joints) - curve(np.nextafter(joints, 0.0)))
+    return bool((step > 1e-6 * (1.0 + np.abs(curve(joints)))).any())
+
+
+SmoothFunction = Callable[[FloatArray], FloatArray]
+
+_REVOLUTION = 2.0 * math.pi
+_SPACING = math.radians(0.05)
+_LEAST_POINTS = 33
+_BESIDE = 1e-8
+"""Distance from a joint at which the side before it is read, rad: a closer angle is taken for the joint."""
+
+_SAME = 1e-12
+"""Part of the least value by which others may lie above it and still be the same; the first place is told."""
+
+_VALLEYS = 24
+"""Valleys whose floors are sought, those that look deepest."""
+
+_FINER = 9
+"""Times that a valley's grid is made four times finer: 1e-8 rad, where the floor is flat to rounding."""
+
+
+def lowest(curve: SmoothFunction, joints: Sequence[float] = ()) -> Extreme:
+    """Return the least value of a curve over a revolution."""
+    edges = [0.0, *(at for at in joints if _BESIDE < at < _REVOLUTION - _BESIDE), _REVOLUTION]
+    pieces = [_piece(start, end) for start, end in pairwise(edges)]
+    angles = np.concatenate(pieces)
+    values = _whole(curve(angles))
+    sizes = np.cumsum([len(piece) for piece in pieces])
+    valleys = _valleys(values, sizes)
+    low, high = (angles[np.clip(valleys + step, *_limits(valleys, sizes))] for step in (-1, 1))
+    floors, at = _floors(curve, low, high)
+    before = np.array(edges[1:])
+    carried = _whole(2.0 * curve(before - _BESIDE) - curve(before - 2.0 * _BESIDE))
+    all_values, places = np.concatenate([values, floors, carried]), np.concatenate([angles, at, before])
+    least = float(all_values.min())
+    return Extreme(least, float(places[all_values <= least + _SAME * abs(least)].min()))
+
+
+def _piece(start: float, end: float) -> FloatArray:
+    """Return the grid of a smooth piece, which ends just before its joint."""
+    return np.linspace(start, end - _BESIDE, max(_LEAST_POINTS, math.ceil((end - start) / _SPACING)))
+
+
+def _whole(values: FloatArray) -> FloatArray:
+    """Return values without those that are none, such as a curvature where a curve stands still."""
+    return np.where(np.isnan(values), np.inf, values)
+
+
+def _limits(at: IntArray, sizes: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the first and the last index of the pieces in which indices lie."""
+    piece = np.searchsorted(sizes, at, side="right")
+    starts = np.concatenate([[0], sizes[:-1]])
+    return starts[piece], sizes[piece] - 1
+
+
+def _valleys(values: FloatArray, sizes: IntArray) -> IntArray:
+    """Return the indices of the deepest valleys, ends of pieces among them."""
+    first, last = _limits(np.arange(len(values)), sizes)
+    at = np.arange(len(values))
+    left, right = values[np.maximum(at - 1, first)], values[np.minimum(at + 1, last)]
+    end = (at == first) | (at == last)
+    found = np.flatnonzero((values <= left) & (values <= right) & (end | (values < left) | (values < right)))
+    found = np.union1d(found, [np.argmin(values)])
+    return found[np.argsort(values[found], kind="stable")[:_VALLEYS]]
+
+
+def _floors(curve: SmoothFunction, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the least values between pairs of angles, and where they lie."""
+    rows, parts = np.arange(len(low)), np.linspace(0.0, 1.0, 9)
+    at, values = low, np.full(len(low), np.inf)
+    for _ in range(_FINER):
+        angles = low[:, None] + (high - low)[:, None] * parts
+        seen = _whole(curve(angles.ravel())).reshape(angles.shape)
+        best = np.argmin(seen, axis=1)
+        at, values = angles[rows, best], seen[rows, best]
+        low, high = angles[rows, np.maximum(best - 1, 0)], angles[rows, np.minimum(best + 1, len(parts) - 1)]
+    return values, at
+
+
+_LARGEST = 1e3
+_PANELS_PER_PERIOD = 8
+"""Panels of sixteen points per oscillation: exact to rounding."""
+
+
+def residual_spectrum(law: Law, ratio: ArrayLike) -> FloatArray:
+    """Return the amplitude of the vibration that a rise leaves behind, over the lift.
+
+    Closed form where the law has one. Otherwise the oscillator's exact answer, the Fourier integral of s'' over the
+    rise with what steps of s' at its ends add, by Gauss quadrature between the law's joints. Source: M. P. Koster,
+    Vibrations of Cam Mechanisms (1974), ch. 3.
+    """
+    periods = np.asarray(ratio, dtype=float)
+    if not ((periods > 0.0).all() and (periods <= _LARGEST).all()):
+        raise refuse("ratio", str(ratio), f"rise times over the period, above zero, up to {_LARGEST:g}")
+    return law.residual(periods) if isinstance(law, ClosedResidual) else _convolved(law, periods)
+
+
+def _convolved(law: Law, ratio: FloatArray) -> FloatArray:
+    w = 2.0 * math.pi * ratio
+    panels = 64 + int(_PANELS_PER_PERIOD * ratio.max(initial=0.0))
+    total = law(np.zeros(1), 1)[0] - law(np.ones(1), 1)[0] * np.exp(1j * w)
+    for z, weight in quadrature(law.breaks, panels):
+        values = weight * law(z, 2)
+        total = total + np.exp(1j * w[..., None] * z) @ values
+    return np.abs(total) / w

@@ -1,0 +1,134 @@
+"""Laws by name: those that are complete, those that need parameters, and those of other packages.
+
+A package adds laws by entry points of the group ``flexcam.laws``: a name and a class or function that returns a `Law`;
+its annotated parameters (numbers, or tuples of them) are what a case may give.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib.metadata import entry_points
+from types import MappingProxyType
+
+from flexcam.cams.motion_law import Law
+from flexcam.cams.polynomial_laws import BSplineLaw, Polynomial, quinquinomial, through_points
+from flexcam.cams.standard_laws import (
+    FREUDENSTEIN,
+    GUTMAN,
+    PAVLOVIC_NEW,
+    PAVLOVIC_TRIGONOMETRIC,
+    CompoundCycloid,
+    CosineSum,
+    Cycloidal,
+    Harmonic,
+    Parabolic,
+    Scca,
+    SimpleHarmonic,
+    harmonic_acceleration,
+)
+from flexcam.core.errors import refuse
+
+LawKind = Callable[..., Law]
+"""A class or function whose parameters are those of a law."""
+
+LAWS: Mapping[str, Law] = MappingProxyType(
+    {
+        "shm": SimpleHarmonic(),
+        "cos": SimpleHarmonic(),
+        "parabolic": Parabolic(),
+        "cycloidal": Cycloidal(),
+        "modified-trapezoid": Scca(0.25, 0.5, 0.25),
+        "modified-sine": Scca(0.25, 0.0, 0.75),
+        "2-3": Polynomial((2, 3)),
+        "3-4-5": Polynomial((3, 4, 5)),
+        "4-5-6-7": Polynomial((4, 5, 6, 7)),
+        "5-6-7-8-9": Polynomial((5, 6, 7, 8, 9)),
+        "gutman-1-3": GUTMAN,
+        "freudenstein-1-3": FREUDENSTEIN,
+        "pavlovic-trigonometric": PAVLOVIC_TRIGONOMETRIC,
+        "pavlovic-new": PAVLOVIC_NEW,
+        "quinquinomial": quinquinomial(1),
+        "quinquinomial-2": quinquinomial(2),
+        "quinquinomial-3": quinquinomial(3),
+        "quinquinomial-4": quinquinomial(4),
+        "harmonic-acceleration": harmonic_acceleration(),
+        "fb2": CompoundCycloid(),
+    }
+)
+"""Every law that is complete by its name. ``cos`` is what F. I. T. Petrescu calls the simple harmonic law."""
+
+KINDS: Mapping[str, LawKind] = MappingProxyType(
+    {
+        "scca": Scca,
+        "polynomial": Polynomial,
+        "quinquinomial": quinquinomial,
+        "harmonic": Harmonic,
+        "harmonic-acceleration": harmonic_acceleration,
+        "cosine": CosineSum,
+        "fb2": CompoundCycloid,
+        "bspline": BSplineLaw,
+        "table": through_points,
+    }
+)
+"""Every kind of law with parameters, by its id."""
+
+GROUP = "flexcam.laws"
+
+
+_BROKEN = (
+    ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError, RuntimeError, SyntaxError, TypeError,
+    ValueError,
+)  # fmt: skip
+"""What the module of another package may fail with while it is imported."""
+
+
+def kind_names() -> tuple[str, ...]:
+    """Return the ids of all kinds of law, those of other installed packages last; nothing of theirs is loaded.
+
+    Returns
+    -------
+    tuple
+        Each once.
+
+    Examples
+    --------
+    >>> kind_names()[:2]
+    ('scca', 'polynomial')
+    """
+    return tuple(dict.fromkeys([*KINDS, *(point.name for point in entry_points(group=GROUP))]))
+
+
+def law_kind(name: str) -> LawKind | None:
+    """Return a kind of law by its id, flexcam's own before those of other packages, of which only this one is loaded.
+
+    Parameters
+    ----------
+    name
+        The id.
+
+    Returns
+    -------
+    LawKind
+        None if there is none.
+
+    Raises
+    ------
+    InputError
+        If the package that brings it cannot be loaded.
+
+    Examples
+    --------
+    >>> law_kind("scca").__name__
+    'Scca'
+    """
+    if name in KINDS:
+        return KINDS[name]
+    point = next((one for one in entry_points(group=GROUP) if one.name == name), None)
+    if point is None:
+        return None
+    try:
+        return point.load()
+    except _BROKEN as fault:
+        package = point.dist.name if point.dist else point.value
+        why = f"{package} brings it and cannot be loaded: {type(fault).__name__}: {fault}"
+        raise refuse("law", repr(name), "a law that can be loaded", why, f"mend or remove {package}") from None

@@ -1,0 +1,377 @@
+"""Least and largest values of a lift and of its derivatives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Literal, Protocol
+
+import numpy as np
+
+from flexcam.cams.law_criteria import Extreme, lowest
+from flexcam.cams.motion_law import Law, Turned
+from flexcam.cams.ramps import FromRamp, Ramp
+from flexcam.core import FloatArray
+from flexcam.core.errors import positive, refuse
+
+_SNAP = 1e-9
+"""Angles this close to a joint (rad) count as on it, so that rounding of k * step cannot choose the side of a jump."""
+
+_REVOLUTION = 2.0 * math.pi
+_ROUNDING = 1e-12
+
+
+class Event(Protocol):
+    """Lift of a follower over the cam angle, periodic over a revolution."""
+
+    @property
+    def height(self) -> float:
+        """Largest lift, m."""
+        ...
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Cam angles, rad from 0 to 2 pi, where a derivative may jump."""
+        ...
+
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A stretch of cam angle with one law.
+
+    Parameters
+    ----------
+    start, span
+        rad, from the beginning of the event.
+    base, height
+        Lift at the lower end and what the law adds to it, m.
+    law
+        The law; None for a dwell.
+    backwards
+        Whether the law runs from its end to its start.
+    """
+
+    start: float
+    span: float
+    base: float
+    height: float = 0.0
+    law: Law | None = None
+    backwards: bool = False
+
+    def __call__(self, local: FloatArray, order: int) -> FloatArray:
+        """Return the derivative at angles from the beginning of the event; a jump shows the side of later angles."""
+        base = np.full_like(local, self.base if order == 0 else 0.0)
+        if self.law is None:
+            return base
+        z = np.clip((local - self.start) / self.span, 0.0, 1.0)
+        z = 1.0 - z if self.backwards else z
+        for jump in self.law.breaks:
+            z = np.where(np.abs(z - jump) < _SNAP, np.nextafter(jump, 0.0) if self.backwards else jump, z)
+        span = -self.span if self.backwards else self.span
+        return base + self.height / span**order * self.law(z, order)
+
+    def joints(self) -> list[float]:
+        """Return start, inner jumps and end, rad from the beginning of the event."""
+        inner = self.law.breaks if self.law else ()
+        inside = [1.0 - z if self.backwards else z for z in inner]
+        return [self.start, *(self.start + z * self.span for z in inside), self.start + self.span]
+
+
+@dataclass(frozen=True)
+class LiftEvent:
+    """Lift of a follower over the cam angle.
+
+    Parameters
+    ----------
+    law
+        Law of the rise.
+    lift
+        What the rise adds to the ramp, m.
+    rise, fall, dwell
+        Cam angles of rise, return and upper dwell, rad; the rest of the revolution is the lower dwell.
+    phase
+        Cam angle at which the rise begins, rad; an opening ramp lies before it.
+    fall_law
+        Law of the return, run backwards; None for the law of the rise, whose mirror image the return then is.
+    ramp, closing_ramp
+        Before the rise and after the return; the same ramp closes where none is given.
+    single_dwell
+        Where the only dwell lies, for laws that end at rest but begin under acceleration: ``high`` (the return runs
+        into the next rise) or ``low`` (the law is turned about, so that rise runs into return). None if both.
+
+    Raises
+    ------
+    InputError
+        If an angle is out of range, they take more than one revolution together, a ramp is steeper than the lift
+        allows, or the dwells are not as `single_dwell` says.
+
+    Examples
+    --------
+    >>> from flexcam.cams import SimpleHarmonic
+    >>> event = LiftEvent(SimpleHarmonic(), lift=0.006, rise=math.pi, fall=math.pi)
+    >>> event(np.array([0.0, math.pi, 2.0 * math.pi]))
+    array([0.   , 0.006, 0.   ])
+    """
+
+    law: Law
+    lift: float
+    rise: float
+    fall: float
+    dwell: float = 0.0
+    phase: float = 0.0
+    fall_law: Law | None = None
+    ramp: Ramp | None = None
+    closing_ramp: Ramp | None = None
+    single_dwell: Literal["high", "low"] | None = None
+
+    def __post_init__(self) -> None:
+        positive("lift", self.lift, "m")
+        positive("rise", self.rise, "rad")
+        positive("return", self.fall, "rad")
+        positive("dwell", self.dwell, "rad", zero=True)
+        if not math.isfinite(self.phase):
+            raise refuse("phase", self.phase, "a finite angle, rad")
+        total = sum(one.duration for one in self._ramps if one) + self.rise + self.dwell + self.fall
+        if total > _REVOLUTION + _SNAP:
+            given = f"{math.degrees(total):g} deg in all"
+            why, remedy = "the event repeats every revolution", "a number without a unit is in rad: write '180 deg'"
+            raise refuse("rise + dwell + return", given, "up to 360 deg, ramps included", why, remedy)
+        self._check_dwells(total)
+        self._check_ramps()
+
+    def _check_dwells(self, total: float) -> None:
+        if self.single_dwell == "low" and self.dwell > 0.0:
+            raise refuse("dwell", f"{math.degrees(self.dwell):g} deg", "0", 'single_dwell = "low" has no upper dwell')
+        if self.single_dwell == "high" and total < _REVOLUTION - _SNAP:
+            why = 'single_dwell = "high" has no lower dwell'
+            raise refuse("rise + dwell + return", f"{math.degrees(total):g} deg in all", "360 deg", why)
+        if self.single_dwell not in (None, "high", "low"):
+            raise refuse("single_dwell", repr(self.single_dwell), "'high' or 'low'")
+        if self.single_dwell == "high" and (self.ramp or self.closing_ramp):
+            raise refuse("ramps", "ramps", "none", 'single_dwell = "high" has no lower dwell to ramp from')
+
+    def _check_ramps(self) -> None:
+        opening, closing = self._ramps
+        if closing and closing.height >= self._top:
+            given, top = f"a closing ramp of {1e3 * closing.height:.4g} mm", f"below {1e3 * self._top:.4g} mm"
+            raise refuse("ramps.closing_height", given, top, "the return comes down to it", "make it lower")
+        for ramp, span, height in ((opening, self.rise, self.lift), (closing, self.fall, self._fall_lift)):
+            if ramp and ramp.slope * span > height:
+                given = f"a slope of {ramp.slope * 1e3:.4g} mm/rad"
+                why = "the main lift could not go on from it"
+                raise refuse("ramps", given, f"up to {1e3 * height / span:.4g} mm/rad", why, "make it longer or lower")
+
+    @property
+    def _ramps(self) -> tuple[Ramp | None, Ramp | None]:
+        return self.ramp, self.closing_ramp or self.ramp
+
+    @property
+    def _fall_lift(self) -> float:
+        closing = self._ramps[1]
+        return self._top - (closing.height if closing else 0.0)
+
+    @property
+    def _top(self) -> float:
+        """Lift of the upper dwell, ramp included, m."""
+        return self.lift + (self.ramp.height if self.ramp else 0.0)
+
+    @cached_property
+    def _height(self) -> float:
+        top = -lowest(lambda angle: -self(angle), self.joints).value
+        return top if top > self._top * (1.0 + _ROUNDING) else self._top
+
+    @property
+    def height(self) -> float:
+        """Largest lift, ramp included, m; more than that of the upper dwell where a law rises above 1."""
+        return self._height
+
+    @cached_property
+    def segments(self) -> tuple[Segment, ...]:
+        """Stretches from the beginning of the opening ramp (or of the rise) on; the lower dwell follows."""
+        opening, closing = self._ramps
+        rise_law = Turned(self.law) if self.single_dwell == "low" else self.law
+        fall_law = self.fall_law or self.law
+        fall_law = Turned(fall_law) if self.single_dwell == "low" else fall_law
+        low, end = (one.height if one else 0.0 for one in (opening, closing))
+        parts = [
+            (opening.duration if opening else 0.0, 0.0, low, opening, False),
+            (self.rise, low, self.lift, _from(rise_law, opening, self.rise / self.lift), False),
+            (self.dwell, self._top, 0.0, None, False),
+            (self.fall, end, self._fall_lift, _from(fall_law, closing, self.fall / self._fall_lift), True),
+            (closing.duration if closing else 0.0, 0.0, end, closing, True),
+        ]
+        made, start = list[Segment](), 0.0
+        for span, base, height, law, backwards in parts:
+            if span > 0.0:
+                made.append(Segment(start, span, base, height, law, backwards))
+            start += span
+        return tuple(made)
+
+    @property
+    def start(self) -> float:
+        """Cam angle at which the event begins: that of the opening ramp, or the phase, rad."""
+        return self.phase - (self.ramp.duration if self.ramp else 0.0)
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Cam angles, rad from 0 to 2 pi, where a derivative may jump."""
+        found = [self.start + at for segment in self.segments for at in segment.joints()]
+        return distinct(np.array(found))
+
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the lift by the cam angle.
+
+        Parameters
+        ----------
+        angle
+            Cam angle, rad, any shape.
+        order
+            0 (the lift, m) to 4 (m/rad^4).
+
+        Returns
+        -------
+        ndarray
+            Shape as `angle`.
+        """
+        local = np.mod(np.asarray(angle, dtype=float) - self.start + _SNAP, _REVOLUTION) - _SNAP
+        value = np.zeros_like(local)
+        if not local.size:
+            return value
+        first, last = float(local.min()), float(local.max())
+        for segment in self.segments:
+            begin, end = segment.start - _SNAP, segment.start + segment.span - _SNAP
+            if begin <= first and last < end:
+                return segment(local, order)
+            if first < end and begin <= last:
+                inside = (local >= begin) & (local < end)
+                value[inside] = segment(local[inside], order)
+        return value
+
+
+@dataclass(frozen=True, eq=False)
+class Shifted:
+    """An event that happens later.
+
+    Parameters
+    ----------
+    event
+        The event.
+    phase
+        Cam angle by which it is later, rad.
+
+    Examples
+    --------
+    >>> from flexcam.cams import HarmonicLift
+    >>> Shifted(HarmonicLift(0.003, (-0.003,), (0.0,)), math.pi)(np.array([math.pi])).round(9)
+    array([0.])
+    """
+
+    event: Event
+    phase: float
+
+    @property
+    def height(self) -> float:
+        """Largest lift, m."""
+        return self.event.height
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Cam angles, rad from 0 to 2 pi, where a derivative may jump."""
+        return distinct(np.array(self.event.joints) + self.phase) if self.event.joints else ()
+
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order by the cam angle, m/rad^order, shape as `angle`."""
+        return self.event(np.asarray(angle, dtype=float) - self.phase, order)
+
+
+def distinct(angles: FloatArray) -> tuple[float, ...]:
+    """Return angles within a revolution, ascending, each once.
+
+    Parameters
+    ----------
+    angles
+        rad.
+
+    Returns
+    -------
+    tuple
+        From 0 to 2 pi.
+    """
+    wrapped = np.sort(np.mod(angles + _SNAP, _REVOLUTION) - _SNAP)
+    fresh = np.concatenate([[True], np.diff(wrapped) > 2.0 * _SNAP])[: len(wrapped)]
+    return tuple((wrapped[fresh] + 0.0).tolist())
+
+
+def _from(law: Law, ramp: Ramp | None, span_by_lift: float) -> Law:
+    return FromRamp(law, ramp.slope * span_by_lift) if ramp else law
+
+
+def event_extremes(event: Event, order: int = 0) -> tuple[Extreme, Extreme]:
+    """Return the least and the largest value of a lift or of a derivative of it."""
+    return _known_extremes(event, order) if _hashable(event) else _extremes(event, order)
+
+
+def _hashable(event: Event) -> bool:
+    """Tell whether an event can be a key: one that holds arrays cannot."""
+    try:
+        hash(event)
+    except TypeError:
+        return False
+    return True
+
+
+def _extremes(event: Event, order: int) -> tuple[Extreme, Extreme]:
+    high = lowest(lambda angle: -event(angle, order), event.joints)
+    return lowest(lambda angle: event(angle, order), event.joints), Extreme(-high.value, high.at)
+
+
+_known_extremes = lru_cache(maxsize=64)(_extremes)
+"""The same cam is asked at every speed."""
+
+
+_BESIDE = 1e-8
+"""Distance from a joint at which the other side is read, rad: an angle closer counts as on it."""
+
+_NONE = 1e-6
+"""A step below this part of the largest value of its curve is none."""
+
+_GRID = np.linspace(0.0, 2.0 * np.pi, 3601)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A place where two stretches meet.
+
+    Parameters
+    ----------
+    angle
+        Cam angle, rad.
+    steps
+        Right minus left of lift, velocity, acceleration and jerk: m, m/rad, m/rad^2, m/rad^3; zero where continuous.
+    """
+
+    angle: float
+    steps: tuple[float, float, float, float]
+
+    @property
+    def smooth(self) -> bool:
+        """Whether nothing steps."""
+        return not any(self.steps)
+
+
+def joints(event: Event) -> list[Joint]:
+    """Return every joint of an event, with the steps there."""
+    angles = np.array(event.joints)
+    rows = list[list[float]]()
+    for order in range(4):
+        step = event(angles, order) - event(angles - _BESIDE, order)
+        # What the curve itself does between the two places is no step.
+        step -= _BESIDE * event(angles - _BESIDE, order + 1)
+        size = float(np.abs(event(_GRID, order)).max(initial=0.0))
+        rows.append(np.where(np.abs(step) > _NONE * size, step, 0.0).tolist())
+    return [Joint(float(a), (s[0], s[1], s[2], s[3])) for a, s in zip(angles, np.array(rows).T.tolist(), strict=True)]

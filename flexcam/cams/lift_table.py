@@ -1,0 +1,319 @@
+"""A measured or imported lift: points over the cam angle made into a periodic spline, and what that changed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexcam.cams.lift_checks import base_level, scatter, table_faults, wide_steps
+from flexcam.cams.lift_event import Shifted
+from flexcam.cams.periodic_lift import DEGREE, PeriodicSpline, spline_rows
+from flexcam.core import FloatArray
+from flexcam.core.errors import InputError, in_words, refuse
+
+_REVOLUTION = 2.0 * math.pi
+_STEP = math.radians(1.0)
+"""Spacing of the points that are added on the base circle."""
+
+_KNOTS = (360, 720, 1440)
+"""A knot per degree of cam angle; more where the tolerance asks for it."""
+
+_FAR, _SMALL = 8.0, 5e-4
+"""A point is moved far by more than eight times the scatter and half a thousandth of the lift."""
+
+_PASSED = 1e-5
+"""Part of the largest lift, in the root mean square, by which a spline still passes through points."""
+
+_BELOW = 1e-4
+"""Part of the largest lift by which a spline may dip below the base circle without a word."""
+
+_RIPPLE = np.linspace(0.0, 2.0 * math.pi, 7201)
+
+_CAUTION = 1.4
+"""Weight of the degrees of freedom in cross-validation: 1 now and then follows the noise (Kim and Gu 2004)."""
+
+
+@dataclass(frozen=True)
+class LiftReport:
+    """What smoothing changed.
+
+    Parameters
+    ----------
+    points
+        How many were given.
+    rms_change, largest_change, at
+        Root mean square and largest difference of spline and points, m, and the cam angle of the latter, rad.
+    acceleration_before, acceleration_after
+        Least and largest second derivative by the cam angle, m/rad^2: of the points by differences, and of the spline.
+    smoothing
+        The weight of roughness that was found.
+    scatter
+        Standard deviation of the points' noise, as they themselves show it, m.
+    remarks
+        What should not be overlooked, in words.
+    """
+
+    points: int
+    rms_change: float
+    largest_change: float
+    at: float
+    acceleration_before: tuple[float, float]
+    acceleration_after: tuple[float, float]
+    smoothing: float
+    scatter: float
+    remarks: tuple[str, ...]
+
+
+def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = None) -> tuple[Shifted, LiftReport]:
+    """Make a periodic spline of a lift given by points.
+
+    The spline minimizes the squared distances plus a weight times the integral of its squared third derivative
+    (C. H. Reinsch, Smoothing by spline functions, Numerische Mathematik 10 (1967); here on even knots, P. H. C. Eilers
+    and B. D. Marx, Flexible smoothing with B-splines and penalties, Statistical Science 11 (1996)).
+
+    Parameters
+    ----------
+    angle
+        Cam angles, rad, ascending, over one revolution at most, shape (m,). What they leave out is base circle.
+    lift
+        m, shape (m,).
+    tolerance
+        Root mean square of what smoothing may change, m; 0 to pass through the points (up to 1440, or smooth ones);
+        None to judge the noise by generalized cross-validation.
+
+    Returns
+    -------
+    Shifted, LiftReport
+        The event, a `PeriodicSpline` with its first knot at the first point, and what was changed.
+
+    Raises
+    ------
+    InputError
+        If angles do not ascend or take more than a revolution, points are too few or leave gaps, lift is negative or
+        does not come back to where it began.
+
+    Examples
+    --------
+    >>> angle = np.linspace(0.0, 2.0 * np.pi, 73)
+    >>> event, report = lift_table(angle, 0.003 * (1.0 - np.cos(angle)), tolerance=0.0)
+    >>> report.largest_change < 1e-9
+    True
+    """
+    theta, s = _column("angle", angle), _column("lift", lift)
+    if tolerance is not None and not (math.isfinite(tolerance) and tolerance >= 0.0):
+        raise refuse("tolerance", tolerance, "a length of zero or more, m")
+    faults = table_faults(theta, s)
+    if faults:
+        raise InputError(faults)
+    theta, s = _closed(theta, s)
+    local = theta - theta[0]  # knots lie on the points of an even table: elsewhere a spline through them may not exist
+    around, heights = _with_base_circle(local, s)
+    noise = scatter(theta, s)
+    if tolerance is None:
+        fit, weight = _judged(around, heights, len(s), noise)
+    else:
+        fit, weight = _within(around, heights, len(s), tolerance)
+    event = Shifted(PeriodicSpline(fit.coefficients(weight)), float(theta[0]))
+    return event, _report(theta, s, event, weight, noise)
+
+
+def _column(name: str, values: ArrayLike) -> FloatArray:
+    """Return a column as numbers; which of them are none is told with their rows."""
+    try:
+        column = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise refuse(name, str(values)[:60], "an array of numbers") from None
+    if column.ndim != 1:
+        raise refuse(name, f"shape {in_words(column.shape)}", "a plain column of numbers")
+    return column
+
+
+def _judged(theta: FloatArray, s: FloatArray, count: int, noise: float) -> tuple[_Fit, float]:
+    """Return the fit by cross-validation, with more knots where fewer change points by far more than they scatter.
+
+    Where more knots do not halve that, it is an outlier, and fewer will do.
+    """
+    fit = _Fit.of(theta, s, count, _KNOTS[0])
+    weight = _cross_validated(fit)
+    allowed = _FAR * noise + _SMALL * float(s.max())
+    for most in _KNOTS[1:]:
+        if fit.largest(weight) <= allowed or fit.rows.shape[1] >= len(theta):
+            break
+        finer = _Fit.of(theta, s, count, most)
+        found = _cross_validated(finer, near=math.log10(weight) + _HALVED)
+        if finer.largest(found) <= 0.5 * fit.largest(weight):
+            fit, weight = finer, found
+    return fit, weight
+
+
+def _within(theta: FloatArray, s: FloatArray, count: int, tolerance: float) -> tuple[_Fit, float]:
+    """Return the fit and the largest weight of roughness that keep to a tolerance, with as few knots as do."""
+    fit = _Fit.of(theta, s, count, _KNOTS[0])
+    least = fit.change(_LEAST)
+    for most in _KNOTS[1:]:
+        if least <= tolerance or fit.rows.shape[1] >= len(theta):
+            break
+        fit = _Fit.of(theta, s, count, most)
+        least = fit.change(_LEAST)
+    if least <= tolerance:
+        return fit, _strongest(fit, tolerance)
+    if tolerance > 0.0:
+        given = f"{1e6 * tolerance:.4g} um for {count} points"
+        why = f"a spline of {_KNOTS[-1]} knots cannot follow them closer"
+        raise refuse("tolerance", given, f"{1e6 * least:.4g} um or more", why, "allow more: the points scatter")
+    if len(theta) > _KNOTS[-1] and least > _PASSED * float(s.max()):
+        given, allowed = f"0 for {len(theta)} points", f"{1e6 * least:.4g} um or more, or up to {_KNOTS[-1]} points"
+        why = f"a spline of {_KNOTS[-1]} knots cannot pass through them all"
+        raise refuse("tolerance", given, allowed, why, "allow some, or leave out points")
+    return fit, _LEAST
+
+
+def _closed(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the table without a last row that repeats the first one a revolution later."""
+    twice = theta[-1] - theta[0] > _REVOLUTION - 1e-9
+    return (theta[:-1], s[:-1]) if twice else (theta, s)
+
+
+def _with_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the points with more on the base circle, where the table leaves it out."""
+    ends, lifts = np.append(theta, theta[0] + _REVOLUTION), np.append(s, s[0])
+    spacing = min(_STEP, float(np.median(np.diff(theta))))
+    angles, heights = [theta], [s]
+    low = np.maximum(lifts[:-1], lifts[1:]) <= base_level(theta, s)
+    for i in np.flatnonzero(wide_steps(theta) & low).tolist():
+        start, end = float(ends[i]), float(ends[i + 1])
+        new = np.linspace(start, end, math.ceil((end - start) / spacing) + 1)[1:-1]
+        angles.append(new)
+        heights.append(np.interp(new, ends[i : i + 2], lifts[i : i + 2]))
+    return np.concatenate(angles), np.concatenate(heights)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """What smoothing works on.
+
+    Rows of the spline at the points and their square, those of the measured points alone, third differences of the
+    coefficients (which stand for the third derivative) and their square, and the lifts.
+    """
+
+    rows: FloatArray
+    square: FloatArray
+    measured: FloatArray
+    third: FloatArray
+    rough: FloatArray
+    lift: FloatArray
+    count: int
+
+    @classmethod
+    def of(cls, theta: FloatArray, s: FloatArray, count: int, most: int) -> _Fit:
+        knots = min(most, max(len(theta), 2 * (DEGREE + 1)))
+        index, weight = spline_rows(theta, knots)
+        rows = np.zeros((len(theta), knots))
+        np.put_along_axis(rows, index, weight, axis=1)
+        third = np.eye(knots)
+        for _ in range(3):
+            third = np.roll(third, -1, axis=0) - third
+        square, rough = rows.T @ rows, third.T @ third
+        scale = float(np.trace(square) / np.trace(rough))
+        measured = rows[:count].T @ rows[:count]
+        return cls(rows, square, measured, math.sqrt(scale) * third, scale * rough, s, count)
+
+    def coefficients(self, weight: float) -> FloatArray:
+        if weight > _ILL:
+            found = np.linalg.solve(self.square + weight * self.rough, self.rows.T @ self.lift)
+        else:  # the normal equations would lose so small a weight
+            both = np.vstack([self.rows, math.sqrt(weight) * self.third])
+            right = np.concatenate([self.lift, np.zeros(len(self.third))])
+            found = np.linalg.lstsq(both, right, rcond=None)[0]
+        return np.asarray(found, dtype=float)
+
+    def change(self, weight: float) -> float:
+        """Return the root mean square of what the measured points are changed by."""
+        change = self.rows[: self.count] @ self.coefficients(weight) - self.lift[: self.count]
+        return float(np.sqrt(np.mean(change**2)))
+
+    def largest(self, weight: float) -> float:
+        """Return the largest change of a measured point."""
+        change = self.rows[: self.count] @ self.coefficients(weight) - self.lift[: self.count]
+        return float(np.abs(change).max())
+
+    def score(self, weight: float) -> float:
+        """Return the generalized cross-validation of the measured points: mean square change over (1 - c trace/m)^2."""
+        used = float(np.trace(np.linalg.solve(self.square + weight * self.rough, self.measured)))
+        m = self.count
+        return math.inf if _CAUTION * used >= m else (self.change(weight) / (1.0 - _CAUTION * used / m)) ** 2
+
+
+_ILL = 1e-7
+_LEAST, _LOWEST, _HIGHEST = 1e-9, -7.0, 8.0
+"""Weight of roughness where nothing is to be changed, and powers of ten between which it is sought otherwise; the
+roughness is scaled to the square of the rows."""
+
+
+def _strongest(fit: _Fit, tolerance: float) -> float:
+    """Return the largest weight that changes the points by no more than the tolerance."""
+    low, high = _LOWEST, _HIGHEST
+    if fit.change(10.0**low) > tolerance:
+        return _LEAST
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if fit.change(10.0**middle) <= tolerance else (low, middle)
+    return 10.0**low
+
+
+_HALVED = 6.0 * math.log10(2.0)
+"""Power of ten by which the weight of squared third differences rises where their spacing is halved."""
+
+
+def _cross_validated(fit: _Fit, near: float | None = None) -> float:
+    """Return the weight of least score; with many knots every score takes long, and only those near are looked at."""
+    powers = np.arange(_LOWEST + 1.0, _HIGHEST + 1.0)
+    if near is not None:
+        powers = np.maximum(near + np.arange(-2.0, 3.0), _LOWEST)
+    best = float(powers[_least(fit, powers)])
+    fine = best + (np.linspace(-1.0, 1.0, 9) if near is None else np.array([-0.5, 0.0, 0.5]))
+    return 10.0 ** float(fine[_least(fit, fine)])
+
+
+def _least(fit: _Fit, powers: FloatArray) -> int:
+    score: Callable[[float], float] = fit.score
+    return int(np.argmin([score(10.0**power) for power in powers]))
+
+
+def _report(theta: FloatArray, s: FloatArray, spline: Shifted, weight: float, noise: float) -> LiftReport:
+    change = spline(theta) - s
+    worst = int(np.argmax(np.abs(change)))
+    fine = spline(np.linspace(0.0, _REVOLUTION, 3601), 2)
+    raw = _second_differences(theta, s)
+    return LiftReport(
+        len(theta), float(np.sqrt(np.mean(change**2))), float(abs(change[worst])), float(theta[worst]),
+        (float(raw.min()), float(raw.max())), (float(fine.min()), float(fine.max())), weight,
+        noise, tuple(_remarks(theta, s, spline, noise)),
+    )  # fmt: skip
+
+
+def _remarks(theta: FloatArray, s: FloatArray, spline: Shifted, noise: float) -> list[str]:
+    """Return what should not be overlooked: points that were moved far, a ripple below the base circle."""
+    change, top = np.abs(spline(theta) - s), float(s.max())
+    far = np.flatnonzero(change > _FAR * noise + _SMALL * top)
+    said: list[str] = []
+    if far.size:
+        at = int(far[np.argmax(change[far])])
+        which = "point is" if far.size == 1 else "points are"
+        moved = f"{far.size} {which} moved by more than {_FAR:g} times the scatter of {1e6 * noise:.2g} um"
+        worst = f"{1e6 * change[at]:.3g} um at {math.degrees(theta[at]):.4g} deg"
+        said.append(f"{moved}, {worst}: outliers, or a lobe too narrow (give a tolerance)")
+    least, lowest = float(spline(_RIPPLE).min()), min(float(s.min()), 0.0)
+    if least < -max(_BELOW * top, -1.5 * lowest):
+        said.append(f"it dips {-1e6 * least:.3g} um below the base circle, the points {abs(1e6 * lowest):.3g} um")
+    return said
+
+
+def _second_differences(theta: FloatArray, s: FloatArray) -> FloatArray:
+    left, right = np.diff(theta)[:-1], np.diff(theta)[1:]
+    slope = np.diff(s) / np.diff(theta)
+    return 2.0 * np.diff(slope) / (left + right)

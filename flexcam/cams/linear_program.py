@@ -1,0 +1,225 @@
+"""The linear program behind minimax: its unknowns are a family's coefficients and a largest value per criterion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.cams.harmonic_fit import constrained_least_squares
+from flexcam.cams.law_criteria import stationary_points
+from flexcam.cams.motion_law import Law, quadrature
+from flexcam.cams.synthesis_family import Family, SplineFamily
+from flexcam.core import FloatArray
+from flexcam.core.errors import InputError, refuse
+
+ORDERS = {"Cv": 1, "Ca": 2, "Cj": 3}
+"""Criteria that are linear, and the derivative each is the largest absolute value of."""
+
+ALMOST = 1e-7
+"""Part by which a law on the way to the best one may miss a bound."""
+
+CRITERIA = (*ORDERS, "rms", "Cm")
+
+_INSIDE = 1e-8
+"""Part of a limit by which the program stays below it, so that rounding does not carry the law over it."""
+
+_PRECISE = 1e-10
+_INFEASIBLE = 2
+"""Status of `scipy.optimize.linprog`."""
+
+Condition = tuple[float, int, float]
+"""Position, order of a derivative, and its value there."""
+
+Cut = tuple[FloatArray, float]
+"""A tangent plane of the rms: its gradient, and its value at zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """What is minimized over a family, and under which conditions.
+
+    Parameters
+    ----------
+    family
+        Of laws.
+    weights
+        Of the criteria in the objective.
+    limits
+        Bounds on linear criteria.
+    conditions
+        Values the law must take.
+    monotone
+        Whether the velocity must not be negative.
+    """
+
+    family: Family
+    weights: Mapping[str, float]
+    limits: Mapping[str, float]
+    conditions: tuple[Condition, ...]
+    monotone: bool
+
+    def objective(self, law: Law) -> float:
+        """Return the weighted sum of a law's criteria."""
+        return sum(weight * _criterion(law, name) for name, weight in self.weights.items())
+
+    def met(self, law: Law, slack: float) -> bool:
+        """Tell whether a law keeps to the bounds and does not turn back, but for a slack."""
+        within = all(_criterion(law, name) <= limit * (1.0 + slack) for name, limit in self.limits.items())
+        return within and (not self.monotone or _slowest(law) >= -slack - _INSIDE)
+
+    def missed(self, law: Law, slack: float) -> list[str]:
+        """Return which bounds and conditions a law does not meet, but for a slack, in words."""
+        values = {name: _criterion(law, name) for name in self.limits}
+        said = [f"{name} is {values[name]:.9g}, its bound {limit:.9g}"
+                for name, limit in self.limits.items() if values[name] > limit * (1.0 + slack)]  # fmt: skip
+        if self.monotone and (slowest := _slowest(law)) < -slack - _INSIDE:
+            said.append(f"the velocity falls to {slowest:.3g}, and must not be negative")
+        for z, order, value in self.conditions:
+            off = abs(float(law(np.array([z]), order)[0]) - value)
+            if off > slack * max(1.0, abs(value)):
+                said.append(f"the condition {z:g},{order},{value:g} is missed by {off:.3g}")
+        return said
+
+    def tangent(self, x: FloatArray) -> Cut:
+        """Return the tangent plane of the rms at given coefficients."""
+        z, weight = (np.concatenate(parts) for parts in zip(*quadrature(()), strict=True))
+        rows, offset = self.family.rows(z, 2)
+        bent = rows @ x + offset
+        rms = float(np.sqrt(weight @ bent**2))
+        slope = rows.T @ (weight * bent) / rms
+        return slope, rms - float(slope @ x)
+
+    def solve(
+        self, places: Mapping[int, FloatArray], cuts: Sequence[Cut] = (),
+        around: tuple[FloatArray, float] | None = None,
+    ) -> tuple[FloatArray, float]:  # fmt: skip
+        """Return the coefficients and the dual objective, which no law of the family beats."""
+        from scipy.optimize import linprog
+
+        A, b = self._inequalities(places, cuts, around)
+        E, e = self._equalities()
+        cost = np.concatenate([np.zeros(self.family.size), list(self.weights.values())])
+        box = self._box(around)
+        found = linprog(cost, A, b, E, e, bounds=box, method="highs", options={
+            "primal_feasibility_tolerance": _PRECISE, "dual_feasibility_tolerance": _PRECISE,
+        })  # fmt: skip
+        if found.x is None and found.status != _INFEASIBLE:  # the solver gives up now and then after its presolve
+            found = linprog(cost, A, b, E, e, bounds=box, method="highs", options={
+                "primal_feasibility_tolerance": _PRECISE, "dual_feasibility_tolerance": _PRECISE, "presolve": False,
+            })  # fmt: skip
+        if found.status == _INFEASIBLE:
+            raise self._impossible()
+        if found.x is None:
+            raise refuse("family", self.family.name, "a program that can be solved", str(found.message), "fewer terms")
+        dual = float(b @ found.ineqlin.marginals + e @ found.eqlin.marginals)
+        return np.asarray(found.x[: self.family.size], dtype=float), dual
+
+    def least_rms(self, places: Mapping[int, FloatArray]) -> tuple[FloatArray, float]:
+        """Return the coefficients of least rms alone, by constrained least squares, and that rms."""
+        z, weight = (np.concatenate(parts) for parts in zip(*quadrature(()), strict=True))
+        rows, offset = self.family.rows(z, 2)
+        root = np.sqrt(weight)
+        A, b = self._inequalities(places, (), None)
+        E, e = self._equalities()
+        free = slice(0, self.family.size)
+        base, ways = _solutions(E[:, free], e, self.family.size)
+        f = -root * (rows @ base + offset)
+        y = constrained_least_squares(root[:, None] * (rows @ ways), f, -A[:, free] @ ways, A[:, free] @ base - b)
+        if y is None:
+            raise self._impossible()
+        x = base + ways @ y
+        return x, float(np.linalg.norm(root * (rows @ x + offset)))
+
+    def _impossible(self) -> InputError:
+        given = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()]) or "the conditions"
+        remedy = "a wider bound, a higher degree or more pieces"
+        if self.conditions and isinstance(self.family, SplineFamily) and self.family.symmetric:
+            remedy += ", or laws without symmetry (--asymmetric)"
+        return refuse("bounds", given, f"what {self.family.name} can meet", "there is no such law", remedy)
+
+    def _box(self, around: tuple[FloatArray, float] | None) -> list[tuple[float | None, float | None]]:
+        """Return the bounds of the unknowns; a bound of zero adds nothing to the dual objective."""
+        near: list[tuple[float | None, float | None]] = [(None, None)] * self.family.size
+        if around is not None:
+            near = [(v - around[1], v + around[1]) for v in around[0].tolist()]
+        return near + [(0.0, None)] * len(self.weights)
+
+    def _inequalities(
+        self, places: Mapping[int, FloatArray], cuts: Sequence[Cut], around: tuple[FloatArray, float] | None
+    ) -> tuple[FloatArray, FloatArray]:
+        blocks = [
+            self._weighted(name, *self.family.rows(places[k], k)) for name, k in ORDERS.items() if name in self.weights
+        ]
+        blocks += [self._limited(name, *self.family.rows(places[ORDERS[name]], ORDERS[name])) for name in self.limits]
+        if self.monotone:
+            rows, offset = self.family.rows(places[1], 1)
+            # From a law that turns back by rounding, a short step could mend nothing else.
+            blocks.append((self._wide(-rows), offset + (0.0 if around is None else ALMOST)))
+        if cuts:
+            slopes = np.array([slope for slope, _ in cuts])
+            blocks.append((np.hstack([slopes, -self._pick("rms", len(cuts))]), -np.array([value for _, value in cuts])))
+        if around is not None and "Cm" in self.weights:
+            blocks.append(self._weighted("Cm", *self._moment(places[2], around[0])))
+        nothing = np.zeros((0, self.family.size + len(self.weights))), np.zeros(0)
+        blocks.append(nothing)
+        return np.vstack([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])
+
+    def _moment(self, z: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rows and offset of s' s'', linear about given coefficients."""
+        (V, v), (A, a) = self.family.rows(z, 1), self.family.rows(z, 2)
+        first, second = V @ x + v, A @ x + a
+        rows = second[:, None] * V + first[:, None] * A
+        return rows, first * second - rows @ x
+
+    def _weighted(self, name: str, rows: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return abs(rows x + offset) <= the largest value of a criterion."""
+        pick = self._pick(name, len(rows))
+        return np.vstack([np.hstack([rows, -pick]), np.hstack([-rows, -pick])]), np.concatenate([-offset, offset])
+
+    def _limited(self, name: str, rows: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return abs(rows x + offset) <= the limit."""
+        limit = self.limits[name] * (1.0 - _INSIDE)
+        rows, offset = self._wide(rows) / limit, offset / limit
+        return np.vstack([rows, -rows]), np.concatenate([1.0 - offset, 1.0 + offset])
+
+    def _wide(self, rows: FloatArray) -> FloatArray:
+        return np.hstack([rows, np.zeros((len(rows), len(self.weights)))])
+
+    def _pick(self, name: str, count: int) -> FloatArray:
+        picked = np.zeros((count, len(self.weights)))
+        picked[:, list(self.weights).index(name)] = 1.0
+        return picked
+
+    def _equalities(self) -> tuple[FloatArray, FloatArray]:
+        matrix, right = self.family.equalities()
+        rows = [self.family.rows(np.array([z]), order) for z, order, _ in self.conditions]
+        values = [value - offset[0] for (_, offset), (*_, value) in zip(rows, self.conditions, strict=True)]
+        return self._wide(np.vstack([matrix, *(row for row, _ in rows)])), np.concatenate([right, values])
+
+
+def _solutions(E: FloatArray, e: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
+    """Return one solution of E x = e and the directions in which it may move, shape (size, k)."""
+    if not len(E):
+        return np.zeros(size), np.eye(size)
+    base = np.asarray(np.linalg.lstsq(E, e, rcond=None)[0], dtype=float)
+    _, values, vectors = np.linalg.svd(E)
+    rank = int(np.count_nonzero(values > 1e-12 * values.max(initial=0.0)))
+    return base, np.asarray(vectors[rank:].T, dtype=float)
+
+
+def _slowest(law: Law) -> float:
+    """Return the least velocity of a law."""
+    return float(law(stationary_points(law, 1), 1).min())
+
+
+def _criterion(law: Law, name: str) -> float:
+    """Return a criterion alone: all of them at once would cost more than the program."""
+    if name == "rms":
+        return float(np.sqrt(sum(float(weight @ law(z, 2) ** 2) for z, weight in quadrature(law.breaks))))
+    if name == "Cm":
+        z = np.union1d(stationary_points(law, 1), np.linspace(0.0, 1.0, 4001))
+        return float(np.abs(law(z, 1) * law(z, 2)).max())
+    z = stationary_points(law, ORDERS[name])
+    return float(np.abs(law(z, ORDERS[name])).max())

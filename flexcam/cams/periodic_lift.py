@@ -1,0 +1,215 @@
+"""Lifts that are periodic by themselves: a spline on even knots, and a sum of harmonics."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexcam.cams.lift_event import Event, distinct
+from flexcam.core import ComplexArray, FloatArray, IntArray
+from flexcam.core.errors import finite_array, refuse
+
+DEGREE = 5
+_REVOLUTION = 2.0 * math.pi
+_GRID = np.linspace(0.0, _REVOLUTION, 7201)
+
+_AT_ONCE = 64
+"""Harmonics whose waves are in memory together: of ten thousand that would be tens of GB."""
+
+# Column k: the cardinal B-spline of degree 5 on its k-th interval, powers of the place in the interval, times 120.
+_CARDINAL = (
+    np.array(
+        [
+            [1.0, 26.0, 66.0, 26.0, 1.0, 0.0],
+            [-5.0, -50.0, 0.0, 50.0, 5.0, 0.0],
+            [10.0, 20.0, -60.0, 20.0, 10.0, 0.0],
+            [-10.0, 20.0, 0.0, -20.0, 10.0, 0.0],
+            [5.0, -20.0, 30.0, -20.0, 5.0, 0.0],
+            [-1.0, 5.0, -10.0, 10.0, -5.0, 1.0],
+        ]
+    )
+    / 120.0
+)
+
+
+def spline_rows(angle: FloatArray, knots: int, order: int = 0) -> tuple[IntArray, FloatArray]:
+    """Return which coefficients of a periodic spline of degree 5 act at given angles, and by what weights."""
+    width = _REVOLUTION / knots
+    place = np.mod(angle, _REVOLUTION) / width
+    interval = np.floor(place).astype(np.int64)
+    powers = _CARDINAL.copy()
+    for _ in range(order):
+        powers = np.arange(1, len(powers))[:, None] * powers[1:] / width
+    weight = (place - interval)[:, None] ** np.arange(len(powers)) @ powers
+    return (interval[:, None] + np.arange(DEGREE + 1)) % knots, weight
+
+
+class _Seamless(ABC):
+    """A lift without joints; its height is looked for once."""
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Cam angles where a derivative up to the fourth may jump: none."""
+        return ()
+
+    @cached_property
+    def _height(self) -> float:
+        return highest(self)
+
+    @property
+    def height(self) -> float:
+        """Largest lift, m."""
+        return self._height
+
+    @abstractmethod
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray: ...
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicSpline(_Seamless):
+    """Lift over a revolution as a spline of degree 5 on even knots; its fourth derivative is continuous.
+
+    Parameters
+    ----------
+    coefficients
+        m, shape (n,), one per knot, 12 or more.
+    """
+
+    coefficients: FloatArray
+
+    def __post_init__(self) -> None:
+        values = finite_array("coefficients", self.coefficients, (None,))
+        if len(values) < 2 * (DEGREE + 1):
+            raise refuse("coefficients", f"{len(values)} values", f"{2 * (DEGREE + 1)} or more")
+        object.__setattr__(self, "coefficients", values)
+
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order (0 to 4) by the cam angle, m/rad^order, shape as `angle`."""
+        angle = np.asarray(angle, dtype=float)
+        index, weight = spline_rows(angle.ravel(), len(self.coefficients), order)
+        return np.einsum("mk,mk->m", self.coefficients[index], weight).reshape(angle.shape)
+
+
+@dataclass(frozen=True)
+class HarmonicLift(_Seamless):
+    """Lift as a mean and a few harmonics of the cam angle: it excites nothing above the last of them.
+
+    C. Li, Cam motion simulation and optimization (2014), eq. 5.
+
+    Parameters
+    ----------
+    mean
+        m.
+    cosine, sine
+        Amplitudes a_n and b_n of cos(n angle) and sin(n angle), m, n from 1, as many of both.
+    """
+
+    mean: float
+    cosine: tuple[float, ...]
+    sine: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.cosine) != len(self.sine) or not self.cosine:
+            given = f"{len(self.cosine)} and {len(self.sine)} values"
+            raise refuse("cosine, sine", given, "as many of both, one or more")
+        if not np.isfinite([self.mean, *self.cosine, *self.sine]).all():
+            raise refuse("mean, cosine, sine", "numbers that are not finite", "finite numbers")
+
+    @cached_property
+    def _amplitudes(self) -> tuple[FloatArray, ComplexArray]:
+        """Orders and complex amplitudes: lift = mean + Re sum c_n exp(i n angle)."""
+        n = np.linspace(1.0, len(self.cosine), len(self.cosine))
+        return n, np.array(self.cosine) - 1j * np.array(self.sine)
+
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order by the cam angle, m/rad^order, shape as `angle`."""
+        angle = np.asarray(angle, dtype=float)
+        n, amplitude = self._amplitudes
+        turned = np.exp(1j * angle[..., None] * n) @ ((1j * n) ** order * amplitude)
+        return np.asarray(turned.real + (self.mean if order == 0 else 0.0), dtype=float)
+
+
+def highest(event: Event) -> float:
+    """Return the largest lift of an event, m, to 1e-9 of it."""
+    at = float(_GRID[np.argmax(event(_GRID))])
+    fine = at + np.linspace(-1.0, 1.0, 2001) * (_GRID[1] - _GRID[0])
+    return float(event(fine).max())
+
+
+def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
+    """Return the harmonics of an event's lift or of a derivative of it."""
+    points, weights = np.polynomial.legendre.leggauss(8)
+    even = np.linspace(0.0, _REVOLUTION, max(361, 2 * count + 1))
+    edges = np.concatenate([distinct(np.concatenate([even[:-1], event.joints])), [_REVOLUTION]])
+    half = 0.5 * np.diff(edges)
+    angle = (edges[:-1] + half)[:, None] + half[:, None] * points
+    values = (half[:, None] * weights * event(angle, order)).ravel()
+    parts = np.array_split(np.arange(count + 1), count // _AT_ONCE + 1)
+    swung = np.concatenate([np.exp(-1j * np.outer(n, angle.ravel())) @ values for n in parts])
+    amplitude = np.asarray(swung / math.pi, dtype=np.complex128)
+    amplitude[0] *= 0.5
+    return amplitude
+
+
+_REVOLUTION_ORDERS = 2.0 * math.pi
+
+
+@dataclass(frozen=True, eq=False)
+class OrderSpectrum:
+    """Orders of a history.
+
+    Parameters
+    ----------
+    coefficients
+        Complex amplitudes c_0 to c_count, shape (count + 1,): value = Re sum c_n exp(i n angle), as those of
+        `flexcam.cams.harmonics`.
+    gap
+        By how much the history misses closing: the difference of its values at both ends, in its own unit. What does
+        not close leaks into every order, by about ``gap / (pi n)``.
+    """
+
+    coefficients: ComplexArray
+    gap: float
+
+    @property
+    def amplitudes(self) -> FloatArray:
+        """Amplitudes from order 0 (the size of the mean), shape (count + 1,)."""
+        return np.abs(self.coefficients)
+
+
+def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpectrum:
+    """Return the orders of a history over one revolution.
+
+    No window: a revolution is the period. The orders are those of the nearest trigonometric polynomial, weighted by the
+    angle that every instant stands for, so that they are exact for one of degree `count` at any instants, and the
+    discrete Fourier transform at even ones.
+    """
+    at = finite_array("angle", angle, (None,))
+    history = finite_array("values", values, (len(at),))
+    _checked(at, count)
+    steps = np.diff(at)
+    weights = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
+    orders = np.arange(1, count + 1)
+    waves = np.concatenate(
+        [np.ones((len(at), 1)), np.cos(np.outer(at, orders)), np.sin(np.outer(at, orders))], axis=1
+    )  # fmt: skip
+    heavy = waves * weights[:, None]
+    found = np.linalg.solve(heavy.T @ waves, heavy.T @ history)
+    coefficients = np.append(found[:1].astype(np.complex128), found[1 : count + 1] - 1j * found[count + 1 :])
+    return OrderSpectrum(coefficients, abs(float(history[-1] - history[0])))
+
+
+def _checked(angle: FloatArray, count: int) -> None:
+    if count < 1:
+        raise refuse("count", count, "a whole number from 1")
+    if len(angle) < 2 * count + 2:
+        why = "an order needs two instants of its own"
+        raise refuse("angle", f"{len(angle)} instants", f"{2 * count + 2} or more for {count} orders", why)
+    steps, span = np.diff(angle), float(angle[-1] - angle[0])
+    if (steps <= 0.0).any() or abs(span - _REVOLUTION_ORDERS) > 1.5 * float(steps.max()):
+        raise refuse("angle", f"{math.degrees(span):.6g} deg", "rising angles over one revolution, 360 deg")

@@ -1,0 +1,316 @@
+"""Polynomial laws of given exponents."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexcam.cams.motion_law import horner
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+
+_LARGEST = 60
+"""Exponents beyond it lose too many digits in between the ends."""
+
+_NEAR_END = 0.05
+"""Distance from z = 1 within which the law is summed in powers of 1 - z: its end conditions then hold exactly."""
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """s = sum a_j z^j over given exponents, by default with s(1) = 1 and all other derivatives there is room for zero.
+
+    The coefficients then are ``a_j = prod p_i/(p_i - p_j)`` over the other exponents; with the lowest exponent p the
+    first p - 1 derivatives vanish at z = 0. They are exact fractions, also for conditions of one's own. Source: R. L.
+    Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 4, for 3-4-5 and 4-5-6-7.
+
+    Parameters
+    ----------
+    exponents
+        Distinct whole numbers from 2, ascending; from 1 where conditions are given.
+    conditions
+        As many as exponents, each a position, the order of a derivative and its value there; none for the default.
+
+    Raises
+    ------
+    InputError
+        If exponents are not as described, or the conditions do not determine a law from 0 to 1.
+
+    Examples
+    --------
+    >>> Polynomial((3, 4, 5)).coefficients
+    (10.0, -15.0, 6.0)
+    """
+
+    exponents: tuple[int, ...]
+    conditions: tuple[tuple[float, int, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        p, least = self.exponents, 1 if self.conditions else 2
+        if why := _impossible(p, least):
+            allowed = f"two or more whole numbers, ascending from {least}, up to {_LARGEST}"
+            raise refuse("exponents", list(p), allowed, why)
+        if self.conditions:
+            self._check_conditions()
+
+    def _check_conditions(self) -> None:
+        given, needed = f"{len(self.conditions)} conditions", len(self.exponents)
+        if len(self.conditions) != needed:
+            raise refuse("conditions", given, f"{needed}, one per exponent")
+        for z, order, value in self.conditions:
+            if not (0.0 <= z <= 1.0 and 0 <= order <= self.exponents[-1] and math.isfinite(value)):
+                allowed = "[z from 0 to 1, order of the derivative, finite value]"
+                raise refuse("conditions", [z, order, value], allowed)
+        if sum(self._exact) != 1:
+            raise refuse("conditions", given, "conditions with s(1) = 1", "a law ends at lift 1", "add [1, 0, 1]")
+
+    @cached_property
+    def _exact(self) -> tuple[Fraction, ...]:
+        p = self.exponents
+        if self.conditions:
+            rows = [[_power(z, order, q) for q in p] for z, order, _ in self.conditions]
+            return _solved(rows, [Fraction(value) for _, _, value in self.conditions])
+        return tuple(math.prod((Fraction(q, q - own) for q in p if q != own), start=Fraction(1)) for own in p)
+
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """Coefficients of the powers of z, in the order of the exponents."""
+        return tuple(float(a) for a in self._exact)
+
+    @cached_property
+    def _from_end(self) -> FloatArray:
+        """Coefficients of the powers of w = 1 - z, from w^0; the ones that vanish do so exactly."""
+        powers = range(self.exponents[-1] + 1)
+        terms = zip(self._exact, self.exponents, strict=True)
+        pairs = [(a, p) for a, p in terms]
+        return np.array([float((-1) ** m * sum(a * math.comb(p, m) for a, p in pairs)) for m in powers])
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Positions of inner jumps."""
+        return ()
+
+    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order at z."""
+        powers, powers_of_rest = self._derived(order)
+        near = 1.0 - z < _NEAR_END
+        if not near.any():
+            return horner(z, powers)
+        from_start, from_end = horner(z, powers), horner(1.0 - z, powers_of_rest)
+        return np.where(near, (-1.0) ** order * from_end, from_start)
+
+    @lru_cache(maxsize=64)  # noqa: B019 - of a frozen value with a handful of numbers
+    def _derived(self, order: int) -> tuple[FloatArray, FloatArray]:
+        """Return the powers of a derivative, of z and of 1 - z."""
+        dense = np.zeros(self.exponents[-1] + 1)
+        dense[list(self.exponents)] = self.coefficients
+        return _derived(dense, order), _derived(self._from_end, order)
+
+
+def _impossible(p: tuple[int, ...], least: int) -> str:
+    """Return why some exponents make no law; nothing for an empty text."""
+    if len(p) < 2:
+        return "one power alone does not come to rest"
+    if min(p) < least:
+        return "s must begin at 0" if least == 1 else "s and s' must vanish at z = 0"
+    if max(p) > _LARGEST:
+        return f"beyond {_LARGEST} too many digits are lost between the ends"
+    if twice := [b for a, b in pairwise(sorted(p)) if a == b]:
+        return f"{twice[0]} stands there twice"
+    return "" if list(p) == sorted(p) else "they do not ascend"
+
+
+def _power(z: float, order: int, exponent: int) -> Fraction:
+    """Return the derivative of z^exponent."""
+    if order > exponent:
+        return Fraction(0)
+    return math.perm(exponent, order) * Fraction(z) ** (exponent - order)
+
+
+def _solved(rows: list[list[Fraction]], right: list[Fraction]) -> tuple[Fraction, ...]:
+    """Return the exact solution of a small linear system (elimination with the first pivot that is not zero)."""
+    work = [[*row, value] for row, value in zip(rows, right, strict=True)]
+    for i in range(len(work)):
+        pivot = next((k for k in range(i, len(work)) if work[k][i]), None)
+        if pivot is None:
+            given = f"{len(work)} conditions of which one follows from the others or contradicts them"
+            raise refuse("conditions", given, "independent conditions", remedy="change a position or an order")
+        work[i], work[pivot] = work[pivot], work[i]
+        work[i] = [value / work[i][i] for value in work[i]]
+        for k in range(len(work)):
+            if k != i and (factor := work[k][i]):
+                work[k] = [a - factor * b for a, b in zip(work[k], work[i], strict=True)]
+    return tuple(row[-1] for row in work)
+
+
+def quinquinomial(row: int = 1) -> Polynomial:
+    """Return a law of the published family with the exponents 2, 2 + n, 2 + 2n, 2 + 3n, 2 + 4n and n = 3 row.
+
+    s' = c z (1 - z^n)^4: at rest in everything at z = 1, at full acceleration at z = 0, for a cam with one dwell.
+    Source: R. Roussev, B. Paleva-Kadiyska and V. Galabov, Quinquinomial power functions (2021), tables 1 and 2.
+
+    Parameters
+    ----------
+    row
+        1 to 4.
+
+    Returns
+    -------
+    Polynomial
+        The law.
+
+    Raises
+    ------
+    InputError
+        If there is no such row.
+
+    Examples
+    --------
+    >>> quinquinomial(2).exponents
+    (2, 8, 14, 20, 26)
+    """
+    if not 1 <= row <= 4:
+        remedy = "for others give the exponents to a polynomial"
+        raise refuse("row", row, "1 to 4", "these are printed", remedy)
+    return Polynomial(tuple(2 + 3 * row * i for i in range(5)))
+
+
+def _derived(coefficients: FloatArray, order: int) -> FloatArray:
+    return np.asarray(np.polynomial.polynomial.polyder(coefficients, order), dtype=float) if order else coefficients
+
+
+_LEAST_DEGREE = 5
+"""Below it the fourth derivative is not continuous."""
+
+
+@dataclass(frozen=True)
+class BSplineLaw:
+    """s = sum c_i B_i(z) on clamped knots.
+
+    The first and last coefficients are s(0) = 0 and s(1) = 1; as many derivatives vanish at an end as further
+    coefficients there are equal to them, exactly. Without inner knots the coefficients are those of Bernstein's
+    polynomials. Source: C. de Boor, A Practical Guide to Splines (1978), ch. IX-X.
+
+    Parameters
+    ----------
+    coefficients
+        One more than degree and inner knots together; the first 0, the last 1.
+    degree
+        5 or more.
+    knots
+        Inner knots, ascending between 0 and 1; None for even spacing.
+
+    Raises
+    ------
+    InputError
+        If numbers do not fit together.
+
+    Examples
+    --------
+    >>> law = BSplineLaw((0.0, 0.0, 0.0, 1.0, 1.0, 1.0), degree=5)
+    >>> law(np.array([0.25])).round(9)
+    array([0.10351562])
+    """
+
+    coefficients: tuple[float, ...]
+    degree: int = 5
+    knots: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.degree < _LEAST_DEGREE:
+            why = "the fourth derivative would jump"
+            raise refuse("degree", self.degree, f"a whole number from {_LEAST_DEGREE}", why)
+        least = self.degree + 1 + len(self.knots or ())
+        fits = len(self.coefficients) == least if self.knots is not None else len(self.coefficients) >= least
+        if not fits:
+            allowed = f"{least}" if self.knots is not None else f"{least} or more"
+            raise refuse("coefficients", f"{len(self.coefficients)} values", allowed, "degree, knots and they must fit")
+        if self.coefficients[0] != 0.0 or self.coefficients[-1] != 1.0 or not np.isfinite(self.coefficients).all():
+            raise refuse(
+                "coefficients", list(self.coefficients), "finite numbers from 0 to 1 at the ends", "s(0) = 0, s(1) = 1"
+            )
+        if not all(a < b for a, b in pairwise((0.0, *(self.knots or ()), 1.0))):
+            raise refuse("knots", list(self.knots or ()), "numbers that ascend between 0 and 1")
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Positions of inner jumps: none up to the fourth derivative."""
+        return ()
+
+    @property
+    def inner_knots(self) -> FloatArray:
+        """Inner knots, ascending."""
+        if self.knots is not None:
+            return np.array(self.knots)
+        return np.linspace(0.0, 1.0, len(self.coefficients) - self.degree + 1)[1:-1]
+
+    @cached_property
+    def _derivatives(self) -> tuple[BSpline[np.float64], ...]:
+        from scipy.interpolate import BSpline
+
+        ends = np.ones(self.degree + 1)
+        spline = BSpline(np.concatenate([0.0 * ends, self.inner_knots, ends]), np.array(self.coefficients), self.degree)
+        return tuple(spline.derivative(order) if order else spline for order in range(_LEAST_DEGREE))
+
+    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order at z."""
+        return np.asarray(self._derivatives[order](z), dtype=float)
+
+
+def through_points(z: tuple[float, ...], s: tuple[float, ...]) -> BSplineLaw:
+    """Return the law through given points, at rest with zero acceleration at both ends.
+
+    A spline of degree 5 that interpolates; for measured lift, which is noisy, use a lift table.
+
+    Parameters
+    ----------
+    z
+        Positions, ascending from 0 to 1.
+    s
+        Lift there, from 0 to 1.
+
+    Returns
+    -------
+    BSplineLaw
+        The law.
+
+    Raises
+    ------
+    InputError
+        If the points do not run from (0, 0) to (1, 1), or are fewer than three.
+
+    Examples
+    --------
+    >>> through_points((0.0, 0.5, 1.0), (0.0, 0.5, 1.0))(np.array([0.5])).round(12)
+    array([0.5])
+    """
+    if len(z) != len(s) or len(z) < 3:
+        raise refuse("z, s", f"{len(z)} and {len(s)} values", "as many of both, three or more")
+    if not all(a < b for a, b in pairwise(z)) or (z[0], z[-1]) != (0.0, 1.0):
+        raise refuse("z", list(z), "positions that ascend from 0 to 1")
+    if (s[0], s[-1]) != (0.0, 1.0) or not np.isfinite(s).all():
+        raise refuse("s", list(s), "finite numbers from 0 to 1 at the ends", "s(0) = 0, s(1) = 1")
+    from scipy.interpolate import make_interp_spline
+
+    still = [(1, 0.0), (2, 0.0)]
+    # The stubs know the end conditions by name only.
+    spline: BSpline[np.float64] = make_interp_spline(  # pyright: ignore[reportCallIssue, reportUnknownVariableType]
+        np.array(z),
+        np.array(s),
+        k=5,
+        bc_type=(still, still),  # pyright: ignore[reportArgumentType]
+    )
+    t: FloatArray = np.asarray(spline.t, dtype=float)  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
+    c: FloatArray = np.asarray(spline.c, dtype=float)  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
+    inner, middle = tuple(t[6:-6].tolist()), tuple(c[3:-3].tolist())
+    return BSplineLaw((0.0, 0.0, 0.0, *middle, 1.0, 1.0, 1.0), 5, inner)

@@ -1,0 +1,349 @@
+"""The profile that a lift and a follower ask for, and what it does to them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.cams.followers import Follower, RollerFollower, Touch, Turn
+from flexcam.cams.law_criteria import Extreme, lowest
+from flexcam.cams.lift_event import Event
+from flexcam.core import ComplexArray, FloatArray
+from flexcam.core.errors import InputError, positive, refuse
+
+_REVOLUTION = 2.0 * math.pi
+_MOST_POINTS = 1_000_000
+_STRAIGHT = 1e-9
+"""Curvature of the path of a roller's centre, over that of the roller, that is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class CamProfile:
+    """A cam, point by point, in its own frame: the one in which the follower stands where the cam angle is zero.
+
+    Parameters
+    ----------
+    follower
+        The follower it was made for.
+    turn
+        Sense of rotation: 1 counterclockwise, -1 clockwise.
+    angle
+        Cam angles, rad, shape (n,).
+    lift, velocity, acceleration
+        Of the follower, m, m/rad, m/rad^2, shape (n,).
+    touch
+        Contact in the fixed frame.
+    event
+        The lift it was made of.
+    """
+
+    follower: Follower
+    turn: Turn
+    angle: FloatArray
+    lift: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    touch: Touch
+    event: Event
+
+    @cached_property
+    def extremes(self) -> ProfileExtremes:
+        """Extremes over the whole revolution, between the points too."""
+        return profile_extremes(self.event, self.follower, self.turn)
+
+    @property
+    def points(self) -> FloatArray:
+        """Profile, m, shape (n, 2), frame of the cam."""
+        return self._turned(self.touch.point)
+
+    @property
+    def pitch(self) -> FloatArray:
+        """Path of the roller's centre (the profile itself for a flat face), m, shape (n, 2), frame of the cam."""
+        return self._turned(self.touch.trace)
+
+    @property
+    def normals(self) -> FloatArray:
+        """Outward unit normals, shape (n, 2), frame of the cam."""
+        return self._turned(self.touch.normal)
+
+    @property
+    def radius(self) -> FloatArray:
+        """Radius of curvature, m, shape (n,): negative where hollow."""
+        return self.touch.radius
+
+    @property
+    def pressure_angle(self) -> FloatArray:
+        """Angle from the normal to the follower's motion on the rise, rad, counterclockwise, shape (n,)."""
+        return np.angle(self.touch.motion * np.conj(self.touch.normal))
+
+    @property
+    def pressure_rate(self) -> FloatArray:
+        """Derivative of the pressure angle by the cam angle, 1, shape (n,)."""
+        return self.touch.pressure_rate
+
+    @property
+    def push(self) -> ComplexArray:
+        """Lift per motion of the cam along the lift as it begins (real part) and to its left, shape (n,)."""
+        return self.touch.normal * np.conj(self.follower.lift_direction) / self.touch.reach
+
+    @property
+    def push_rate(self) -> ComplexArray:
+        """Derivative of `push` by the cam angle, shape (n,)."""
+        return self.push * (1j * self.touch.turning - self.touch.reach_rate / self.touch.reach)
+
+    @property
+    def offset(self) -> FloatArray:
+        """Distance of the contact from the normal's parallel through the cam's centre, m; s' under a flat follower."""
+        return -(self.touch.point * np.conj(1j * self.touch.normal)).real
+
+    def _turned(self, fixed: ComplexArray) -> FloatArray:
+        own = fixed * np.exp(-1j * self.turn * self.angle)
+        return np.column_stack([own.real, own.imag])
+
+    def cutter_path(self, radius: float) -> FloatArray:
+        """Return the path of a cutter's or grinding wheel's centre, m, shape (n, 2), frame of the cam."""
+        return self.points + positive("cutter", radius, "m") * self.normals
+
+
+def cam_profile(event: Event, follower: Follower, *, count: int = 720, turn: Turn = 1) -> CamProfile:
+    """Return the profile of a cam at even cam angles."""
+    if not 12 <= count <= _MOST_POINTS:
+        raise refuse("count", count, f"a whole number from 12 to {_MOST_POINTS}")
+    return profile_at(event, follower, np.linspace(0.0, _REVOLUTION, count, endpoint=False), turn)
+
+
+Motion = tuple[FloatArray, FloatArray, FloatArray]
+"""Lift, velocity and acceleration at some cam angles, m, m/rad, m/rad^2."""
+
+
+def profile_at(
+    event: Event, follower: Follower, angle: FloatArray, turn: Turn = 1, motion: Motion | None = None
+) -> CamProfile:
+    """Return the profile of a cam at given cam angles."""
+    lift, velocity, acceleration = motion or (event(angle), event(angle, 1), event(angle, 2))
+    # A radius is infinite at a point of inflection, and where the pitch curve stands still.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        touch = follower.touch(lift, velocity, acceleration, turn)
+    return CamProfile(follower, turn, angle, lift, velocity, acceleration, touch, event)
+
+
+@dataclass(frozen=True)
+class ProfileExtremes:
+    """What is largest and least on a profile, each with its cam angle, rad.
+
+    Parameters
+    ----------
+    convex
+        Least radius of curvature where the profile is convex, m; zero or less where it is undercut.
+    hollow
+        Radius of the tightest hollow, m, above zero; None where there is none.
+    pressure_angle
+        The steepest, signed, rad.
+    offset
+        Least and largest distance of the contact, m.
+    sliding
+        The fastest, signed, m/rad.
+    """
+
+    convex: Extreme
+    hollow: Extreme | None
+    pressure_angle: Extreme
+    offset: tuple[Extreme, Extreme]
+    sliding: Extreme
+
+
+def profile_extremes(event: Event, follower: Follower, turn: Turn = 1) -> ProfileExtremes:
+    """Return the extremes of a profile over the whole revolution.
+
+    Under a roller the curvature of its centre's path is what is looked at: it passes smoothly through the points of
+    inflection and through undercut, where the radius of the profile leaps.
+    """
+
+    def seen(measure: Callable[[CamProfile], FloatArray], sign: float = 1.0) -> Extreme:
+        found = lowest(lambda angle: sign * measure(profile_at(event, follower, angle, turn)), event.joints)
+        return Extreme(sign * found.value, found.at)
+
+    def largest(measure: Callable[[CamProfile], FloatArray]) -> Extreme:
+        ends = seen(measure), seen(measure, -1.0)
+        return max(ends, key=lambda one: abs(one.value))
+
+    convex, hollow = _curvatures(seen, follower)
+    offset = seen(lambda made: made.offset), seen(lambda made: made.offset, -1.0)
+    steepest, fastest = largest(lambda made: made.pressure_angle), largest(lambda made: made.touch.sliding)
+    return ProfileExtremes(convex, hollow, steepest, offset, fastest)
+
+
+def _curvatures(
+    seen: Callable[[Callable[[CamProfile], FloatArray], float], Extreme], follower: Follower
+) -> tuple[Extreme, Extreme | None]:
+    """Return the least radius of convex parts and that of the tightest hollow."""
+    roller = follower.roller_radius
+    if not math.isfinite(roller):
+        return seen(lambda made: made.radius, 1.0), None
+
+    def bend(made: CamProfile) -> FloatArray:
+        with np.errstate(divide="ignore"):
+            return 1.0 / (made.radius + roller)
+
+    tight, deep = seen(bend, -1.0), seen(bend, 1.0)
+    hollow = Extreme(roller - 1.0 / deep.value, deep.at) if deep.value < -_STRAIGHT / roller else None
+    return Extreme(1.0 / tight.value - roller, tight.at), hollow
+
+
+def relaxed_arm(event: Event, base_radius: float, angle: FloatArray) -> FloatArray:
+    """Return r_a = sqrt(2 r_0 s + s^2), which takes the place of s' in the relaxed profile, m."""
+    lift = np.maximum(event(angle), 0.0)
+    return np.sqrt(lift * (2.0 * positive("base_radius", base_radius, "m") + lift))
+
+
+def petrescu_profile(event: Event, base_radius: float, angle: FloatArray, *, relaxed: bool = True) -> FloatArray:
+    """Return the profile under a flat follower: relaxed, with r_a, or classical, with s'.
+
+    x = r_a cos phi + (r_0 + s) sin phi, y = (r_0 + s) cos phi - r_a sin phi. Only the classical one lifts the follower
+    by s; it is the profile of `flexcam.cams.cam_profile` for a cam that turns counterclockwise.
+    """
+    arm = _arm(event, base_radius, angle, relaxed=relaxed)
+    height = base_radius + event(angle)
+    return np.column_stack([
+        arm * np.cos(angle) + height * np.sin(angle), height * np.cos(angle) - arm * np.sin(angle),
+    ])  # fmt: skip
+
+
+def petrescu_efficiency(event: Event, base_radius: float, angle: FloatArray, *, relaxed: bool = True) -> FloatArray:
+    """Return sin^2(tau) = r_a^2/((r_0 + s)^2 + r_a^2), with s' in place of r_a for the classical profile."""
+    arm = _arm(event, base_radius, angle, relaxed=relaxed)
+    return arm**2 / ((base_radius + event(angle)) ** 2 + arm**2)
+
+
+def _arm(event: Event, base_radius: float, angle: FloatArray, *, relaxed: bool) -> FloatArray:
+    positive("base_radius", base_radius, "m")
+    return relaxed_arm(event, base_radius, angle) if relaxed else event(angle, 1)
+
+
+PRESSURE_ANGLE = math.radians(30.0)
+"""Limit of the pressure angle of translating followers in common use (Norton, 2009, ch. 7)."""
+
+_HALVINGS = 60
+_ROUNDING = 1e-9
+_BESIDE = 1e-8
+"""Distance from a joint at which the side before it is looked at, rad."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something a profile does that it should not.
+
+    Parameters
+    ----------
+    what, remedy
+        In words.
+    angle
+        Cam angle where it is worst, rad.
+    value, limit
+        What was found and what is allowed, SI.
+    kind
+        What is measured: an angle, rad, or a length, m.
+    """
+
+    what: str
+    remedy: str
+    angle: float
+    value: float
+    limit: float
+    kind: Literal["angle", "length"] = "length"
+
+
+def findings(
+    profile: CamProfile, *, pressure_angle: float = PRESSURE_ANGLE, cutter: float | None = None, base_helps: bool = True
+) -> list[Finding]:
+    """Return what is wrong with a profile, each with the angle where it is worst, between its points too."""
+    found: list[Finding] = []
+    if cutter is not None:
+        positive("cutter", cutter, "m")
+    seen, follower = profile.extremes, profile.follower
+    cut = seen.convex.value <= 0.0
+    if cut:
+        what = "undercut: the profile would cross itself"
+        others = ["a smaller roller"] if math.isfinite(follower.roller_radius) else []
+        remedy = _remedy([*others, "a longer event"], base_helps=base_helps)
+        found.append(Finding(what, remedy, seen.convex.at, seen.convex.value, 0.0))
+    steep = seen.pressure_angle
+    if abs(steep.value) > pressure_angle * (1.0 + _ROUNDING):
+        others = ["an offset"] if isinstance(follower, RollerFollower) else ["another pivot or arm"]
+        remedy = _remedy([*others, "a longer event"], base_helps=base_helps)
+        found.append(Finding("pressure angle too large", remedy, steep.at, abs(steep.value), pressure_angle, "angle"))
+    if cutter is not None and not cut and seen.hollow is not None and seen.hollow.value < cutter:
+        what = "the cutter is larger than the hollow it would have to cut"
+        found.append(Finding(what, "take a smaller one", seen.hollow.at, seen.hollow.value, cutter))
+    return found
+
+
+def _remedy(others: list[str], *, base_helps: bool) -> str:
+    """Return remedies as a sentence, a larger base circle first where it is one."""
+    *first, last = [*(["a larger base circle"] if base_helps else []), *others]
+    return f"take {', '.join(first)} or {last}" if first else f"take {last}"
+
+
+def undercut(radius: FloatArray, follower: Follower) -> NDArray[np.bool_]:
+    """Tell where a profile is undercut: its pitch curve bends more than the roller, or a flat face meets a hollow."""
+    return (radius <= 0.0) & (radius >= -follower.roller_radius)
+
+
+def minimum_base_radius(
+    event: Event, follower: Follower, *, pressure_angle: float = PRESSURE_ANGLE, radius: float = 0.0,
+    turn: Turn = 1, count: int = 1440,
+) -> float:  # fmt: skip
+    """Return the smallest base circle without undercut, within a pressure angle and with convex parts round enough."""
+    high = 100.0 * positive("lift", event.height, "m")
+    angles = np.union1d(np.linspace(0.0, 2.0 * math.pi, count, endpoint=False), _beside(event.joints))
+    motion = event(angles), event(angles, 1), event(angles, 2)
+
+    def fits(base: float) -> bool:
+        try:
+            made = profile_at(event, follower.with_base(base), angles, turn, motion)
+        except InputError:  # the follower does not reach such a circle
+            return False
+        return _within(made, pressure_angle, radius)
+
+    candidates = np.geomspace(1e-4 * high, high, 81)
+    good = [fits(float(base)) for base in candidates]
+    if not any(good):
+        given = f"no base circle between {candidates[0]:.3g} and {high:.3g} m"
+        raise refuse("base_radius", given, "one that meets the limits", "", "a longer event or wider limits")
+    first = good.index(True)
+    if first == 0:
+        return 0.0
+    low, high = float(candidates[first - 1]), float(candidates[first])
+    least = _bisected(fits, low, high)
+    # The worst angles lie between those looked at; they hardly move with the base circle, so one more look is enough.
+    seen = profile_extremes(event, follower.with_base(least), turn)
+    worst = (seen.convex.at, seen.pressure_angle.at)
+    angles = np.union1d(angles, [*worst, *_beside(worst)])
+    motion = event(angles), event(angles, 1), event(angles, 2)
+    return least if fits(least) else _bisected(fits, least, high)
+
+
+def _within(made: CamProfile, pressure_angle: float, radius: float) -> bool:
+    """Tell whether a profile is within limits at its points."""
+    if undercut(made.radius, made.follower).any() or float(np.abs(made.pressure_angle).max()) > pressure_angle:
+        return False
+    convex = made.radius > -made.follower.roller_radius
+    return bool((made.radius[convex] >= radius).all())
+
+
+def _beside(joints: Sequence[float]) -> list[float]:
+    """Return angles on both sides of joints, rad."""
+    return [at - step for at in joints for step in (0.0, _BESIDE)]
+
+
+def _bisected(fits: Callable[[float], bool], low: float, high: float) -> float:
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if fits(middle) else (middle, high)
+    return high

@@ -1,0 +1,108 @@
+"""Ramps: the slow take-off and landing that take up lash, and how the main lift goes on from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from flexcam.cams.motion_law import Law, horner
+from flexcam.core import FloatArray
+from flexcam.core.errors import positive, refuse
+
+_GAIN = (0.0, 1.0, 0.0, -2.0, 2.0, -0.6)
+"""Powers of z of the integral of (1 - z)^3 (1 + 3 z): slope 1 at z = 0, then none, without a step of acceleration."""
+
+_SHORTEST = 1e-3
+_GAINED = 0.4
+"""Its value at z = 1."""
+
+
+@lru_cache
+def _powers(order: int) -> FloatArray:
+    """Return the powers of z of a derivative of the gain."""
+    return np.asarray(np.polynomial.polynomial.polyder(_GAIN, order), dtype=float) if order else np.array(_GAIN)
+
+
+def _gain(z: FloatArray, order: int) -> FloatArray:
+    return horner(z, _powers(order))
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A ramp of constant velocity with a smooth take-off.
+
+    Parameters
+    ----------
+    height
+        m.
+    duration
+        Cam angle, rad.
+    take_off
+        Part of the duration over which the velocity rises, 0 to 1; with 0 it steps.
+    """
+
+    height: float
+    duration: float
+    take_off: float = 0.25
+
+    def __post_init__(self) -> None:
+        positive("ramps.height", self.height, "m")
+        positive("ramps.duration", self.duration, "rad")
+        if not (self.take_off == 0.0 or _SHORTEST <= self.take_off <= 1.0):
+            raise refuse("ramps.take_off", self.take_off, f"0, or a part from {_SHORTEST:g} to 1 of the duration")
+
+    @property
+    def slope(self) -> float:
+        """Velocity at the end of the ramp, m/rad."""
+        return self.height / self.duration / self._part
+
+    @property
+    def _part(self) -> float:
+        """Height over that of a ramp at full velocity from the start."""
+        return 1.0 - (1.0 - _GAINED) * self.take_off
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Where the take-off ends."""
+        return (self.take_off,) if 0.0 < self.take_off < 1.0 else ()
+
+    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order of the normalized ramp, from 0 to 1 over 0 to 1."""
+        t = self.take_off
+        line = ((z - (1.0 - _GAINED) * t), np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
+        if t > 0.0:
+            # The take-off is the mirror image of the gain that the main lift ends on.
+            backwards = np.clip(1.0 - z / t, 0.0, 1.0)
+            start = t ** (1 - order) * (-1.0) ** (order + 1) * _gain(backwards, order)
+            start = start + (_GAINED * t if order == 0 else 0.0)
+            line = np.where(z < t, start, line)
+        return line / self._part
+
+
+@dataclass(frozen=True)
+class FromRamp:
+    """A law that begins with a velocity and goes on without a step of velocity or acceleration of its own.
+
+    s = (1 - 0.4 k) law + k g, where g' = (1 - z)^3 (1 + 3 z).
+
+    Parameters
+    ----------
+    law
+        The law of a rise from rest.
+    slope
+        k, the velocity at z = 0, normalized.
+    """
+
+    law: Law
+    slope: float
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Positions of inner jumps."""
+        return self.law.breaks
+
+    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order at z."""
+        return (1.0 - _GAINED * self.slope) * self.law(z, order) + self.slope * _gain(z, order)

@@ -1,0 +1,425 @@
+"""Laws made of a line and a few harmonics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+
+
+@dataclass(frozen=True)
+class Harmonic:
+    """s = z - sum c_n sin(2 pi n z)/(2 pi n): the cycloidal law is the one with c_1 = 1 alone.
+
+    s' vanishes at both ends if the c_n sum to 1.
+
+    Parameters
+    ----------
+    harmonics
+        Pairs of order n and coefficient c_n.
+
+    Raises
+    ------
+    InputError
+        If an order is no whole number from 1 or a coefficient not finite.
+
+    Examples
+    --------
+    >>> Harmonic(((1, 1.0),))(np.array([0.5])).round(12)
+    array([0.5])
+    """
+
+    harmonics: tuple[tuple[int, float], ...]
+
+    def __post_init__(self) -> None:
+        if not all(n >= 1 and n == int(n) and math.isfinite(c) for n, c in self.harmonics):
+            raise refuse("harmonics", list(self.harmonics), "pairs of a whole number from 1 and a finite number")
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Positions of inner jumps."""
+        return ()
+
+    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order at z."""
+        value = (z, np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
+        for n, c in self.harmonics:
+            w = 2.0 * math.pi * n
+            value = value - c * w ** (order - 1) * np.sin(w * z + order * math.pi / 2.0)
+        return value
+
+    def residual(self, ratio: FloatArray) -> FloatArray:
+        """Return the residual amplitude: abs(sin pi l)/(pi l) times abs(1 + sum c_n l^2/(n^2 - l^2))."""
+        total = np.sinc(ratio)
+        for n, c in self.harmonics:
+            # sin(pi l)/(n - l) = (-1)^(n + 1) sin(pi (l - n))/(l - n): finite where they meet.
+            total = total + c * ratio * (-1.0) ** (n + 1) * np.sinc(ratio - n) / (n + ratio)
+        return np.abs(total)
+
+
+PAVLOVIC_TRIGONOMETRIC = Harmonic(((1, 15.0 / 16.0), (2, 1.0 / 24.0)))
+"""z - 15 sin(2 pi z)/(32 pi) - sin(4 pi z)/(96 pi), as the figures of V. D. Pavlovic and M. M. Lutovac, New class of
+camshaft transfer functions, were computed; s' = 1/48 at both ends, which breaks the paper's conditions (2) and (4). The
+classical law is Gutman's, with 6 pi in place of 4 pi."""
+
+GUTMAN = Harmonic(((1, 15.0 / 16.0), (3, 1.0 / 16.0)))
+"""Gutman's 1-3 law: z - 15 sin(2 pi z)/(32 pi) - sin(6 pi z)/(96 pi)."""
+
+FREUDENSTEIN = Harmonic(((1, 27.0 / 28.0), (3, 1.0 / 28.0)))
+"""Freudenstein's 1-3 law: z - (27/28 sin 2 pi z + 1/84 sin 6 pi z)/(2 pi)."""
+
+
+@dataclass(frozen=True)
+class SimpleHarmonic:
+    """s = (1 - cos pi z)/2; its acceleration steps where it meets a dwell.
+
+    Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 2.
+
+    Examples
+    --------
+    >>> SimpleHarmonic()(np.array([0.0, 0.5, 1.0]))
+    array([0. , 0.5, 1. ])
+    """
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Positions of inner jumps."""
+        return ()
+
+    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order at z."""
+        offset = 0.5 if order == 0 else 0.0
+        return offset - 0.5 * math.pi**order * np.cos(math.pi * z + order * math.pi / 2.0)
+
+    def residual(self, ratio: FloatArray) -> FloatArray:
+        """Return the residual amplitude abs(cos pi l)/abs(4 l^2 - 1), with its limit pi/4 at l = 1/2."""
+        # cos pi l = sin(pi (1/2 - l)); the factor (1 - 2 l) cancels.
+        return np.abs(0.5 * math.pi * np.sinc(0.5 - ratio) / (2.0 * ratio + 1.0))
+
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class CosineSum:
+    """s = sum d_k cos(k pi z), k from 0; d = (1/2, -1/2) is the simple harmonic law.
+
+    Its velocity vanishes at both ends whatever the coefficients; its acceleration does so only if they see to it.
+
+    Parameters
+    ----------
+    coefficients
+        d_k, from k = 0.
+
+    Raises
+    ------
+    InputError
+        If the law does not rise from 0 to 1.
+
+    Examples
+    --------
+    >>> CosineSum((0.5, -0.5))(np.array([0.0, 0.5, 1.0])).round(12)
+    array([0. , 0.5, 1. ])
+    """
+
+    coefficients: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        start = sum(self.coefficients)
+        end = sum(d * (-1.0) ** k for k, d in enumerate(self.coefficients))
+        if not (abs(start) <= _ROUNDING and abs(end - 1.0) <= _ROUNDING):
+            given = f"coefficients with s(0) = {start:.9g} and s(1) = {end:.9g}"
+            raise refuse(
+                "coefficients", given, "a rise from 0 to 1", remedy="they sum to 0, with alternating signs to 1"
+            )
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Positions of inner jumps."""
+        return ()
+
+    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order at z."""
+        value = np.zeros_like(z)
+        for k, d in enumerate(self.coefficients):
+            w = math.pi * k
+            value = value + d * w**order * np.cos(w * z + order * math.pi / 2.0)
+        return value
+
+
+def _products(terms: Sequence[tuple[int, int, float]]) -> tuple[float, ...]:
+    """Return sum c cos(i pi z) cos(j pi z) as a plain sum: cos a cos b = (cos(a + b) + cos(a - b))/2."""
+    sums = np.zeros(1 + max(i + j for i, j, _ in terms))
+    for i, j, c in terms:
+        sums[i + j] += 0.5 * c
+        sums[abs(i - j)] += 0.5 * c
+    return tuple(sums.tolist())
+
+
+PAVLOVIC_NEW = CosineSum(
+    _products(
+        [
+            (0, 0, 0.462615966796875), (1, 0, -0.4375), (1, 1, 0.095703125), (2, 0, -0.059814453125),
+            (2, 2, -0.02392578125), (3, 0, -0.0625), (1, 3, 0.02734375), (3, 3, 0.001953125),
+            (4, 0, -0.00213623046875), (2, 4, -0.001708984375), (4, 4, -0.000030517578125),
+        ]
+    )
+)  # fmt: skip
+"""Equation (21) of V. D. Pavlovic and M. M. Lutovac, New class of camshaft transfer functions, as printed.
+
+It is not symmetric, s(1/2) = 0.498047, and its acceleration steps by pi^2 at both ends.
+"""
+
+
+@dataclass(frozen=True)
+class Cycloidal:
+    """s = z - sin(2 pi z)/(2 pi); its acceleration is continuous from dwell to dwell.
+
+    Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 2.
+
+    Examples
+    --------
+    >>> Cycloidal()(np.array([0.0, 0.5, 1.0])).round(12)
+    array([0. , 0.5, 1. ])
+    """
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Positions of inner jumps."""
+        return ()
+
+    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order at z."""
+        line = (z, np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
+        return line - (2.0 * math.pi) ** (order - 1) * np.sin(2.0 * math.pi * z + order * math.pi / 2.0)
+
+    def residual(self, ratio: FloatArray) -> FloatArray:
+        """Return the residual amplitude abs(sin pi l)/(pi l abs(1 - l^2)), with its limit 1/2 at l = 1."""
+        return np.abs(np.sinc(ratio - 1.0) / (ratio * (1.0 + ratio)))
+
+
+@dataclass(frozen=True)
+class Parabolic:
+    """s = 2 z^2 up to the middle, 1 - 2 (1 - z)^2 after it; the acceleration is 4, then -4.
+
+    Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 2 (constant acceleration).
+
+    Examples
+    --------
+    >>> Parabolic()(np.array([0.0, 0.5, 1.0]), order=2)
+    array([ 4., -4., -4.])
+    """
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Positions of inner jumps."""
+        return (0.5,)
+
+    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order at z."""
+        if order > 2:
+            return np.zeros_like(z)
+        first = (2.0 * z**2, 4.0 * z, np.full_like(z, 4.0))[order]
+        second = (1.0 - 2.0 * (1.0 - z) ** 2, 4.0 * (1.0 - z), np.full_like(z, -4.0))[order]
+        return np.where(z < 0.5, first, second)
+
+    def residual(self, ratio: FloatArray) -> FloatArray:
+        """Return the residual amplitude 4 sin^2(pi l/2)/(pi l)^2."""
+        return np.sinc(0.5 * ratio) ** 2
+
+
+_GRID = np.linspace(0.0, 1.0, 4001)
+_ROUNDING_HARMONIC_ACCELERATION = 1e-9
+
+
+def harmonic_acceleration(b: tuple[float, ...] = (2.0 * math.pi,)) -> Harmonic:
+    """Return the law with the acceleration sum b_n sin(2 pi n z), n from 1.
+
+    Rest at both ends needs sum b_n/(2 pi n) = 1, and the follower must not turn back. Source: C. Li, Cam motion
+    simulation and optimization (2014), eqs. 7-11. One amplitude of 2 pi is the cycloidal law.
+
+    Parameters
+    ----------
+    b
+        Amplitudes b_1, b_2, ..., of the normalized acceleration.
+
+    Returns
+    -------
+    Harmonic
+        The law.
+
+    Raises
+    ------
+    InputError
+        If the velocity does not vanish at the ends, or is negative in between.
+
+    Examples
+    --------
+    >>> harmonic_acceleration().harmonics
+    ((1, 1.0),)
+    """
+    law = Harmonic(tuple((n, amplitude / (2.0 * math.pi * n)) for n, amplitude in enumerate(b, start=1)))
+    total = sum(c for _, c in law.harmonics)
+    if not abs(total - 1.0) <= _ROUNDING_HARMONIC_ACCELERATION:
+        why = "the velocity must vanish at both ends"
+        raise refuse("b", f"amplitudes with sum b_n/(2 pi n) = {total:.9g}", "a sum of 1", why, "scale them")
+    slowest = float(law(_GRID, 1).min())
+    if slowest < -_ROUNDING_HARMONIC_ACCELERATION:
+        why = f"the velocity falls to {slowest:.4g}: the follower would turn back"
+        raise refuse("b", f"{list(b)}", "amplitudes with a velocity of zero or more", why)
+    return law
+
+
+@dataclass(frozen=True)
+class Scca:
+    """Acceleration that rises as a sine, stays, falls as a cosine through zero, and runs back antisymmetrically.
+
+    With the parts b (both sines together), c (both constants) and d (the cosine), b + c + d = 1: (0, 0, 1) is simple
+    harmonic, (1/2, 0, 1/2) cycloidal, (0, 1, 0) parabolic, (1/4, 1/2, 1/4) the modified trapezoid, (1/4, 0, 3/4) the
+    modified sine. Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 3.
+
+    Parameters
+    ----------
+    b, c, d
+        Parts of the rise, zero or more, 1 together.
+
+    Raises
+    ------
+    InputError
+        If a part is negative or they do not sum to 1.
+
+    Examples
+    --------
+    >>> round(Scca(0.25, 0.5, 0.25).peak, 4)
+    4.8881
+    """
+
+    b: float
+    c: float
+    d: float
+
+    def __post_init__(self) -> None:
+        if not (min(self.b, self.c, self.d) >= 0.0 and abs(self.b + self.c + self.d - 1.0) <= 1e-12):
+            raise refuse("b, c, d", (self.b, self.c, self.d), "three parts of zero or more that sum to 1")
+
+    @property
+    def peak(self) -> float:
+        """Peak acceleration C_a, which makes s(1) = 1."""
+        b, d, pi = self.b, self.d, math.pi
+        return 4.0 * pi**2 / ((pi**2 - 8.0) * (b**2 - d**2) - 2.0 * pi * (pi - 2.0) * b + pi**2)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Positions of inner jumps (of the acceleration or a derivative of it)."""
+        joints = {0.5 * self.b, 0.5 * (1.0 - self.d), 1.0 - 0.5 * (1.0 - self.d), 1.0 - 0.5 * self.b}
+        return tuple(sorted(joint for joint in joints if 0.0 < joint < 1.0))
+
+    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order at z; the second half is the first one turned about the middle."""
+        second = (z > 0.5) | ((z == 0.5) & (self.d == 0.0))
+        mirrored = np.where(second, 1.0 - z, z)
+        for part in (self.b, 1.0 - self.d):  # 1 - z at a joint is the other joint, whatever its rounding
+            mirrored = np.where(z == 1.0 - 0.5 * part, 0.5 * part, mirrored)
+        half = self._first_half(mirrored, order, second)
+        turned = (1.0 if order == 0 else 0.0) + (-1.0) ** (order + 1) * half
+        return np.where(second, turned, half)
+
+    def _first_half(self, x: FloatArray, order: int, left: NDArray[np.bool_]) -> FloatArray:
+        """Return the derivative on 0 to 1/2; at a joint that of the part to the right, or to the left where told."""
+        end, start = 0.5 * self.b, 0.5 * (1.0 - self.d)
+        rising = _before(x, end, left)
+        flat = _before(x, start, left)
+        parts = [_sine(x, self.b, order), _constant(x, self.b, order)]
+        return self.peak * np.select([rising, flat], parts, _cosine(x, self.b, self.c, self.d, order))
+
+
+def _before(x: FloatArray, joint: float, left: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell what lies before a joint; on it, what looks to the left."""
+    return (x < joint) | (left & (x == joint) & (joint > 0.0))
+
+
+def _sine(x: FloatArray, b: float, order: int) -> FloatArray:
+    if b == 0.0:
+        return np.zeros_like(x)
+    w = math.pi / b
+    line = (x / w, np.full_like(x, 1.0 / w))[order] if order < 2 else np.zeros_like(x)
+    return line - w ** (order - 2) * np.sin(w * x + order * math.pi / 2.0)
+
+
+def _constant(x: FloatArray, b: float, order: int) -> FloatArray:
+    slope = b * (1.0 / math.pi - 0.5)
+    rows = (0.5 * x**2 + slope * x + b**2 * (0.125 - 1.0 / math.pi**2), x + slope, np.ones_like(x))
+    return rows[order] if order < 3 else np.zeros_like(x)
+
+
+def _cosine(x: FloatArray, b: float, c: float, d: float, order: int) -> FloatArray:
+    if d == 0.0:
+        return _constant(x, b, order)
+    w, begin = math.pi / d, (1.0 - d) / 2.0
+    slope = b / math.pi + c / 2.0
+    level = 1.0 / w**2 + b**2 * (0.125 - 1.0 / math.pi**2) - begin**2 / 2.0
+    line = (slope * x + level, np.full_like(x, slope))[order] if order < 2 else np.zeros_like(x)
+    return line - w ** (order - 2) * np.cos(w * (x - begin) + order * math.pi / 2.0)
+
+
+@dataclass(frozen=True)
+class CompoundCycloid:
+    """Rise of a valve cam without dwell: s'' = A sin(pi z/p) up to z = p, then -B sin(pi (z - p)/(2 (1 - p))).
+
+    Lift and velocity are continuous at the split p; the deceleration is greatest at the nose, z = 1, and goes on
+    smoothly in the mirrored return. C. Li, Cam motion simulation and optimization (2014), names a cam "FB2" (compound
+    cycloid II) without defining it; this form and its default split are flexcam's choice.
+
+    Parameters
+    ----------
+    split
+        Part of the rise that accelerates, between 0 and 1.
+
+    Raises
+    ------
+    InputError
+        If the split is not between 0 and 1.
+
+    Examples
+    --------
+    >>> CompoundCycloid()(np.array([0.0, 1.0])).round(12)
+    array([0., 1.])
+    """
+
+    split: float = 0.3
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.split < 1.0:
+            raise refuse("split", self.split, "a number between 0 and 1", "it divides acceleration from deceleration")
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Positions of inner jumps: the jerk's at the split."""
+        return (self.split,)
+
+    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order at z."""
+        return np.where(z < self.split, self._sine(z, order), self._cosine(z, order))
+
+    @property
+    def _peak(self) -> float:
+        """A, from s(1) = 1."""
+        p, pi = self.split, math.pi
+        return 1.0 / (p**2 / pi + 4.0 * p * (1.0 - p) / pi**2)
+
+    def _sine(self, z: FloatArray, order: int) -> FloatArray:
+        w = math.pi / self.split
+        line = (z / w, np.full_like(z, 1.0 / w))[order] if order < 2 else np.zeros_like(z)
+        return self._peak * (line - w ** (order - 2) * np.sin(w * z + order * math.pi / 2.0))
+
+    def _cosine(self, z: FloatArray, order: int) -> FloatArray:
+        p, q = self.split, 1.0 - self.split
+        w = math.pi / (2.0 * q)
+        speed, height = 2.0 * self._peak * p / math.pi, self._peak * p**2 / math.pi
+        return (height if order == 0 else 0.0) + speed * w ** (order - 1) * np.sin(w * (z - p) + order * math.pi / 2.0)

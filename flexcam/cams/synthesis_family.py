@@ -1,0 +1,216 @@
+"""What no law at all can beat."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from flexcam.cams.motion_law import Law
+from flexcam.cams.polynomial_laws import BSplineLaw
+from flexcam.cams.standard_laws import Harmonic
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+
+
+def bound_over_all(weights: Mapping[str, float], limits: Mapping[str, float], *, free_ends: bool) -> float | None:
+    """Return a lower bound of the objective over all laws from rest to rest.
+
+    C_v >= 1 (the mean velocity), C_a >= 4 (the parabola), C_j >= 32 (three stretches of constant jerk; 12, the 2-3
+    polynomial's, where the acceleration may step at the ends), rms of s'' at least sqrt(12) (the 2-3 polynomial),
+    C_m >= 9/4 (s'^2 rises and falls linearly). With a bound J on the jerk, C_a is at least that of the law whose
+    acceleration is a trapezoid of slopes J, as bang-bang control has it; with one on C_a, C_j is. Bounds on C_v and C_a
+    raise each other: no law goes farther than one whose velocity is a trapezoid, V - V^2/A = 1.
+    """
+    least = {"Cv": 1.0, "Ca": 4.0, "Cj": 12.0 if free_ends else 32.0, "rms": math.sqrt(12.0), "Cm": 2.25}
+    if "Cj" in limits:
+        least["Ca"] = least_acceleration(limits["Cj"], free_ends=free_ends)
+    if 1.0 < limits.get("Cv", 2.0) < 2.0:
+        least["Ca"] = max(least["Ca"], limits["Cv"] ** 2 / (limits["Cv"] - 1.0))
+    if "Ca" in limits:
+        least["Cv"] = 2.0 / (1.0 + math.sqrt(max(1.0 - 4.0 / limits["Ca"], 0.0)))
+        least["Cj"] = max(least["Cj"], least_jerk(limits["Ca"], free_ends=free_ends))
+    if any(name not in least for name in weights):
+        return None
+    return sum(weight * least[name] for name, weight in weights.items())
+
+
+def least_jerk(acceleration: float, *, free_ends: bool) -> float:
+    """Return the least C_j under a bound on C_a."""
+    if not 4.0 < acceleration < (6.0 if free_ends else 8.0):
+        return 0.0
+    above = acceleration - 4.0
+    return math.sqrt(4.0 * acceleration**3 / (3.0 * above)) if free_ends else 2.0 * acceleration**2 / above
+
+
+def least_acceleration(jerk: float, *, free_ends: bool) -> float:
+    """Return the least C_a under a bound on the jerk."""
+    if not free_ends:
+        return 4.0 if jerk < 32.0 else 8.0 / (1.0 + math.sqrt(1.0 - 32.0 / jerk))
+    acceleration = 4.0
+    for _ in range(100):
+        acceleration = 4.0 + 4.0 * acceleration**3 / (3.0 * jerk**2)
+        if acceleration > 0.5 * jerk:  # the slope fills the whole half: no trapezoid
+            return 4.0
+    return acceleration
+
+
+_MOST_DEGREE, _MOST_PIECES = 40, 300
+
+
+class Family(Protocol):
+    """Laws s = offset(z) + rows(z) x with free coefficients x."""
+
+    @property
+    def size(self) -> int:
+        """Number of free coefficients."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """What it is, in words."""
+        ...
+
+    def rows(self, z: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+        """Return rows (m, size) and offset (m,) of a derivative at positions of shape (m,)."""
+        ...
+
+    def equalities(self) -> tuple[FloatArray, FloatArray]:
+        """Return what the coefficients must meet besides, A x = b."""
+        ...
+
+    def law(self, x: FloatArray) -> Law:
+        """Return the law of given coefficients."""
+        ...
+
+
+@dataclass(frozen=True)
+class SplineFamily:
+    """B-splines on even knots; with one piece they are the polynomials of their degree.
+
+    Parameters
+    ----------
+    degree
+        5 or more.
+    pieces
+        Intervals between knots.
+    rest
+        Derivatives that vanish at both ends: 1 for the velocity, 2 for the acceleration too, and so on.
+    symmetric
+        Whether s(z) + s(1 - z) = 1.
+    """
+
+    degree: int = 5
+    pieces: int = 24
+    rest: int = 2
+    symmetric: bool = True
+
+    def __post_init__(self) -> None:
+        if self.rest < 1 or not 5 <= self.degree <= _MOST_DEGREE or not 1 <= self.pieces <= _MOST_PIECES:
+            given = f"degree {self.degree}, {self.pieces} pieces, rest {self.rest}"
+            allowed = f"degree 5 to {_MOST_DEGREE}, 1 to {_MOST_PIECES} pieces, rest from 1"
+            raise refuse("family", given, allowed, "beyond these the programs take minutes and gain nothing")
+        if self._count < 2 * (self.rest + 1) + 1 or not self.size:
+            given = f"{self._count} coefficients with {self.rest + 1} held at each end"
+            raise refuse("family", given, "some left to choose", "", "a higher degree or more pieces")
+
+    @property
+    def name(self) -> str:
+        """What it is, in words."""
+        if self.pieces == 1:
+            return f"polynomials of degree {self.degree}"
+        return f"B-splines of degree {self.degree} on {self.pieces} pieces"
+
+    @property
+    def _count(self) -> int:
+        return self.degree + self.pieces
+
+    @cached_property
+    def _map(self) -> tuple[FloatArray, FloatArray]:
+        """Matrix and offset from the free coefficients to all."""
+        n, held = self._count, self.rest + 1
+        offset = np.concatenate([np.zeros(held), np.zeros(n - 2 * held), np.ones(held)])
+        free = np.arange(held, n - held)
+        if not self.symmetric:
+            matrix = np.zeros((n, len(free)))
+            matrix[free, np.arange(len(free))] = 1.0
+            return matrix, offset
+        left = free[: len(free) // 2]
+        matrix = np.zeros((n, len(left)))
+        matrix[left, np.arange(len(left))] = 1.0
+        matrix[n - 1 - left, np.arange(len(left))] = -1.0
+        offset[n - 1 - left] = 1.0
+        if len(free) % 2:
+            offset[n // 2] = 0.5
+        return matrix, offset
+
+    @property
+    def size(self) -> int:
+        """Number of free coefficients."""
+        return self._map[0].shape[1]
+
+    def rows(self, z: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+        """Return rows and offset of a derivative."""
+        from scipy.interpolate import BSpline
+
+        ends = np.ones(self.degree + 1)
+        inner = np.linspace(0.0, 1.0, self.pieces + 1)[1:-1]
+        knots = np.concatenate([0.0 * ends, inner, ends])
+        spline = BSpline(knots, np.eye(self._count), self.degree)
+        basis = np.asarray(spline.derivative(order)(z) if order else spline(z), dtype=float)
+        matrix, offset = self._map
+        return basis @ matrix, basis @ offset
+
+    def equalities(self) -> tuple[FloatArray, FloatArray]:
+        """Ask nothing: ends and symmetry are built in."""
+        return np.zeros((0, self.size)), np.zeros(0)
+
+    def law(self, x: FloatArray) -> Law:
+        """Return the law of given coefficients."""
+        matrix, offset = self._map
+        return BSplineLaw(tuple((matrix @ x + offset).tolist()), self.degree)
+
+
+@dataclass(frozen=True)
+class HarmonicFamily:
+    """s = z - sum c_n sin(2 pi n z)/(2 pi n), at rest and without acceleration at the ends, symmetric.
+
+    Parameters
+    ----------
+    orders
+        The n, two or more, distinct, from 1.
+    """
+
+    orders: tuple[int, ...] = (1, 2, 3, 4, 5)
+
+    def __post_init__(self) -> None:
+        if len(set(self.orders)) < max(2, len(self.orders)) or min(self.orders) < 1:
+            raise refuse("orders", list(self.orders), "two or more different whole numbers from 1")
+
+    @property
+    def name(self) -> str:
+        """What it is, in words."""
+        return f"harmonic laws of orders {', '.join(map(str, self.orders))}"
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return len(self.orders)
+
+    def rows(self, z: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+        """Return rows and offset of a derivative."""
+        w = 2.0 * math.pi * np.array(self.orders)
+        line = (z, np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
+        return -(w ** (order - 1.0)) * np.sin(np.multiply.outer(z, w) + order * math.pi / 2.0), line
+
+    def equalities(self) -> tuple[FloatArray, FloatArray]:
+        """Make the coefficients sum to 1, or the velocity would step at the ends."""
+        return np.ones((1, self.size)), np.ones(1)
+
+    def law(self, x: FloatArray) -> Law:
+        """Return the law of given coefficients."""
+        return Harmonic(tuple(zip(self.orders, x.tolist(), strict=True)))

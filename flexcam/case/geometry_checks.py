@@ -1,0 +1,146 @@
+"""Nodes of a case at one place, and members that meet a node twice: told with all other faults of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, cast
+
+import numpy as np
+
+from flexcam.case.case import Case
+from flexcam.case.toml_lines import Places
+from flexcam.core import FloatArray
+from flexcam.core.errors import Fault, InputError
+from flexcam.core.units import parse
+from flexcam.fem.frames import component
+from flexcam.fem.members import Member
+from flexcam.valvetrain import Adjuster, Lash, Model
+
+Table = Mapping[str, Any]
+
+
+def coinciding(raw: Table, places: Places) -> list[Fault]:
+    """Return the nodes that lie where another one does, and the members that meet a node twice."""
+    return [*_at_one_place(raw, places), *_met_twice(raw, places)]
+
+
+def _at_one_place(raw: Table, places: Places) -> Iterator[Fault]:
+    first: dict[tuple[float, ...], str] = {}
+    for name, place in _table(raw, "nodes").items():
+        at = _located(place)
+        if at is not None and (other := first.setdefault(at, name)) != name:
+            where, why = places.place(("nodes", name)), "members meet only at a shared node"
+            remedy = f"name {other!r} wherever {name!r} is meant"
+            yield Fault(where, f"the place of {other!r}", "a place of its own", why, remedy)
+
+
+def _located(place: object) -> tuple[float, ...] | None:
+    """Return the coordinates of a node, m; None where they have faults of their own."""
+    if not isinstance(place, list | tuple):
+        return None
+    try:
+        return tuple(parse(one, "length", noise=True) for one in cast("list[Any]", place))
+    except InputError:
+        return None
+
+
+def _met_twice(raw: Table, places: Places) -> Iterator[Fault]:
+    for name, table in _table(raw, "members").items():
+        nodes = cast("Table", table).get("nodes") if isinstance(table, Mapping) else None
+        met = [one for one in cast("list[object]", nodes) if isinstance(one, str)] if isinstance(nodes, list) else []
+        for node in dict.fromkeys(one for one in met if met.count(one) > 1):
+            where, allowed = places.place(("members", name, "nodes")), "a chain that meets each node once"
+            why, remedy = "a closed member has no end to start from", "make two members of it"
+            yield Fault(where, repr(node), allowed, why, remedy)
+
+
+def _table(raw: Table, kind: str) -> Table:
+    table = raw.get(kind)
+    return cast("Table", table) if isinstance(table, Mapping) else {}
+
+
+_ROUND = 0.01
+"""Part by which stiffnesses in two directions may differ: flexcam's choice, as published properties are rounded."""
+
+
+def shaft_faults(case: Case, model: Model) -> list[Fault]:
+    """Return the members that turn and are not round, and the cams that turn against another of their shaft."""
+    return [*_uneven(case, model), *_against(case, model)]
+
+
+def _uneven(case: Case, model: Model) -> Iterator[Fault]:
+    for name, cam in _turning(model).items():
+        member = model.members[name]
+        if apart := _apart(member):
+            why = f"it turns with cam {cam!r}, so that its stiffness would swing twice per turn, which is not computed"
+            allowed = f"a section that is as stiff along y as along z, within {100.0 * _ROUND:g} %"
+            remedy = "take a circle, a tube, or a custom section with the mean of both"
+            yield Fault(case.place(("members", name, "section")), apart, allowed, why, remedy)
+
+
+def _turning(model: Model) -> dict[str, str]:
+    """Return the members that turn, each with the cam they turn with."""
+    found: dict[str, str] = {}
+    for name, cam in model.cams.items():
+        nodes = model.mesh.connected(model.mesh.node(cam.at))
+        for member, line in model.mesh.lines.items():
+            if np.isin(line, nodes).any():
+                found.setdefault(member, name)
+    return found
+
+
+def _apart(member: Member) -> str:
+    """Return in words how the stiffnesses of a member across its two axes differ; empty where they do not."""
+    one = member.section
+    pairs = [(one.Iy, one.Iz, "Iy = {:.4g} m^4 and Iz = {:.4g} m^4")]
+    if member.shear:
+        pairs.append((one.kappa_y, one.kappa_z, "kappa_y = {:.4g} and kappa_z = {:.4g}"))
+    return "; ".join(words.format(a, b) for a, b, words in pairs if abs(a - b) > _ROUND * max(a, b))
+
+
+def _against(case: Case, model: Model) -> Iterator[Fault]:
+    first: dict[int, str] = {}
+    axes = {contact.cam: contact.shaft_axis for contact in model.driven.values()}
+    for name, axis in axes.items():
+        shaft = int(model.mesh.connected(model.mesh.node(model.cams[name].at))[0])
+        other = first.setdefault(shaft, name)
+        if float(axis @ axes[other]) < 0.0:
+            given, allowed = f"{_told(axis)}, against cam {other!r} about {_told(axes[other])}", "one sense of rotation"
+            why, remedy = f"{name!r} and {other!r} sit on one shaft", "turn the sign of one axis"
+            yield Fault(case.place(("cams", name, "axis")), given, allowed, why, remedy)
+
+
+def _told(axis: FloatArray) -> str:
+    return f"[{', '.join(f'{x:g}' for x in (axis + 0.0).tolist())}]"
+
+
+def held_faults(case: Case, model: Model) -> list[Fault]:
+    """Return the rockers that nothing can drive, and the plays of which neither end can move."""
+    return [*_undriven(case, model), *_still(case, model)]
+
+
+def _undriven(case: Case, model: Model) -> Iterator[Fault]:
+    for name, rocker in model.rockers.items():
+        if not rocker.finger and _is_held(model, rocker.start, rocker.direction):
+            given, why = f"{rocker.start!r}, held along the rocker's direction", "nothing could drive the rocker"
+            remedy = "give the direction in which the node moves, or free it"
+            yield Fault(case.place(("rockers", name, "from")), given, "a node that can move along it", why, remedy)
+
+
+def _still(case: Case, model: Model) -> Iterator[Fault]:
+    """Yield the plays between two held nodes; one held node makes a stop of it, which is meant."""
+    for name, one in model.contacts.items():
+        if not isinstance(one, Lash | Adjuster) or one.ends is None or one.direction is None:
+            continue
+        if all(_is_held(model, end, one.direction) for end in one.ends):
+            given = f"{one.ends[0]!r} and {one.ends[1]!r}, both held along it"
+            allowed, why = "a direction in which one of them can move", "the play would never act"
+            yield Fault(case.place(("contacts", name, "direction")), given, allowed, why, "turn it, or free a node")
+
+
+def _is_held(model: Model, point: str, direction: FloatArray) -> bool:
+    """Tell whether supports hold a node along a direction."""
+    node = model.mesh.node(point)
+    kept = [held for name, held in model.supports.items() if node in model.mesh.points[name]]
+    numbers = [component(one) for held in kept for one in held]
+    return not np.delete(direction, numbers).any()

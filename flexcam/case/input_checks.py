@@ -1,0 +1,320 @@
+"""What the keys of a case usually hold: bounds of machines that exist, with room to spare."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, cast
+
+import numpy as np
+
+from flexcam.case.case import Case
+from flexcam.case.fault_report import filled, si_unit
+from flexcam.case.toml_lines import toml
+from flexcam.core.units import RPM
+from flexcam.fem.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class Usual:
+    """What a key usually holds.
+
+    Parameters
+    ----------
+    key
+        Its path, ``*`` for any name.
+    what
+        The quantity in the engineer's words.
+    least, most
+        SI.
+    meant
+        Units in which the number may have been meant, with their size in SI, the likeliest first.
+    si
+        Unit, where the key's place alone does not tell it.
+    zero
+        Whether zero is told as well.
+    """
+
+    key: str
+    what: str
+    least: float
+    most: float
+    meant: Mapping[str, float]
+    si: str = ""
+    zero: bool = False
+
+
+_LENGTH = {"mm": 1e-3, "um": 1e-6, "in": 0.0254, "m": 1.0}
+_STRESS = {"GPa": 1e9, "MPa": 1e6, "kPa": 1e3}
+_STIFF = {"kN/m": 1e3, "N/mm": 1e3, "MN/m": 1e6, "N/m": 1.0}
+_INERTIA = {"g mm^2": 1e-9, "kg mm^2": 1e-6}
+_MASS = {"g": 1e-3, "kg": 1.0}
+_ANGULAR = {"rpm": RPM}
+
+USUAL = (
+    Usual("materials.*.E", "Young's modulus of a solid", 1e6, 1.5e12, _STRESS),
+    Usual("materials.*.density", "density of a solid", 500.0, 2.5e4, {"g/cm^3": 1e3}, zero=True),
+    Usual("materials.*.ultimate_strength", "strength", 1e5, 2e10, {"MPa": 1e6, "GPa": 1e9}),
+    Usual("materials.*.endurance_limit", "strength", 1e5, 2e10, {"MPa": 1e6, "GPa": 1e9}),
+    Usual("nodes.*", "coordinate of a machine", 0.0, 20.0, _LENGTH),
+    Usual("sections.*.diameter", "diameter", 1e-5, 3.0, _LENGTH),
+    Usual("sections.*.outer_diameter", "diameter", 1e-5, 3.0, _LENGTH),
+    Usual("sections.*.inner_diameter", "diameter", 1e-5, 3.0, _LENGTH),
+    Usual("sections.*.width_y", "width of a section", 1e-5, 3.0, _LENGTH),
+    Usual("sections.*.width_z", "width of a section", 1e-5, 3.0, _LENGTH),
+    Usual("sections.*.A", "area of a section", 1e-10, 10.0, {"mm^2": 1e-6, "cm^2": 1e-4}),
+    Usual("sections.*.Iy", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
+    Usual("sections.*.Iz", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
+    Usual("sections.*.J", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
+    Usual("masses.*.mass", "mass in a valve train", 1e-7, 20.0, _MASS),
+    Usual("masses.*.inertia", "inertia in a valve train", 1e-14, 1e5, _INERTIA),
+    Usual("masses.*.offset", "offset of a mass", 0.0, 10.0, _LENGTH),
+    Usual("springs.*.damping", "damping of a spring", 1e-9, 1e8, {"N s/mm": 1e3, "N s/m": 1.0}),
+    Usual("springs.*.installed_force", "force of a spring", 1e-4, 1e6, {"N": 1.0, "mN": 1e-3}),
+    Usual("springs.*.installed_compression", "travel of a spring", 1e-7, 2.0, _LENGTH),
+    Usual("springs.*.clash_travel", "travel of a spring", 1e-7, 2.0, _LENGTH),
+    Usual("springs.*.clash_stiffness", "stiffness of coils that touch", 10.0, 1e13, _STIFF),
+    Usual("springs.*.mass", "mass of a spring", 1e-8, 20.0, _MASS),
+    Usual("springs.*.wire.diameter", "diameter of a wire", 1e-6, 0.3, _LENGTH),
+    Usual("springs.*.wire.coil_diameter", "diameter of a coil", 1e-5, 3.0, _LENGTH),
+    Usual("springs.*.wire.shear_modulus", "shear modulus of a solid", 1e6, 1e12, _STRESS),
+    Usual("bearings.*.stiffness", "stiffness of a bearing", 1.0, 1e13, _STIFF),
+    Usual("loads.*.force", "force on a mechanism", 1e-6, 1e8, {"N": 1.0, "kN": 1e3}),
+    Usual("rockers.*.arms", "arm of a rocker", 1e-4, 5.0, _LENGTH),
+    Usual("rockers.*.inertia", "inertia of a rocker", 1e-14, 1e3, _INERTIA),
+    Usual("rockers.*.stiffness", "stiffness of a rocker", 1.0, 1e13, _STIFF),
+    Usual("cams.*.lift", "lift of a cam", 1e-6, 0.5, _LENGTH, "m"),
+    Usual("cams.*.base_radius", "base radius", 1e-5, 2.0, _LENGTH),
+    Usual("cams.*.width", "width of a cam", 1e-5, 2.0, _LENGTH),
+    Usual("cams.*.ramps.height", "height of a ramp", 1e-8, 0.05, _LENGTH),
+    Usual("cams.*.follower.radius", "radius of a roller", 1e-5, 2.0, _LENGTH),
+    Usual("cams.*.follower.offset", "offset of a follower", 0.0, 2.0, _LENGTH),
+    Usual("cams.*.follower.arm", "arm of a follower", 1e-4, 5.0, _LENGTH),
+    Usual("cams.*.follower.distance", "distance of a pivot", 1e-4, 5.0, _LENGTH),
+    Usual("contacts.*.stiffness", "stiffness of a contact", 10.0, 1e13, _STIFF),
+    Usual("contacts.*.gap", "play", 1e-8, 0.02, _LENGTH),
+    Usual("contacts.*.friction", "coefficient of friction", 0.0, 1.0, {"%": 0.01}),
+    Usual("contacts.*.dissipation", "dissipation of a contact", 0.0, 1e4, {}),
+    Usual("contacts.*.preload_factor", "factor of a preload", 0.0, 100.0, {}),
+    Usual("contacts.*.plunger_force", "force of a plunger", 1e-3, 1e4, {"N": 1.0}),
+    Usual("run.speed", "camshaft speed", 1e-3, 1250.0, _ANGULAR),
+    Usual("run.crank_speed", "crankshaft speed", 1e-3, 2500.0, _ANGULAR),
+    Usual("members.*.bow", "bow of a member", 0.0, 0.05, _LENGTH),
+    Usual("run.damping.modal", "damping ratio", 0.0, 0.5, {"%": 0.01}),
+    Usual("run.damping.alpha", "Rayleigh factor of the mass", 0.0, 1e5, {}),
+    Usual("run.damping.beta", "Rayleigh factor of the stiffness", 0.0, 0.1, {"ms": 1e-3, "us": 1e-6}),
+    Usual("run.gravity", "acceleration of gravity", 0.0, 100.0, {"mm/s^2": 1e-3}),
+)  # fmt: skip
+"""What is usual, by key."""
+
+STRAIGHT = Usual("springs.*.stiffness", "stiffness of a spring", 100.0, 1e12, _STIFF, "N/m")
+"""Of springs along a line: any that presses something on is stiffer, and 50 is hardly 50 N/m."""
+
+TWISTED = Usual("springs.*.stiffness", "stiffness of a spring", 1e-3, 1e12, {"kN m/rad": 1e3}, "N m/rad")
+"""Of springs that twist."""
+
+
+_ROUND = 300.0
+"""From here on, rad/s, a whole number without a unit is hardly meant in rad/s: that is 2865 rpm."""
+
+
+def odd(case: Case) -> Iterator[str]:
+    """Yield which keys of a case contradict each other, lack their unit or have no part in it, in words."""
+    yield from _bare_speeds(case)
+    yield from _materials(case)
+    yield from _sections(case)
+    yield from _models(case)
+    yield from _spare(case)
+
+
+def _bare_speeds(case: Case) -> Iterator[str]:
+    """Yield the speed if it is a whole number without a unit that is likely meant in rpm."""
+    for key in ("speed", "crank_speed"):
+        taken = getattr(case.record.run, key)
+        if taken is not None and taken >= _ROUND and _given(case, key) == taken and taken == round(taken):
+            place, turned = case.place(("run", key)), taken / RPM
+            yield (
+                f"Warning: {place}: {taken:g} without a unit is in rad/s, {turned:.6g} rpm: did you mean {taken:g} rpm?"
+                f" Write the unit"
+            )
+
+
+def _given(case: Case, key: str) -> object:
+    """Return what stands at a key of the run, as it was given."""
+    pairs = [one.partition("=") for one in case.overrides]
+    laid = [text for name, _, text in pairs if name.strip() == f"run.{key}"]
+    try:
+        if laid:
+            return float(laid[-1])
+        run = cast("dict[str, Any]", toml(case.text).get("run", {}))
+        return run.get(key)
+    except ValueError:  # a text with its unit
+        return None
+
+
+def _materials(case: Case) -> Iterator[str]:
+    for name, one in case.record.materials.items():
+        if one.nu < 0.0:
+            place = case.place(("materials", name, "nu"))
+            yield f"Warning: {place}: {one.nu:g} is below zero: such a solid grows thicker when it is pulled"
+
+
+def _sections(case: Case) -> Iterator[str]:
+    """Yield the sections that no shape has: bounds that hold for every plane figure."""
+    for name, record in case.record.sections.items():
+        made, place = record.made(), case.place(("sections", name))
+        polar = made.Iy + made.Iz
+        if _ABOVE * polar < made.J:
+            yield f"Warning: {place}: J = {made.J:g} m^4 is above Iy + Iz = {polar:g} m^4, which no shape has"
+        if _ABOVE * 2.0 * math.pi * polar < made.A**2:
+            least = made.A**2 / (2.0 * math.pi)
+            yield f"Warning: {place}: Iy + Iz = {polar:g} m^4 is below that of a circle of its area, {least:g} m^4"
+        for key in ("kappa_y", "kappa_z"):
+            if getattr(made, key) > _ABOVE:
+                yield f"Warning: {place}: {key} = {getattr(made, key):g} is above 1: no more than A bears shear"
+
+
+def _models(case: Case) -> Iterator[str]:
+    """Yield what is asked of a model that is not run, and a tolerance that any model meets."""
+    asked, whole = case.record.fidelity, [name for name, one in case.record.fidelity.tolerances.items() if one >= 1.0]
+    place = {key: case.place(("fidelity", key)) for key in ("masses", "modes", "tolerance")}
+    if "masses" in asked.model_fields_set and asked.model != "chain":
+        yield f"Warning: {place['masses']}: it counts the masses of a chain, and the model is {asked.model}"
+    if asked.modes is not None and asked.tolerances:
+        yield f"Warning: {place['modes']}: it asks for nothing, for fidelity.tolerance chooses the model"
+    if whole:
+        yield f"Warning: {place['tolerance']}: any model is within 100 % of {', '.join(whole)}: did you mean percent?"
+
+
+def _spare(case: Case) -> Iterator[str]:
+    """Yield the parts that nothing is made of or moved by: under a name beside the one that was meant."""
+    record = case.record
+    users = {
+        "materials": ({one.material for one in record.members.values()}, "no member is made of it"),
+        "sections": ({one.section for one in record.members.values()}, "no member has it"),
+        "cams": (
+            {getattr(one, "cam", None) for one in record.contacts.values()},
+            "no contact names it: it moves nothing",
+        ),
+    }
+    for table, (used, why) in users.items():
+        for name in getattr(record, table):
+            if name not in used:
+                yield f"Warning: {case.place((table, name))}: {why}"
+
+
+_ABOVE = 1.02
+"""Published properties are rounded to a percent."""
+
+
+_SLENDER = 2000.0
+_STOUT = 0.2
+"""Length of a member by the size of its section, outside of which units do not fit together."""
+
+
+def unusual(case: Case) -> list[str]:
+    """Return which numbers of a case are hardly meant, in words."""
+    tables = filled(case.record)
+    found = [_told(case, path, value, one) for one in USUAL for path, value in _beyond(tables, one)]
+    others = (odd, _soft_or_stiff, _held_twice, _on_held, _ill_proportioned)
+    return list(dict.fromkeys([*found, *(said for one in others for said in one(case))]))
+
+
+def _beyond(tables: Mapping[str, Any], usual: Usual) -> Iterator[tuple[tuple[str, ...], float]]:
+    """Yield the path and number of what is not usual, one per key."""
+    for path, value in _values(tables, tuple(usual.key.split(".")), ()):
+        several = cast("list[object]", value) if isinstance(value, list) else [value]
+        numbers = [abs(float(x)) for x in several if isinstance(x, int | float) and not isinstance(x, bool)]
+        if beyond := [x for x in numbers if (x or usual.zero) and not usual.least <= x <= usual.most]:
+            yield path, beyond[0]
+
+
+def _values(table: object, steps: tuple[str, ...], path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
+    """Yield path and value of every key that a pattern names."""
+    if not steps:
+        yield path, table
+    elif isinstance(table, dict):
+        inner = cast("dict[str, Any]", table)
+        for name in inner if steps[0] == "*" else [one for one in inner if one == steps[0]]:
+            yield from _values(inner[name], steps[1:], (*path, name))
+
+
+def _told(case: Case, path: tuple[str, ...], value: float, usual: Usual) -> str:
+    unit = si_unit(path) or usual.si
+    bounds = f"{usual.least:g} to {usual.most:g}" if usual.least else f"up to {usual.most:g}"
+    near = [f"{value:g} {name}" for name, size in usual.meant.items() if usual.least <= value * size <= usual.most]
+    meant = f": did you mean {near[0]}?" if near else ""
+    given, outside = f"{value:g} {unit}".rstrip(), f"{bounds} {unit}".rstrip()
+    return f"Warning: {case.place(path)}: {given} is no usual {usual.what} ({outside}){meant}"
+
+
+def _soft_or_stiff(case: Case) -> Iterator[str]:
+    """Yield the springs of hardly any stiffness, or too much; what is soft depends on whether they twist."""
+    tables = filled(case.record)
+    twist = {name for name, one in case.record.springs.items() if one.made().turns}
+    for usual, turning in ((STRAIGHT, False), (TWISTED, True)):
+        for path, value in _beyond(tables, usual):
+            if (path[1] in twist) == turning:
+                yield _told(case, path, value, usual)
+
+
+def _held_twice(case: Case) -> Iterator[str]:
+    """Yield the components that two supports hold at one node, or one support twice."""
+    seen: dict[tuple[int, str], str] = {}
+    for point, held in case.record.supports.items():
+        place = case.place(("supports", point))
+        for component in sorted({one for one in held if held.count(one) > 1}):
+            yield f"Warning: {place}: {component} is listed {held.count(component)} times"
+        for node, component in product(_nodes(case, point), dict.fromkeys(held)):
+            other = seen.setdefault((node, component), point)
+            if other != point:
+                yield f"Warning: {place}: {component} is held by support {other!r} already, at a node of both"
+
+
+def _nodes(case: Case, point: str) -> list[int]:
+    if case.mesh is None:
+        names = list(case.record.nodes)
+        return [names.index(point)] if point in names else []
+    return case.mesh.points[point].tolist() if point in case.mesh.points else []
+
+
+def _on_held(case: Case) -> Iterator[str]:
+    """Yield the springs to ground that act on nothing, as a support holds what they push."""
+    held = {
+        (node, one)
+        for point, several in case.record.supports.items()
+        for node in _nodes(case, point)
+        for one in several
+    }
+    for name, spring in case.record.springs.items():
+        along = spring.direction.lstrip("+-") if isinstance(spring.direction, str) else ""
+        nodes = _nodes(case, spring.at)
+        if spring.to is None and along and nodes and all((node, along) in held for node in nodes):
+            place = case.place(("springs", name))
+            yield f"Warning: {place}: a support holds {along} of {spring.at!r}, so that the spring acts on nothing"
+
+
+def _ill_proportioned(case: Case) -> Iterator[str]:
+    """Yield the members whose length and thickness do not belong together."""
+    for name, member in case.record.members.items():
+        size = 2.0 * case.record.sections[member.section].made().radius
+        length = _length(case.mesh, name) if case.mesh is not None else _length_of_nodes(case, member.nodes or [])
+        ratio = length / size
+        if not _STOUT <= ratio <= _SLENDER:
+            sizes = f"{length:g} m long and {size:g} m thick, {ratio:.2g} to one"
+            question = "do lengths and sections have the same unit?"
+            yield f"Warning: {case.place(('members', name))}: {sizes}: {question}"
+
+
+def _length(mesh: Mesh, name: str) -> float:
+    return _along(mesh.nodes[mesh.lines[name]])
+
+
+def _length_of_nodes(case: Case, names: Sequence[str]) -> float:
+    return _along([case.record.nodes[name] for name in names])
+
+
+def _along(points: Any) -> float:  # noqa: ANN401 - any array-like
+    return float(np.linalg.norm(np.diff(np.asarray(points, dtype=float), axis=0), axis=1).sum())

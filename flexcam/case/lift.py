@@ -1,0 +1,268 @@
+"""Motion laws and lift curves as a case gives them: by name, as a table of parameters, or in a file."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, cast
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationError,
+    ValidationInfo,
+    create_model,
+)
+from pydantic_core import CoreSchema, ErrorDetails, core_schema
+
+from flexcam.cams import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
+from flexcam.case import quantities as q
+from flexcam.case.quantities import expected
+from flexcam.case.toml_lines import toml
+from flexcam.core.errors import InputError, did_you_mean, positive, refuse, said, told
+from flexcam.io import named_file, read_lift, text_of
+
+Table = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class GivenLaw:
+    """A law and how it was given.
+
+    Parameters
+    ----------
+    given
+        A name, or ``id`` with parameters; what a file holds stands here instead of its name.
+    law
+        The law.
+    """
+
+    given: str | dict[str, Any]
+    law: Law = field(compare=False)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return _from_file_or_value(_given_law)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        table = {"type": "object", "properties": {"id": {"enum": sorted(kind_names())}}, "required": ["id"]}
+        return {"anyOf": [{"type": "string"}, table]}
+
+
+@dataclass(frozen=True)
+class GivenLift:
+    """A lift over the whole revolution from a file, and what smoothing it changed.
+
+    Parameters
+    ----------
+    given
+        As written.
+    event
+        The lift.
+    report
+        None for harmonics, which nothing changes.
+    """
+
+    given: str | dict[str, Any]
+    event: Event = field(compare=False)
+    report: LiftReport | None = field(compare=False)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return _from_file_or_value(_given_lift)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        table = _LiftFile.model_json_schema()
+        return {
+            "anyOf": [{"type": "string"}, {"type": "object", "properties": table["properties"], "required": ["file"]}]
+        }
+
+
+class _LiftFile(BaseModel):
+    """A lift table with what its head does not say."""
+
+    model_config = ConfigDict(extra="forbid")
+    file: str = Field(description="CSV with angle and lift, or TOML with harmonics; relative to the case file")
+    angle: Literal["cam", "crank"] | None = Field(None, description="of which shaft the angles are")
+    unit: Literal["mm", "um", "m", "in"] | None = Field(None, description="of the lift")
+    tolerance: Annotated[float, q.Unit("length")] | None = Field(
+        None,
+        description="rms of what smoothing may change, 0 for nothing; by default as the noise is",
+    )
+
+
+def _from_file_or_value(make: Callable[[object, Path], object]) -> CoreSchema:
+    """Return the schema of a value that may name a file beside the case, and is written as it was given."""
+
+    def validate(value: object, info: ValidationInfo) -> object:
+        case = cast("Mapping[str, Path]", info.context or {}).get("case", Path())
+        try:
+            return make(value, case)
+        except InputError as refusal:
+            # A fault of the value itself has no place inside it.
+            raise q.passed_on(refusal, inside=refusal.faults[0].where not in ("law", "lift_table")) from None
+
+    written = core_schema.plain_serializer_function_ser_schema(lambda made: made.given)
+    return core_schema.with_info_plain_validator_function(validate, serialization=written)
+
+
+def _given_law(value: object, case: Path) -> GivenLaw:
+    if isinstance(value, str) and value.endswith(".toml"):
+        return law_file(named_file(case, value, "law"))
+    if isinstance(value, (str, dict)):
+        return given_law(cast("str | dict[str, Any]", value))
+    raise refuse("law", told(value), "the name of a law, a table { id = ..., ... } or a law file")
+
+
+def given_law(value: str | Table) -> GivenLaw:
+    """Return the law of a name or of a table with its parameters."""
+    if isinstance(value, str):
+        if value in LAWS:
+            return GivenLaw(value, LAWS[value])
+        return GivenLaw(value, _of_kind(value, {}))
+    table = dict(value)
+    name = table.pop("id", None)
+    if not isinstance(name, str):
+        raise refuse("id", told(name), ", ".join(kind_names()), "the kind of law is required")
+    if name in LAWS and not table:
+        return GivenLaw(dict(value), LAWS[name])
+    return GivenLaw(dict(value), _of_kind(name, table))
+
+
+def _of_kind(name: str, parameters: Table) -> Law:
+    kind = law_kind(name)
+    if kind is None:
+        known = list(dict.fromkeys([*LAWS, *kind_names()]))
+        hint = "it takes no parameters" if name in LAWS else did_you_mean(name, known)
+        raise refuse("law", repr(name), ", ".join(known), "", hint)
+    for key, value in parameters.items():
+        if not _only_numbers(value):
+            raise refuse(
+                key,
+                told(value),
+                f"numbers; the parameters of {name} are {', '.join(_record(kind).model_fields)}",
+            )
+    parameters = _checked(_record(kind), parameters, f"a parameter of {name}", "law")
+    return kind(**parameters)
+
+
+def _only_numbers(value: object) -> bool:
+    if isinstance(value, (list, tuple)):
+        return all(_only_numbers(one) for one in cast("list[object]", value))
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _checked(record: type[BaseModel], table: object, what: str, example: str) -> dict[str, Any]:
+    """Return the checked values of a table, or refuse it by its first fault."""
+    try:
+        checked = record.model_validate(table)
+    except ValidationError as refusal:
+        error = refusal.errors(include_url=False)[0]
+        if error["type"] == "flexcam":
+            raise q.refused(**error.get("ctx", {})) from None
+        key = ".".join(map(str, error["loc"])) or example
+        allowed = f"{what}: {', '.join(record.model_fields)}"
+        if error["type"] == "missing":
+            raise refuse(key, "nothing", allowed, "the key is required", f"add {key} to the table") from None
+        if error["type"] == "literal_error":
+            known = re.findall(r"'([^']*)'", str(error.get("ctx", {})["expected"]))
+            near = did_you_mean(str(error["input"]), known)
+            raise refuse(key, told(error["input"]), ", ".join(map(repr, known)), "", near) from None
+        hint = "" if key.partition(".")[0] in record.model_fields else did_you_mean(key, record.model_fields)
+        why = "there is no such key" if error["type"] == "extra_forbidden" else _needed(record, error)
+        raise refuse(key, told(error["input"]), allowed, why, hint) from None
+    return {key: getattr(checked, key) for key in record.model_fields}
+
+
+def _needed(record: type[BaseModel], error: ErrorDetails) -> str:
+    """Return what a parameter must be; of a list of pairs in full, as a fault inside it does not tell."""
+    field = record.model_fields.get(str(error["loc"][0])) if error["loc"] else None
+    if field is not None and field.annotation == tuple[tuple[int, float], ...]:
+        return "it is a list of pairs, a whole number and a number each: [[1, 0.9], [3, 0.1]]"
+    return f"{expected(error)} is needed there"
+
+
+@cache
+def _record(kind: LawKind) -> type[BaseModel]:
+    """Return a record of a law's parameters, made from its signature."""
+    fields: dict[str, Any] = {}
+    for name, parameter in inspect.signature(kind, eval_str=True).parameters.items():
+        default = ... if parameter.default is inspect.Parameter.empty else parameter.default
+        fields[name] = (parameter.annotation, default)
+    return create_model("Parameters", __config__=ConfigDict(extra="forbid"), **fields)
+
+
+def law_file(path: Path) -> GivenLaw:
+    """Read a law file: TOML with a table ``[law]``."""
+    table = toml_table(path, "law")
+    try:
+        return given_law(table)
+    except InputError as refusal:
+        raise _in_file(path, "law", refusal) from None
+
+
+def toml_table(path: Path, name: str) -> dict[str, Any]:
+    """Return one table of a TOML file."""
+    try:
+        content = toml(text_of(path))
+    except FileNotFoundError:
+        near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
+        raise refuse(str(path), "no such file", f"an existing file with a table [{name}]", "", near) from None
+    except (OSError, ValueError) as fault:
+        raise refuse(str(path), "no TOML document", f"a readable file with a table [{name}]", said(fault)) from None
+    if content.get("format", 1) != 1:
+        raise refuse(f"{path.name}: format", told(content["format"]), "1", "a newer flexcam wrote it")
+    table = content.get(name)
+    if not isinstance(table, dict):
+        raise refuse(str(path), ", ".join(content) or "nothing", f"a table [{name}]")
+    return cast("dict[str, Any]", table)
+
+
+def _given_lift(value: object, case: Path) -> GivenLift:
+    table = {"file": value} if isinstance(value, str) else value
+    record = _LiftFile(**_checked(_LiftFile, table, "a file name, or a table of", "lift_table"))
+    path = named_file(case, record.file, "lift_table")
+    if path.suffix == ".toml":
+        if beside := [key for key in ("angle", "unit", "tolerance") if getattr(record, key) is not None]:
+            raise refuse(beside[0], str(getattr(record, beside[0])), "nothing beside a file of harmonics", "it is in m")
+        return GivenLift(cast("str | dict[str, Any]", value), harmonic_file(path), None)
+    columns = read_lift(path, angle=record.angle, unit=record.unit)
+    try:
+        event, report = lift_table(columns.angle, columns.lift, tolerance=record.tolerance)
+    except InputError as refusal:
+        fault = refusal.faults[0]
+        also = [f"also {_by_line(one.where, columns.lines)}: {one.given}" for one in refusal.faults[1:]]
+        why = "; ".join(part for part in (fault.why, *also) if part)
+        where = f"{path.name}: {_by_line(fault.where, columns.lines)}"
+        raise refuse(where, fault.given, fault.allowed, why, fault.remedy) from None
+    return GivenLift(cast("str | dict[str, Any]", value), event, report)
+
+
+def _by_line(where: str, lines: Sequence[int]) -> str:
+    """Return a place in a table by the line of its file instead of the row."""
+    return re.sub(r"\brow (\d+)", lambda found: f"line {lines[int(found[1]) - 1]}", where)
+
+
+def harmonic_file(path: Path) -> HarmonicLift:
+    """Read a lift given by its harmonics: TOML with a table ``[lift]`` of ``mean``, ``cosine`` and ``sine``."""
+    table = toml_table(path, "lift")
+    try:
+        lift = HarmonicLift(**_checked(_record(HarmonicLift), table, "a number or list in m", "lift"))
+        positive("lift", lift.height, "m")
+        return lift
+    except InputError as refusal:
+        raise _in_file(path, "lift", refusal) from None
+
+
+def _in_file(path: Path, table: str, refusal: InputError) -> InputError:
+    fault = refusal.faults[0]
+    return refuse(f"{path.name}, [{table}] {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)

@@ -1,0 +1,172 @@
+"""What pydantic expects, in the words of a case file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
+
+from flexcam.core.errors import InputError
+from flexcam.core.units import DIMENSIONS, parse
+from flexcam.fem.frames import COMPONENTS, component, direction
+
+_KINDS = {
+    "string_type": "a text", "bool_type": "true or false", "bool_parsing": "true or false", "list_type": "a list",
+    "tuple_type": "a list", "dict_type": "a table", "float_type": "a number", "float_parsing": "a number",
+    "int_type": "a whole number", "int_parsing": "a whole number", "int_from_float": "a whole number",
+}  # fmt: skip
+"""What it calls a valid string, boolean, list, tuple, dictionary or number."""
+
+
+def expected(error: ErrorDetails) -> str:
+    """Return what may stand in the place of a value."""
+    return _KINDS.get(error["type"]) or error["msg"].replace("Input should be ", "")
+
+
+def refused(allowed: str, why: str = "", remedy: str = "", *, inside: str = "", given: str = "") -> PydanticCustomError:
+    """Return a refusal in the form that pydantic collects."""
+    facts = {"allowed": allowed, "why": why, "remedy": remedy, "inside": inside, "given": given}
+    return PydanticCustomError("flexcam", "{allowed}", facts)
+
+
+def passed_on(refusal: InputError, *, inside: bool = False) -> PydanticCustomError:
+    """Return a refusal of a part of flexcam in the form that pydantic collects."""
+    fault = refusal.faults[0]
+    if inside:
+        return refused(fault.allowed, fault.why, fault.remedy, inside=fault.where, given=fault.given)
+    return refused(fault.allowed, fault.why, fault.remedy)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Annotation of a float that is read as a quantity and kept in SI.
+
+    Parameters
+    ----------
+    dimension
+        A key of `flexcam.core.units.DIMENSIONS`.
+    above
+        The value must be above zero.
+    signed
+        Negative values are allowed.
+    most
+        Largest value, SI; None without.
+    noise
+        A number too small for its kind is zero, as it always is where negative values are allowed.
+    """
+
+    dimension: str
+    above: bool = False
+    signed: bool = False
+    most: float | None = None
+    noise: bool = False
+
+    def validate(self, value: Any) -> float:  # noqa: ANN401 - whatever stands in the file
+        """Return the SI number."""
+        try:
+            number = parse(value, self.dimension, noise=self.signed or self.noise)
+        except InputError as refusal:
+            raise passed_on(refusal) from None
+        if number < 0.0 and not self.signed:
+            raise refused(f"{self._kind} {'above zero' if self.above else 'of zero or more'}")
+        if number == 0.0 and self.above:
+            raise refused(f"{self._kind} above zero")
+        if self.most is not None and number > self.most:
+            raise refused(f"{self._kind} up to {self.most:g}")
+        return number
+
+    @property
+    def _kind(self) -> str:
+        kind = DIMENSIONS[self.dimension]
+        return f"{'an' if kind.name[0] in 'aeiou' else 'a'} {kind.name} (such as {kind.example!r})"
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return core_schema.no_info_plain_validator_function(self.validate)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        kind = DIMENSIONS[self.dimension]
+        example = {
+            "description": f"{kind.name}, SI number ({kind.si or '-'}) or text with a unit",
+            "examples": [kind.example],
+        }
+        return {"anyOf": [{"type": "number"}, {"type": "string"}], **example}
+
+
+def _component(value: Any) -> str:  # noqa: ANN401 - whatever stands in the file
+    try:
+        component(str(value))
+    except InputError as refusal:
+        raise passed_on(refusal) from None
+    return str(value)
+
+
+def _direction(value: Any) -> Any:  # noqa: ANN401
+    try:
+        direction(value)
+    except InputError as refusal:
+        raise passed_on(refusal) from None
+    return value
+
+
+def _line(value: Any) -> Any:  # noqa: ANN401
+    if direction(_direction(value))[3:].any():
+        why = "it is a motion along a line, in m"
+        raise refused("a component such as 'uy' or '-uy', or three numbers", why, "take the direction of the motion")
+    return value
+
+
+@dataclass(frozen=True)
+class Check:
+    """Annotation that runs a check of flexcam's own over a value, in pydantic's place.
+
+    Parameters
+    ----------
+    check
+        Returns the value or raises.
+    schema
+        JSON Schema of the value.
+    """
+
+    check: Any
+    schema: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return core_schema.no_info_plain_validator_function(self.check)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        if self.schema == "component":
+            return {"enum": list(COMPONENTS)}
+        line = self.schema == "line"
+        array = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3 if line else 6}
+        return {"anyOf": [{"type": "string", "pattern": f"^[+-]?{'u' if line else '[ur]'}[xyz]$"}, array]}
+
+
+Component = Annotated[str, Check(_component, "component")]
+"""One of ux uy uz rx ry rz."""
+
+DirectionValue = Annotated[Any, Check(_direction, "direction")]
+"""A component with an optional sign, or three (or six) numbers in global axes."""
+
+LineValue = Annotated[Any, Check(_line, "line")]
+"""The same without rotations: of motions and forces in contacts and rockers."""
+
+Length = Annotated[float, Unit("length", above=True)]
+Position = Annotated[float, Unit("length", signed=True)]
+MassValue = Annotated[float, Unit("mass")]
+Inertia = Annotated[float, Unit("inertia")]
+Stress = Annotated[float, Unit("stress", above=True)]
+Stiffness = Annotated[float, Unit("stiffness")]
+DampingValue = Annotated[float, Unit("damping")]
+Force = Annotated[float, Unit("force")]
+Angle = Annotated[float, Unit("angle")]
+PositiveAngle = Annotated[float, Unit("angle", above=True)]
+SignedAngle = Annotated[float, Unit("angle", signed=True)]
+Speed = Annotated[float, Unit("speed", above=True)]
+Velocity = Annotated[float, Unit("velocity", above=True)]
+Time = Annotated[float, Unit("time", above=True)]
+Ratio = Annotated[float, Unit("number")]
+Tolerance = Annotated[float, Unit("number", noise=True)]
+PositiveNumber = Annotated[float, Unit("number", above=True)]
+SignedNumber = Annotated[float, Unit("number", signed=True)]

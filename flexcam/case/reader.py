@@ -1,0 +1,182 @@
+"""Read a case file: text, overrides, checked records, one report of all faults."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from pydantic import ValidationError
+
+from flexcam.case.builder import with_spring_parts
+from flexcam.case.case import Case
+from flexcam.case.fault_report import faults
+from flexcam.case.geometry_checks import coinciding
+from flexcam.case.overrides import overridden, parsed, tables_of
+from flexcam.case.records import CamsRecord, CaseRecord
+from flexcam.case.references import References
+from flexcam.case.schema.base import Record
+from flexcam.case.schema.studies import SweepOnly, SweepRecord
+from flexcam.case.toml_lines import Places, in_order
+from flexcam.core.errors import Fault, InputError, refuse
+from flexcam.fem.mesh import Mesh
+from flexcam.io import Result, named_file, read_mesh
+
+
+def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
+    """Read and check a case file.
+
+    Parameters
+    ----------
+    path
+        The TOML file.
+    overrides
+        Values laid over the file's, such as ``"run.speed=4000rpm"``.
+
+    Returns
+    -------
+    Case
+        With every default filled in, in SI.
+
+    Raises
+    ------
+    InputError
+        With all faults of the file at once: key path and line, what was given, what is allowed, why, what to do.
+
+    Examples
+    --------
+    ``read_case("cases/tayeb/model-3-shm.toml", ["run.speed=4000rpm"])`` is the published case at another speed.
+    """
+    return CaseFile.opened(path).read(overrides)
+
+
+_KEPT = ("case", "case_file", "overrides")
+"""What a result must hold for its case to be made again."""
+
+
+def recalled_case(result: Result) -> Case:
+    """Return the case that a result was computed from, out of the result itself, on the result's mesh."""
+    about = result.about
+    if missing := [name for name in _KEPT if name not in about]:
+        raise refuse("result", f"nothing about {missing[0]!r}", "a result that keeps its case", "flexcam run keeps it")
+    source, text = Path(about["case_file"]), about["case"]
+    case = CaseFile(source, text, tables_of(source, text)).read(json.loads(about["overrides"]), mesh=result.mesh)
+    members = {name: one.model_copy(update={"elements": 1}) for name, one in case.record.members.items()}
+    return replace(case, record=case.record.model_copy(update={"members": members}), mesh=result.mesh)
+
+
+@dataclass(frozen=True, eq=False)
+class CaseFile:
+    """A case file in memory, from which many variants are read: text and meshes are taken from the disk once.
+
+    Parameters
+    ----------
+    path
+        The file.
+    text
+        Its text.
+    raw
+        Its tables, not yet checked.
+    meshes
+        Those read so far, by the name the case gives them.
+    """
+
+    path: Path
+    text: str
+    raw: Mapping[str, Any]
+    meshes: dict[str, Mesh] = field(default_factory=dict[str, Mesh])
+
+    @classmethod
+    def opened(cls, path: str | Path) -> CaseFile:
+        """Return the file of a path."""
+        source = Path(path)
+        return cls(source, *parsed(source))
+
+    def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
+        """Return the checked case with values laid over the file's."""
+        raw = deepcopy(dict(self.raw))
+        places, found = overridden(raw, self.text, overrides)
+        own, mesh_faults = self._mesh(raw, places) if mesh is None or "mesh" not in raw else (mesh, [])
+        record, record_faults = _record(CaseRecord, raw, places, self.path)
+        found += [*record_faults, *mesh_faults, *References(raw, own, places).faults(), *_either_or(raw, places)]
+        found += coinciding(raw if record is None else {**raw, "nodes": record.nodes}, places)
+        if found or record is None:
+            raise InputError(in_order(found))
+        return with_spring_parts(Case(self.path, self.text, tuple(overrides), record, own, places))
+
+    @property
+    def sweep(self) -> SweepRecord | None:
+        """The checked table ``[sweep]``; None where there is none."""
+        if "sweep" not in self.raw:
+            return None
+        places = Places.of_text(self.text)
+        record, found = _record(SweepOnly, {"sweep": self.raw["sweep"]}, places, self.path)
+        if record is None:
+            raise InputError(found)
+        return record.sweep
+
+    def _mesh(self, raw: Mapping[str, Any], places: Places) -> tuple[Mesh | None, list[Fault]]:
+        name = raw.get("mesh")
+        if not isinstance(name, str):
+            return None, []
+        try:
+            mesh = self.meshes.get(name) or read_mesh(named_file(self.path, name, "mesh"))
+        except InputError as refusal:
+            where = places.place(("mesh",))
+            return None, [replace(f, where=f"{where}{f.where.removeprefix('mesh')}") for f in refusal.faults]
+        return self.meshes.setdefault(name, mesh), []
+
+
+AnyRecord = TypeVar("AnyRecord", bound=Record)
+
+
+def _record(
+    kind: type[AnyRecord], raw: Mapping[str, Any], places: Places, case: Path
+) -> tuple[AnyRecord | None, list[Fault]]:
+    """Return the checked record; files beside the case are found from it."""
+    try:
+        return kind.model_validate(raw, context={"case": case}), []
+    except ValidationError as refusal:
+        return None, faults(refusal.errors(include_url=False), places, kind)
+
+
+def holds_mechanism(path: Path) -> bool:
+    """Tell whether a file describes a whole mechanism, or cams alone."""
+    return not {"members", "masses", "run"}.isdisjoint(parsed(path)[1])
+
+
+def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
+    """Read and check a file with cams alone."""
+    source = Path(path)
+    text, raw = parsed(source)
+    places, found = overridden(raw, text, overrides)
+    record, record_faults = _record(CamsRecord, raw, places, source)
+    found += [*record_faults, *References(raw, None, places).faults()]
+    if found or record is None:
+        raise InputError(found)
+    return record
+
+
+def _either_or(raw: Mapping[str, Any], places: Places) -> list[Fault]:
+    """Return the faults of keys of which exactly one, or at most one, may stand."""
+    found = [*_one_of(raw, ("mesh", "nodes"), 1, "case file", "the geometry comes from one place")]
+    if "members" not in raw and "masses" not in raw:
+        why = "a mechanism is made of beams, of masses at points, or of both"
+        found.append(Fault("case file", "no members and no masses", "[members] or [masses]", why, "add [members]"))
+    run = raw.get("run")
+    if isinstance(run, Mapping):
+        given, where = cast("Mapping[str, Any]", run), places.place(("run",))
+        for pair, least in ((("speed", "crank_speed"), 1), (("steps_per_revolution", "step"), 0)):
+            found += _one_of(given, pair, least, where, "one follows from the other")
+    return found
+
+
+def _one_of(table: Mapping[str, Any], pair: tuple[str, str], least: int, where: str, why: str) -> list[Fault]:
+    given = [key for key in pair if key in table]
+    if least <= len(given) <= 1:
+        return []
+    said = " and ".join(given) or f"neither {pair[0]} nor {pair[1]}"
+    return [Fault(where, said, f"either {pair[0]} or {pair[1]}", why, "")]

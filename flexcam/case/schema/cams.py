@@ -1,0 +1,186 @@
+"""Tables of cams, their laws, ramps and followers."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from flexcam import valvetrain
+from flexcam.cams import (
+    Event,
+    FlatFollower,
+    Follower,
+    LiftEvent,
+    Ramp,
+    RollerFollower,
+    Shifted,
+    SwingFlatFollower,
+    SwingRollerFollower,
+)
+from flexcam.case import quantities as q
+from flexcam.case.lift import GivenLaw, GivenLift
+from flexcam.case.schema.base import Name, PartRecord, Record, Vector
+from flexcam.core.errors import InputError, refuse
+from flexcam.core.units import parse
+
+OF_A_LAW = {
+    "law": "a motion law", "lift": "a length such as '6 mm'", "rise": "an angle such as '65 deg'",
+    "return": "an angle such as '65 deg'",
+}  # fmt: skip
+"""Keys of a cam without a lift table, and what may stand there."""
+
+
+class RampsRecord(Record):
+    """Ramps before the rise and after the return."""
+
+    height: q.Length
+    duration: q.PositiveAngle
+    take_off: Annotated[float, q.Unit("number", most=1.0)] = Field(
+        0.25, description="part of the duration over which the velocity rises"
+    )
+    closing_height: q.Length | None = Field(None, description="as height by default")
+    closing_duration: q.PositiveAngle | None = Field(None, description="as duration by default")
+
+    def made(self) -> tuple[Ramp, Ramp]:
+        """Return the opening and the closing ramp."""
+        closing = (self.closing_height or self.height, self.closing_duration or self.duration)
+        return Ramp(self.height, self.duration, self.take_off), Ramp(*closing, self.take_off)
+
+
+class FlatRecord(Record):
+    """Translating follower with a flat face."""
+
+    type: Literal["flat"]
+
+    def made(self, base_radius: float | None) -> Follower | None:
+        """Return the follower."""
+        return FlatFollower(base_radius) if base_radius else None
+
+
+class RollerRecord(Record):
+    """Translating follower with a roller."""
+
+    type: Literal["roller"]
+    radius: q.Length
+    offset: q.Position = Field(0.0, description="of the follower's axis from the cam's")
+
+    def made(self, base_radius: float | None) -> Follower | None:
+        """Return the follower."""
+        return RollerFollower(base_radius, self.radius, self.offset) if base_radius else None
+
+
+class SwingRecord(Record):
+    """Swinging follower, with a roller where `radius` is given and else with a flat face."""
+
+    type: Literal["swing"]
+    arm: q.Length = Field(description="pivot to roller centre, or where the lift of a flat face is measured")
+    distance: q.Length = Field(description="pivot to the cam's centre")
+    radius: q.Length | None = Field(None, description="of the roller")
+    angle: q.PositiveAngle | None = Field(
+        None, description="arm to line of centres on the base circle, instead of base_radius"
+    )
+    face: q.Position = Field(0.0, description="distance of the flat face from the pivot, positive away from the cam")
+    rotation: Literal["clockwise", "counterclockwise"] = Field("clockwise", description="of the follower on the rise")
+
+    def made(self, base_radius: float | None) -> Follower | None:
+        """Return the follower."""
+        side = 1 if self.rotation == "clockwise" else -1
+        if self.angle is not None and self.radius is not None and base_radius is None:
+            return SwingRollerFollower.from_angle(self.radius, self.arm, self.distance, self.angle, side)
+        if self.angle is not None and self.radius is None:
+            why = "a flat face is placed by its base circle"
+            raise refuse("follower.angle", "an angle", "base_radius of the cam in its place", why, "give base_radius")
+        if self.angle is not None:
+            why = "for a roller, either this or base_radius says where the base circle is"
+            raise refuse("follower.angle", "an angle", "no angle", why, "leave one of them out")
+        if base_radius is None:
+            return None
+        if self.radius is None:
+            return SwingFlatFollower(base_radius, self.arm, self.distance, self.face, side)
+        return SwingRollerFollower(base_radius, self.radius, self.arm, self.distance, side)
+
+
+FollowerRecord = Annotated[FlatRecord | RollerRecord | SwingRecord, Field(discriminator="type")]
+
+
+class FreeCamRecord(PartRecord[valvetrain.Cam]):
+    """A cam by itself: its lift over one revolution, and the follower that makes a profile of it."""
+
+    at: Name | None = Field(None, description="named node of the camshaft")
+    follower: FollowerRecord | None = Field(None, description="what touches the cam")
+    law: GivenLaw | None = Field(None, description="motion law: a name, { id = ..., ... }, or a law file (.toml)")
+    return_law: GivenLaw | None = Field(None, description="run backwards on the return; that of the rise by default")
+    lift: float | None = Field(
+        None, gt=0.0, description='above the ramps; a text such as "10 deg" where the follower swings'
+    )
+    lift_table: GivenLift | None = Field(None, description="file of the whole lift, instead of a law")
+    rise: q.PositiveAngle | None = None
+    dwell: q.Angle = Field(0.0, description="upper dwell")
+    fall: q.PositiveAngle | None = Field(None, alias="return")
+    phase: q.SignedAngle = Field(0.0, description="cam angle at which the rise (or the table's zero) lies")
+    ramps: RampsRecord | None = None
+    single_dwell: Literal["high", "low"] | None = Field(
+        None, description="where the only dwell lies, for laws that begin under acceleration"
+    )
+    base_radius: q.Length | None = Field(None, description="of the base circle")
+    width: q.Length | None = Field(None, description="of the cam along its shaft")
+    rotation: Literal["clockwise", "counterclockwise"] = Field(
+        "counterclockwise", description="of the cam in its drawing; the sense in space is that of axis"
+    )
+
+    @field_validator("lift", mode="before")
+    @classmethod
+    def _in_its_unit(cls, value: object, info: ValidationInfo) -> object:
+        """Return metres; where the follower swings an angle is the path at its arm's length."""
+        follower = info.data.get("follower")
+        if value is None:
+            return None
+        if isinstance(follower, SwingRecord) and isinstance(value, str):
+            try:
+                angle = parse(value, "angle")
+            except InputError:
+                pass  # then it is a length
+            else:
+                return follower.arm * q.Unit("angle", above=True).validate(angle)
+        return q.Unit("length", above=True).validate(value)
+
+    @property
+    def lacking(self) -> list[str]:
+        """Keys that the lift lacks."""
+        named = (("law", self.law), ("lift", self.lift), ("rise", self.rise), ("return", self.fall))
+        return [key for key, value in named if value is None and self.lift_table is None]
+
+    def _check(self) -> None:
+        """Refuse a cam that cannot be; what it lacks is reported with the references of all tables, by its key."""
+        if not self.lacking:
+            self.made()
+        elif self.follower is not None:
+            self.follower.made(self.base_radius)
+
+    def made(self) -> valvetrain.Cam:
+        """Return the cam."""
+        follower = self.follower.made(self.base_radius) if self.follower else None
+        turn = 1 if self.rotation == "counterclockwise" else -1
+        return valvetrain.Cam(self.at or "", self._event(), follower, turn, self.width)
+
+    def _event(self) -> Event:
+        if self.lift_table is not None:
+            return Shifted(self.lift_table.event, self.phase) if self.phase else self.lift_table.event
+        if self.law is None or self.lift is None or self.rise is None or self.fall is None:
+            given, why = f"nothing for {', '.join(self.lacking)}", "they make the lift where no lift_table does"
+            raise refuse("lift", given, ", ".join(OF_A_LAW), why, f"add {', '.join(self.lacking)}, or a lift_table")
+        opening, closing = self.ramps.made() if self.ramps else (None, None)
+        return LiftEvent(
+            self.law.law, self.lift, self.rise, self.fall, self.dwell, self.phase,
+            self.return_law.law if self.return_law else None, opening, closing, self.single_dwell,
+        )  # fmt: skip
+
+
+class CamRecord(FreeCamRecord):
+    """A cam on its shaft."""
+
+    at: Name = Field(description="named node of the camshaft")  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]
+    axis: Vector | None = Field(
+        None, description="sense of rotation; along the shaft to positive coordinates by default"
+    )

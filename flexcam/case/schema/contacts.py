@@ -1,0 +1,140 @@
+"""Tables of contacts: cam and follower, seats, plays."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from flexcam.case import quantities as q
+from flexcam.case.schema.base import Name, Record
+from flexcam.valvetrain import DAMPING_DEPTH
+
+
+class PublishedLoadRecord(Record):
+    """The published coupling of a cam and its follower: a force drives the follower."""
+
+    model: Literal["published-load"]
+    cam: Name
+    follower: Name
+    direction: q.LineValue | None = Field(None, description="of the lift; from cam to follower by default")
+    preload_factor: q.Ratio = Field(2.5, description="preload by the force that the rigid train needs for contact")
+    cam_deflection: bool = Field(False, strict=True, description="the force feels the shaft's deflection, U_c of (21)")
+    cam_torque: bool = Field(True, strict=True, description="the force twists the shaft, T_CF of (24)")
+
+
+class BilateralRecord(Record):
+    """A cam that lifts its follower through a stiffness, and cannot part from it."""
+
+    model: Literal["bilateral"]
+    cam: Name
+    follower: Name
+    direction: q.LineValue | None = Field(None, description="of the lift; from cam to follower by default")
+    stiffness: Annotated[float, q.Unit("stiffness", above=True)]
+
+
+class UnilateralRecord(Record):
+    """A cam that lifts its follower and may part from it."""
+
+    model: Literal["unilateral"]
+    cam: Name
+    follower: Name
+    direction: q.LineValue | None = Field(None, description="of the lift; from cam to follower by default")
+    stiffness: Literal["hertz"] | Annotated[float, q.Unit("stiffness", above=True)] = Field(
+        description="a number, or hertz for line contact with the cam's own curvature", union_mode="left_to_right"
+    )
+    dissipation: Annotated[float, q.Unit("inverse velocity")] = Field(
+        0.0, description="chi of Hunt and Crossley: force times 1 + chi times the rate of approach"
+    )
+    restitution: q.Ratio | None = Field(
+        None, le=1.0, description="rate of parting per rate of approach, at the moment they meet"
+    )
+    friction: Annotated[float, q.Unit("number", most=2.0)] = Field(
+        0.0, description="Coulomb's coefficient along a flat face"
+    )
+    friction_speed: q.Velocity = Field(0.01, description="velocity of sliding over which friction turns over, m/s")
+
+    @model_validator(mode="after")
+    def _friction_speed_acts(self) -> Self:
+        if "friction_speed" in self.model_fields_set and "friction" not in self.model_fields_set:
+            given, why = f"{self.friction_speed:g} m/s", "without friction it acts on nothing"
+            raise q.refused("friction beside it", why, "add friction", inside="friction_speed", given=given)
+        return self
+
+
+CamContactRecord = PublishedLoadRecord | BilateralRecord | UnilateralRecord
+
+
+_DampingDepth = Annotated[
+    q.Length, Field(description="over which the damper takes hold; less for small parts, whose contacts yield less")
+]
+
+
+class SeatRecord(Record):
+    """A stop, such as a valve seat."""
+
+    model: Literal["seat"]
+    at: Name
+    direction: q.LineValue | None = Field(None, description="the way off it; a rocker's point has its own")
+    stiffness: Annotated[float, q.Unit("stiffness", above=True)]
+    damping: q.DampingValue = 0.0
+    damping_depth: _DampingDepth = DAMPING_DEPTH
+    restitution: q.Ratio | None = Field(
+        None, le=1.0, description="rate of parting per rate of approach, at the moment they meet"
+    )
+
+
+class _PlayRecord(Record):
+    """What stands between a rocker and its point, or between two nodes."""
+
+    at: Name | None = Field(None, description="name of a rocker: the play is at its point")
+    start: Name | None = Field(None, alias="from", description="node that pushes, where it is not at a rocker")
+    to: Name | None = Field(None, description="node that is pushed")
+    direction: q.LineValue | None = Field(None, description="in which it pushes, between nodes")
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        between = self.start is not None and self.to is not None and self.direction is not None
+        nothing = self.start is None and self.to is None and self.direction is None
+        if not ((self.at is None and between) or (self.at is not None and nothing)):
+            why = "it stands at a rocker's point or between two nodes"
+            raise q.refused("either at = a rocker, or from, to and direction", why)
+        return self
+
+    @property
+    def ends(self) -> tuple[str, str] | None:
+        """Names of both nodes; None at a rocker."""
+        return (self.start, self.to) if self.start is not None and self.to is not None else None
+
+
+class LashRecord(_PlayRecord):
+    """Play between a rocker and the point it drives, or between two nodes."""
+
+    model: Literal["lash"]
+    gap: Annotated[float, q.Unit("length")] = Field(description="at the rocker's point")
+    stiffness: Annotated[float, q.Unit("stiffness", above=True)] | None = Field(
+        None, description="of both sides when they touch; ten times EA/L of the softest member that ends there"
+    )
+    damping: q.DampingValue = 0.0
+    damping_depth: _DampingDepth = DAMPING_DEPTH
+
+
+class AdjusterRecord(_PlayRecord):
+    """Hydraulic lash adjuster, in the place of a play."""
+
+    model: Literal["lash-adjuster"]
+    stiffness: Annotated[float, q.Unit("stiffness", above=True)] = Field(description="of the oil column")
+    leak: Annotated[float, q.Unit("damping", above=True)] = Field(description="force per velocity of leak-down")
+    refill: Annotated[float, q.Unit("damping", above=True)] = Field(
+        description="force per velocity while the check valve is open"
+    )
+    plunger_force: q.Force = Field(description="of the spring that keeps it extended")
+
+    @model_validator(mode="after")
+    def _leaks_slowly(self) -> Self:
+        if not self.leak > self.refill:
+            raise q.refused("leak above refill", "the check valve is wider than the gap around the plunger")
+        return self
+
+
+ContactRecord = Annotated[CamContactRecord | SeatRecord | LashRecord | AdjusterRecord, Field(discriminator="model")]

@@ -1,0 +1,322 @@
+"""Table of how true a run is to be, and what it may leave out."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self, cast
+
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+
+from flexcam import dynamics
+from flexcam.case import quantities as q
+from flexcam.case.schema.base import Gravity, Name, PartRecord, Record
+from flexcam.fem.assembly import Damping
+
+
+class ToleranceRecord(Record):
+    """Error by quantity in the norm, as a part of its largest value; what is not named may err as it likes."""
+
+    lift: q.Tolerance | None = None
+    velocity: q.Tolerance | None = None
+    acceleration: q.Tolerance | None = None
+    force: q.Tolerance | None = Field(None, description="of every contact")
+
+    @model_validator(mode="after")
+    def _asks_for_something(self) -> Self:
+        if not self.by_quantity():
+            raise q.refused("at least one of lift, velocity, acceleration, force", "it asks for nothing")
+        return self
+
+    def by_quantity(self) -> dict[str, float]:
+        """Return the tolerances that are given."""
+        every = {name: getattr(self, name) for name in type(self).model_fields}
+        return {name: float(value) for name, value in every.items() if value is not None}
+
+
+class FidelityRecord(Record):
+    """Which model of the case is run, and what of it is integrated."""
+
+    model: Literal["beams", "rigid", "sdof", "chain"] = Field(
+        "beams", description="flexible members, rigid ones, one mass for the train, or a chain of masses"
+    )
+    masses: int = Field(3, ge=1, le=1000, strict=True, description="of a chain, at nodes along its train")
+    tolerance: q.Tolerance | ToleranceRecord | None = Field(
+        None,
+        description='run the cheapest model whose lift is within it, such as "1 %", or a table by quantity',
+        union_mode="left_to_right",
+    )
+    norm: Literal["max", "rms"] | None = Field(
+        None,
+        description="of the errors of `tolerance` and `trade`: the largest or the root mean square; by default the "
+        "largest of forces and the root mean square of motions",
+    )
+    estimate: bool = Field(
+        False, strict=True, description="also run with other steps and elements, and say how far the numbers may be off"
+    )
+    prune: bool = Field(
+        True,
+        strict=True,
+        description="leave out of the integration what nothing can move; it changes no result, only the time it takes",
+    )
+    modes: int | None = Field(
+        None,
+        ge=1,
+        strict=True,
+        description="integrate so many modes with the static answers they miss; every unknown by default",
+    )
+    reduction: Literal["modes", "craig-bampton"] = Field(
+        "modes", description="modes of the whole train, or of each part between what is pushed, watched or touched"
+    )
+
+    @model_validator(mode="after")
+    def _one_choice(self) -> Self:
+        if self.tolerance is not None and self.model != "beams":
+            raise q.refused("either model or tolerance", "a tolerance chooses the model")
+        if self.reduction != "modes" and self.modes is None:
+            raise q.refused("modes with a reduction", "it says how many")
+        if self.modes is not None and self.model != "beams":
+            raise q.refused("modes with model = beams", "they are modes of the beams")
+        return self
+
+    @property
+    def tolerances(self) -> dict[str, float]:
+        """Tolerance by quantity; empty where none is asked for."""
+        if self.tolerance is None:
+            return {}
+        return self.tolerance.by_quantity() if isinstance(self.tolerance, ToleranceRecord) else {"lift": self.tolerance}
+
+
+class DampingRecord(PartRecord[Damping]):
+    """Damping of the whole structure."""
+
+    alpha: Annotated[float, q.Unit("rate")] = Field(0.0, description="Rayleigh factor of the mass")
+    beta: Annotated[float, q.Unit("time")] = Field(0.0, description="Rayleigh factor of the stiffness")
+    modal: q.Ratio = Field(0.0, description="damping ratio of every mode")
+
+    def made(self) -> Damping:
+        """Return the damping."""
+        return Damping(self.alpha, self.beta, self.modal)
+
+
+class NewmarkRecord(PartRecord[dynamics.Scheme]):
+    """Newmark's scheme; the default is the average acceleration."""
+
+    method: Literal["newmark"] = "newmark"
+    beta: q.PositiveNumber = 0.25
+    gamma: q.PositiveNumber = 0.5
+
+    def made(self) -> dynamics.Scheme:
+        """Return the scheme."""
+        return dynamics.newmark(beta=self.beta, gamma=self.gamma)
+
+
+class HhtRecord(PartRecord[dynamics.Scheme]):
+    """Scheme of Hilber, Hughes and Taylor."""
+
+    method: Literal["hht"]
+    alpha: q.SignedNumber = -0.05
+
+    def made(self) -> dynamics.Scheme:
+        """Return the scheme."""
+        return dynamics.hht(alpha=self.alpha)
+
+
+class GeneralizedAlphaRecord(PartRecord[dynamics.Scheme]):
+    """Generalized-alpha scheme."""
+
+    method: Literal["generalized-alpha"]
+    rho_inf: q.Ratio = 0.9
+
+    def made(self) -> dynamics.Scheme:
+        """Return the scheme."""
+        return dynamics.generalized_alpha(rho_inf=self.rho_inf)
+
+
+class BatheRecord(PartRecord[dynamics.Method]):
+    """Composite step of Bathe: two stages, no parameter, high frequencies gone within a step."""
+
+    method: Literal["bathe"]
+
+    def made(self) -> dynamics.Method:
+        """Return the method."""
+        return dynamics.bathe()
+
+
+class CentralDifferenceRecord(PartRecord[dynamics.Method]):
+    """Explicit central difference, for members with mass = "lumped"; the highest frequency bounds the step."""
+
+    method: Literal["central-difference"]
+
+    def made(self) -> dynamics.Method:
+        """Return the method."""
+        return dynamics.central_difference()
+
+
+class ExactRecord(PartRecord[dynamics.Method]):
+    """Exact answer of every mode, for models without contacts."""
+
+    method: Literal["exact"]
+
+    def made(self) -> dynamics.Method:
+        """Return the method."""
+        return dynamics.exact()
+
+
+class OutsideRecord(PartRecord[dynamics.Method]):
+    """Integrators of scipy, as a check of small models: slow, as exact as the tolerance."""
+
+    method: Literal["radau", "dop853"]
+    tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = Field(1e-9, description="relative local error")
+
+    def made(self) -> dynamics.Method:
+        """Return the method."""
+        make = dynamics.radau if self.method == "radau" else dynamics.dop853
+        return make(tolerance=self.tolerance)
+
+
+IntegratorRecord = Annotated[
+    NewmarkRecord
+    | HhtRecord
+    | GeneralizedAlphaRecord
+    | BatheRecord
+    | CentralDifferenceRecord
+    | ExactRecord
+    | OutsideRecord,
+    Field(discriminator="method"),
+]
+
+
+class ResultStartRecord(Record):
+    """Start from the last state of an earlier run of the same model."""
+
+    result: str = Field(description="result file, relative to the case file")
+
+
+class GivenStartRecord(Record):
+    """Start from given displacements and velocities; what is not named is zero."""
+
+    displacement: dict[str, float] = Field(default={}, description='"point.component" to length or angle')
+    velocity: dict[str, float] = Field(default={}, description='"point.component" to velocity or angular speed')
+
+    @field_validator("displacement", "velocity", mode="before")
+    @classmethod
+    def _in_their_units(cls, value: object, info: ValidationInfo) -> object:
+        """Return SI by component; what is no table is left to pydantic."""
+        if not isinstance(value, dict):
+            return value
+        table = cast("dict[str, object]", value)
+        units = {"displacement": ("length", "angle"), "velocity": ("velocity", "speed")}[info.field_name or ""]
+        return {
+            name: q.Unit(units[name.rpartition(".")[2] in ("rx", "ry", "rz")], signed=True).validate(one)
+            for name, one in table.items()
+        }
+
+
+def _kind_of_start(value: object) -> str:
+    """Return which kind of start a value, or a record, is meant to be: told by one fault if it is none."""
+    if isinstance(value, dict):
+        return "result" if "result" in value else "given"
+    if isinstance(value, ResultStartRecord):
+        return "result"
+    return "given" if isinstance(value, GivenStartRecord) else "named"
+
+
+StartRecord = Annotated[
+    Annotated[Literal["rest", "equilibrium", "periodic"], Tag("named")]
+    | Annotated[ResultStartRecord, Tag("result")]
+    | Annotated[GivenStartRecord, Tag("given")],
+    Discriminator(_kind_of_start),
+]
+
+
+class FluctuationRecord(Record):
+    """Swing of the camshaft's speed about its mean, in orders of its rotation."""
+
+    orders: list[q.PositiveNumber] = Field(min_length=1, description="swings per camshaft revolution")
+    amplitudes: list[q.Ratio] = Field(description='parts of the mean speed, such as "2 %"; together below 1')
+    phases: list[q.SignedAngle] = Field(default=[], description="of the swings; zero by default")
+
+    @model_validator(mode="after")
+    def _as_many(self) -> Self:
+        if len(self.amplitudes) != len(self.orders) or len(self.phases) not in (0, len(self.orders)):
+            raise q.refused("an amplitude (and a phase, or none) for every order", "they belong together")
+        if sum(self.amplitudes) >= 1.0:
+            raise q.refused("amplitudes that together are below 1", "the shaft must keep turning")
+        return self
+
+    def made(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+        """Return orders, amplitudes and phases."""
+        return tuple(self.orders), tuple(self.amplitudes), tuple(self.phases or [0.0] * len(self.orders))
+
+
+class FreeRunningRecord(Record):
+    """Speed of a cam that turns by its own inertia, as its reduced inertia changes with the lift."""
+
+    cam: Name
+    cam_mass: Annotated[float, q.Unit("mass", above=True)] = Field(description="of the cam, as a disc")
+    follower_mass: q.MassValue = Field(description="of the follower")
+
+    def made(self) -> tuple[str, float, float]:
+        """Return the cam's name and both masses."""
+        return self.cam, self.cam_mass, self.follower_mass
+
+
+class AdaptiveRecord(PartRecord[dynamics.Adaptive]):
+    """Steps divided until their error is below a tolerance; results stay at the steps given."""
+
+    tolerance: q.PositiveNumber = Field(1e-6, description="largest error of a step, as a part of the motion (energy)")
+    smallest: q.Time | None = Field(None, description="smallest step; 2^-16 of the one given by default")
+
+    def made(self) -> dynamics.Adaptive:
+        """Return tolerance and floor."""
+        return dynamics.Adaptive(self.tolerance, self.smallest)
+
+
+class RunRecord(Record):
+    """How the mechanism is run."""
+
+    speed: q.Speed | None = Field(None, description="camshaft speed")
+    crank_speed: q.Speed | None = Field(None, description="crankshaft speed, twice the camshaft's")
+    revolutions: q.PositiveNumber = Field(2.0, description="of the camshaft")
+    steps_per_revolution: int | None = Field(
+        None, ge=1, le=100_000_000, strict=True, description="3600 where no step is given"
+    )
+    step: q.Time | None = Field(None, description="instead of steps_per_revolution")
+    engine: dynamics.Engine = Field(
+        "auto", description="solver engine: auto chooses the fastest that fits; all give the same numbers"
+    )
+    adaptive: AdaptiveRecord | None = Field(None, description="dividing the steps by their error; fixed by default")
+    fluctuation: FluctuationRecord | None = Field(None, description="swing of the speed about its mean")
+    free_running: FreeRunningRecord | None = Field(None, description="speed as the cam's own inertia has it")
+    start: StartRecord = Field(
+        "rest",
+        description="at rest as installed, in static equilibrium, in the periodic state, or from a given state",
+    )
+    gravity: Gravity = Field(
+        (0.0, 0.0, 0.0), description="acceleration, global axes; masses and springs at a rocker's point are left out"
+    )
+    integrator: IntegratorRecord = Field(default_factory=NewmarkRecord)
+    damping: DampingRecord = Field(default_factory=lambda: DampingRecord.model_validate({}))
+
+    @model_validator(mode="after")
+    def _one_drive(self) -> Self:
+        if self.fluctuation is not None and self.free_running is not None:
+            raise q.refused("either fluctuation or free_running", "the shaft turns in one way")
+        orders = self.fluctuation.orders if self.fluctuation else []
+        if self.start == "periodic" and any(order != round(order) for order in orders):
+            raise q.refused("whole orders with start = periodic", "the state repeats with the camshaft")
+        return self
+
+
+def _without_doubles(names: list[str]) -> list[str]:
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise q.refused("every point once", f"{twice[0]!r} is listed {names.count(twice[0])} times", "remove it")
+    return names
+
+
+class OutputRecord(Record):
+    """What is saved."""
+
+    probes: list[Name] = Field(default=[], description="points kept at every step")
+    _listed_once = field_validator("probes")(_without_doubles)
+    field_every: int = Field(20, ge=1, le=1_000_000_000, strict=True, description="steps between saved fields")

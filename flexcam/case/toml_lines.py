@@ -1,0 +1,122 @@
+"""Where a key of a case was given; `tomllib` does not tell lines."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+from flexcam.core.errors import Fault
+
+_TABLE = re.compile(r"\s*\[{1,2}\s*([^\]]+?)\s*\]{1,2}\s*(?:#.*)?$")
+_KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
+_PART = re.compile(r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'""")
+
+Path = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Places:
+    r"""Where every key of a case was given: on a line of the file, or by an override.
+
+    Parameters
+    ----------
+    notes
+        Key path to what is said of it, such as ``line 12`` or ``--set run.speed=4000rpm``.
+    """
+
+    notes: Mapping[Path, str]
+
+    @classmethod
+    def of_text(cls, text: str) -> Places:
+        """Return the lines of every table and key of a TOML document; keys inside inline tables are not listed."""
+        notes: dict[Path, str] = {}
+        table: Path = ()
+        for number, line in enumerate(text.split("\n"), start=1):  # no other character ends a line of TOML
+            if header := _TABLE.match(line):
+                table = _parts(header[1])
+                notes.setdefault(table, f"line {number}")
+            elif key := _KEY.match(line):
+                notes.setdefault(table + _parts(key[1]), f"line {number}")
+        return cls(notes)
+
+    def overridden(self, path: Path, override: str) -> Places:
+        """Return the places with one key given by an override."""
+        return Places({**self.notes, path: f"--set {override}"})
+
+    def place(self, path: Path) -> str:
+        """Return a key path with what is said of its nearest listed ancestor."""
+        for end in range(len(path), 0, -1):
+            if path[:end] in self.notes:
+                return f"{'.'.join(path)} ({self.notes[path[:end]]})"
+        return ".".join(path) or "case file"
+
+
+_LINE = re.compile(r" \(line (\d+)\)")
+
+
+def in_order(faults: Iterable[Fault]) -> list[Fault]:
+    """Return faults by the lines they are on; those of one line stand together, those of no line come last."""
+
+    def line(fault: Fault) -> float:
+        told = _LINE.search(fault.where)
+        return int(told[1]) if told else math.inf
+
+    return sorted(faults, key=line)
+
+
+def _parts(dotted: str) -> Path:
+    return tuple(part.strip("\"'") for part in _PART.findall(dotted))
+
+
+_DEPTH = 30
+"""Tables in tables and lists in lists; a case has five."""
+
+_LONGEST = 1 << 26
+"""Characters of a text."""
+
+
+def toml(text: str) -> dict[str, Any]:
+    """Return the tables of a TOML text."""
+    if len(text) > _LONGEST:
+        raise ValueError(f"{len(text)} characters, more than {_LONGEST}")
+    if any(map(_far_too_dotted, text.split("\n"))):
+        raise ValueError(_TOO_DEEP)
+    try:
+        tables = tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    except tomllib.TOMLDecodeError as fault:
+        raise tomllib.TOMLDecodeError(
+            _TUPLE.sub(lambda found: ".".join(_PART_TOML.findall(found[0])), str(fault))
+        ) from None
+    level: list[object] = [tables]
+    for _ in range(_DEPTH):
+        level = [inner for one in level for inner in _inside(one)]
+        if not level:
+            return tables
+    raise ValueError(_TOO_DEEP)
+
+
+_TUPLE, _PART_TOML = re.compile(r"\(('[^']*',? ?)+\)"), re.compile(r"'([^']*)'")
+"""A key as Python's reader tells it, such as ``('run', 'speed')``, and its parts."""
+
+_TOO_DEEP = f"tables or lists nested more than {_DEPTH} deep"
+
+
+def _far_too_dotted(line: str) -> bool:
+    """Tell a key of thousands of parts: Python's reader takes memory by the square of their number."""
+    key = line.partition("=")[0]
+    return key.count(".") > _PARTS and "," not in key
+
+
+_PARTS = 1000
+
+
+def _inside(one: object) -> list[object]:
+    if isinstance(one, dict):
+        return [*cast("dict[str, object]", one).values()]
+    return cast("list[object]", one) if isinstance(one, list) else []

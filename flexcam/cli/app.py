@@ -1,0 +1,287 @@
+"""Keys of a case that a command does not act on: told where a user gave them, for silence would pass for an answer.
+
+`UNUSED` is the one table of them; a new command, or a new key that not every command knows, is a row of it.
+"""
+
+from __future__ import annotations
+
+import platform
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from flexcam import __version__
+from flexcam.case.case import Case
+from flexcam.case.reader import read_case
+from flexcam.case.schema.base import Record
+from flexcam.core.errors import refuse
+from flexcam.core.units import RPM, parse
+from flexcam.report.terminal import note
+
+
+@dataclass(frozen=True)
+class Unused:
+    """Keys that some commands do not act on.
+
+    Parameters
+    ----------
+    commands
+        Their names.
+    keys
+        Of the case, or tables of it.
+    why
+        What the commands do instead.
+    remedy
+        What to do.
+    laid
+        Whether only a key laid over the case by ``--set`` is told. A file is written for every command: its run is
+        nothing to tell where no run is asked for. What is laid over is meant for the one command.
+    but
+        Keys below `keys` on which they do act.
+    """
+
+    commands: tuple[str, ...]
+    keys: tuple[str, ...]
+    why: str
+    remedy: str
+    laid: bool = False
+    but: tuple[str, ...] = ()
+
+
+_ACCURACY = ("fidelity.tolerance", "fidelity.estimate")
+_MODEL = ("fidelity.model", "fidelity.masses", "fidelity.modes", "fidelity.reduction")
+_NORM = ("fidelity.norm",)
+_SPEEDS = ("run.speed", "run.crank_speed")
+_LEAVE = "leave it out"
+
+UNUSED = (
+    Unused(
+        ("campbell", "compare", "limits", "orders", "parting", "plot", "stability", "view"),
+        (*_ACCURACY, *_NORM),
+        "it takes the model as the case names it",
+        "flexcam run chooses a model and estimates errors; name its choice by fidelity.model",
+    ),
+    Unused(("sensitivity", "optimize"), ("fidelity.estimate",), "it asks many runs for numbers alone", _LEAVE),
+    Unused(
+        ("trade",), (*_MODEL, *_ACCURACY), "it runs every model of the ladder against a converged one",
+        "flexcam run acts on it",
+    ),
+    Unused(
+        ("modes", "synthesize"),
+        (*_MODEL, *_ACCURACY, *_NORM),
+        "natural modes are those of all unknowns of the members",
+        _LEAVE,
+    ),
+    Unused(("cam", "settings"), (*_MODEL, *_ACCURACY, *_NORM), "closed forms need no model of the train", _LEAVE),
+    Unused(
+        ("modes",), ("run", "output"), "natural modes need no run", _LEAVE, laid=True,
+        but=(*_SPEEDS, "run.gravity", "run.fluctuation", "run.free_running"),
+    ),
+    Unused(
+        ("cam", "settings"), ("run", "output"), "closed forms need no run", _LEAVE, laid=True,
+        but=(*_SPEEDS, "run.free_running"),
+    ),
+    Unused(
+        ("cam",), ("springs", "masses", "loads", "materials", "sections", "bearings"),
+        "it looks at the cams alone", _LEAVE, laid=True,
+    ),
+    Unused(("limits",), ("run.revolutions",), "it runs a few revolutions at each speed", _LEAVE, laid=True),
+)  # fmt: skip
+"""What no command may pass over in silence."""
+
+_TELLS = ("check", "run")
+"""Commands that tell it with everything else that is doubtful about a case."""
+
+_OWN = {"paper": "compare", "settings": "settings", "sweep": "sweep"}
+"""Tables that are there for one command."""
+
+
+def unused(command: str, overrides: Sequence[str], case: Case | None = None) -> list[str]:
+    """Return what a command does not act on of what a user gave, in words."""
+    laid = [one.partition("=")[0].strip() for one in overrides]
+    twice = [
+        f"Note: --set {one} has no part: --set {overrides[last]} is laid over it; leave one out"
+        for i, one in enumerate(overrides)
+        if (last := len(laid) - 1 - laid[::-1].index(laid[i])) != i
+    ]
+    found: dict[tuple[str, str], list[str]] = {}
+    for row in UNUSED:
+        if command in row.commands:
+            told = [f"{key} (--set)" for key in laid if _below(key, row.keys) and not _below(key, row.but)]
+            told = told if row.laid or case is None else [case.place(key) for key in _given(case, row.keys)]
+            found.setdefault((row.why, row.remedy), []).extend(told)
+    sentences = [_sentence(keys, command, *reason) for reason, keys in found.items() if keys]
+    return [*twice, *sentences, *_of_others(command, laid), *_idle(command, case)]
+
+
+def _sentence(keys: Sequence[str], command: str, why: str, remedy: str) -> str:
+    return f"Note: {', '.join(keys)} {'has' if len(keys) == 1 else 'have'} no part in {command}: {why}; {remedy}"
+
+
+def _below(key: str, above: Sequence[str]) -> bool:
+    """Tell whether a key is one of some keys, or stands below one."""
+    return any(key == one or key.startswith(f"{one}.") for one in above)
+
+
+def _given(case: Case, keys: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield the keys, each of a table of the case, that were given other values than they have by default."""
+    for table, name in (key.split(".") for key in keys):
+        record: Record = getattr(case.record, table)
+        default: object = type(record).model_fields[name].default
+        if name in record.model_fields_set and getattr(record, name) != default:
+            yield table, name
+
+
+def _of_others(command: str, laid: Sequence[str]) -> Iterator[str]:
+    """Yield what is laid over the table of another command."""
+    for key in laid:
+        its = _OWN.get(key.partition(".")[0])
+        if its not in (None, command) and command != "check":
+            yield _sentence([f"{key} (--set)"], command, f"that table is for flexcam {its}", _LEAVE)
+
+
+def _idle(command: str, case: Case | None) -> Iterator[str]:
+    """Yield keys that another key of the same case leaves without a part, whatever is asked."""
+    if (
+        case is None
+        or command in _TELLS
+        or any(command in row.commands and "fidelity.masses" in row.keys for row in UNUSED)
+    ):
+        return
+    if case.record.fidelity.model != "chain" and (given := list(_given(case, ["fidelity.masses"]))):
+        why = f"they are those of a chain, and the model is {case.record.fidelity.model}"
+        yield _sentence([case.place(key) for key in given], "this case", why, 'give fidelity.model = "chain"')
+
+
+@dataclass
+class Running:
+    """What the signal handler and a running solution know of each other, and the command that is under way."""
+
+    command: str = ""
+    signals: list[int] = field(default_factory=list[int])
+    solving: bool = False
+
+    def stopped(self) -> bool:
+        """Tell whether a signal asked the run to end."""
+        return bool(self.signals)
+
+
+running = Running()
+
+CaseFile = Annotated[Path, Parameter(help="Case file (TOML).")]
+ResultPath = Annotated[Path, Parameter(help="Result file (.vtkhdf).")]
+Overrides = Annotated[
+    list[str] | None,
+    Parameter("--set", negative=(), help="Lay a value over the case's: run.speed=4000rpm. May be repeated."),
+]
+Json = Annotated[bool, Parameter("--json", negative=(), help="Print one JSON object.")]
+Picture = Annotated[Path | None, Parameter("--plot", help="Also draw it (.svg, .png or .pdf).")]
+Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]
+Overwrite = Annotated[bool, Parameter("--overwrite", negative=(), help="Replace existing results.")]
+AllowLarge = Annotated[
+    bool, Parameter("--allow-large", negative=(), help="Run even if memory or disk seem too small for it.")
+]
+
+
+def _versions() -> str:
+    runs_on = ("numpy", "scipy", "h5py", "meshio", "pydantic", "cyclopts")
+    return f"flexcam {__version__}\npython {platform.python_version()}\n" + "\n".join(
+        f"{n} {version(n)}" for n in runs_on
+    )
+
+
+app = App(
+    name="flexcam",
+    version=_versions,
+    help_format="plaintext",
+    help="Flexible valve trains and cam mechanisms by finite elements.",
+    help_prologue="""\
+flexcam check cases/tayeb/model-3-shm.toml
+flexcam compare cases/tayeb/model-3-shm.toml --set run.speed=4000rpm
+flexcam run cases/tayeb/model-3-shm.toml -o results
+flexcam export results/model-3-shm.vtkhdf --format pvd
+""",
+    suppress_keyboard_interrupt=False,
+)
+app.register_install_completion_command()  # pyright: ignore[reportUnknownMemberType]
+
+
+_BARE = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*$")
+
+
+def quantity(where: str, text: str, dimension: str, unit: str) -> float:
+    """Return the SI number of an option's text; a number without a unit is refused, for it would be taken as SI."""
+    if _BARE.match(text) and float(text) != 0.0:
+        allowed = f"a number with its unit, such as '{text.strip()} {unit}'"
+        raise refuse(where, text, allowed, "a bare number could be anything", f"write '{text.strip()} {unit}'")
+    return parse(text, dimension, where)
+
+
+def load(path: Path, overrides: Sequence[str] | None) -> Case:
+    """Read a case with the values of ``--set`` laid over it; what of it the command does not act on is told."""
+    case = read_case(path, overrides or ())
+    tell_unused(overrides, case)
+    return case
+
+
+def tell_unused(overrides: Sequence[str] | None, case: Case | None = None) -> None:
+    """Tell what the command under way does not act on; of a file with cams alone, what is laid over it."""
+    for sentence in unused(running.command, overrides or (), case):
+        note(sentence)
+
+
+def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
+    """Read a case for a command that asks its beams; a case that asks for a coarser model is refused."""
+    case = load(path, overrides)
+    asked = case.record.fidelity
+    for key, given, allowed in (("model", asked.model, "beams"), ("modes", asked.modes, None)):
+        if given != allowed:
+            why, remedy = "this is asked of all unknowns of the members", f"leave fidelity.{key} out"
+            raise refuse(case.place(("fidelity", key)), str(given), "beams with every unknown", why, remedy)
+    return case
+
+
+def from_one(option: str, number: int) -> None:
+    """Refuse a number of things that is none."""
+    if number < 1:
+        raise refuse(option, number, "a whole number from 1")
+
+
+_MOST_SPEEDS = 10_000
+
+
+def speed_range(
+    lowest: str | None, highest: str | None, count: int, speed: float, scale: float, most: float = 1.5
+) -> tuple[float, float]:
+    """Return the speeds of the camshaft between which a command looks; from half to `most` times the case's."""
+    if not 2 <= count <= _MOST_SPEEDS:
+        raise refuse("--count", count, f"a whole number from 2 to {_MOST_SPEEDS}", "each speed is a run")
+    low = 0.5 * speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
+    high = most * speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
+    if not high > low:
+        given = highest or f"{scale * high / RPM:g} rpm, {most:g} times that of the case"
+        raise refuse("--highest", given, f"above the lowest speed, {scale * low / RPM:g} rpm")
+    if not low > 0.0:
+        raise refuse("--lowest", lowest, "a speed above zero")
+    return low, high
+
+
+def bracket(option: str, text: str, scale: float) -> float:
+    """Return how closely a speed is looked for, of the camshaft in rad/s."""
+    width = quantity(option, text, "speed", "rpm") / scale
+    if not width > 0.0:
+        raise refuse(option, text, "a speed above zero", "a bracket is halved until it is as narrow")
+    return width
+
+
+def free_picture(plot: Path | None, overwrite: bool) -> None:
+    """Refuse a picture that could not be written, before anything is computed."""
+    if plot is not None:
+        from flexcam.plotting.figures import free_for_picture
+
+        free_for_picture(plot, overwrite=overwrite)

@@ -1,0 +1,222 @@
+"""What commands of studies give back: tables, words, one JSON object, a CSV file, a picture."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flexcam.analysis.cam_report import CamSet, load_cams
+from flexcam.analysis.preparation import Prepared, prepare
+from flexcam.analysis.stored_model import reopened
+from flexcam.case.builder import build_model
+from flexcam.case.case import Case
+from flexcam.case.reader import holds_mechanism, recalled_case
+from flexcam.cli.app import free_picture, load
+from flexcam.core.errors import Fault, InputError, refuse, together
+from flexcam.dynamics import Response, Status, raise_if_interrupted, solve
+from flexcam.io import Result, free_to_write, read_result, write_text
+from flexcam.report.formatting import Told, told_apart
+from flexcam.report.terminal import out, print_json, progress
+from flexcam.valvetrain import Cam
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+Answer = tuple[Told, Callable[[], "Figure"]]
+"""What is told, and what draws it."""
+
+
+def write_answer(
+    answer: Answer, csv: Path | None, plot: Path | None, ended: Status, *, overwrite: bool, as_json: bool,
+    written: Sequence[Path] = (),
+) -> None:  # fmt: skip
+    """Print what is told, and write its table and its picture, also of a study that was stopped; name every file."""
+    told, draw = answer
+    if csv is not None:
+        write_text(csv, told.csv, overwrite=overwrite)
+    if plot is not None:
+        from flexcam.plotting.figures import save_figure
+
+        save_figure(draw(), plot, overwrite=overwrite)
+    files = [str(path) for path in (csv, plot, *written) if path is not None]
+    if as_json:
+        print_json({"status": "ok" if ended.ok else str(ended.cause), **told.json, "files": files})
+        return
+    for i, table in enumerate(told.tables):
+        out().print(*([""] if i else []), table, sep="\n")
+    for sentence in told.words:
+        out().print("\n" + sentence)
+    for path in files:
+        out().print(path)
+
+
+_UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3}
+_PART = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*([A-Za-z]+)\s*")
+_BARE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*$")
+_ALLOWED = "a time above zero with its unit, such as 90s, 5min30s or 2h"
+
+
+def duration(where: str, text: str) -> float:
+    """Return a duration."""
+    whole = 0.0
+    position = 0
+    while found := _PART.match(text, position):
+        if found[2] not in _UNITS:
+            raise _refusal(where, text, f"{found[2]!r} is none of {', '.join(_UNITS)}")
+        whole += float(found[1]) * _UNITS[found[2]]
+        position = found.end()
+    if position < len(text) or not position:
+        raise _refusal(where, text, _why(text[position:]))
+    if not 0.0 < whole < math.inf:
+        raise _refusal(where, text, "nothing is done in no time" if whole == 0.0 else "the number is not finite")
+    return whole
+
+
+def _why(rest: str) -> str:
+    """Return why what is left of a text is no duration."""
+    if _BARE.match(rest):
+        return f"{rest.strip()} without a unit could be anything"
+    return "time does not run backwards" if rest.lstrip().startswith("-") else f"{rest!r} is no number with a unit"
+
+
+def _refusal(where: str, text: str, why: str) -> InputError:
+    bare = _BARE.match(text)
+    remedy = (
+        f"write {bare[1]}s or {bare[1]}min" if bare else "write a number and h, min or s; leave it out for no limit"
+    )
+    return refuse(where, text or "nothing", _ALLOWED, why, remedy)
+
+
+RESULT = ".vtkhdf"
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A result file, or a case that is run once its response is asked for.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    overrides
+        Laid over the case.
+    """
+
+    path: Path
+    overrides: tuple[str, ...] = ()
+
+    @cached_property
+    def result(self) -> Result | None:
+        """The result file; None for a case."""
+        return read_result(self.path) if self.path.suffix == RESULT else None
+
+    @cached_property
+    def case(self) -> Case:
+        """The case, of a result that which it keeps."""
+        return load(self.path, self.overrides) if self.result is None else recalled_case(self.result)
+
+    @cached_property
+    def ready(self) -> Prepared:
+        """The case, ready to run."""
+        return prepare(self.case) if self.result is None else reopened(self.case, self.result)[0]
+
+    @cached_property
+    def response(self) -> Response:
+        """What the result holds, or what a run of the case gives."""
+        return _solved(self.ready) if self.result is None else self.result.response
+
+    @cached_property
+    def rigid(self) -> Response:
+        """The same with rigid members."""
+        return _solved(prepare(self.case, rigid=True))
+
+    @cached_property
+    def alone(self) -> CamSet | None:
+        """The cams of a file that has nothing else; None for a result, and for a case with its mechanism."""
+        if self.path.suffix == RESULT or holds_mechanism(self.path):
+            return None
+        return load_cams(self.path, self.overrides)
+
+    @property
+    def cams(self) -> Mapping[str, Cam]:
+        """Its cams, by name."""
+        return build_model(self.case).cams if self.alone is None else self.alone.cams
+
+    @property
+    def subject(self) -> str:
+        """What the case, or the file of cams, is called."""
+        return self.case.title if self.alone is None else self.alone.title or self.stem
+
+    @property
+    def stem(self) -> str:
+        """Name of the file without its endings."""
+        return self.path.name.partition(".")[0]
+
+    @property
+    def title(self) -> str:
+        """What the case is called, with its speed."""
+        return f"{self.case.record.title or self.stem}, {self.case.told_speed}"
+
+
+def _solved(ready: Prepared) -> Response:
+    with progress(ready.problem.steps) as bar:
+        response = solve(ready.problem, ready.scheme, save=ready.save, sinks=bar)
+    raise_if_interrupted(response.status)
+    return response
+
+
+def opened(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams: bool = False) -> list[Source]:
+    """Return the sources of some files; what cannot be read is refused before anything is computed.
+
+    Where `cams` are asked for, a file with cams alone will do.
+    """
+    if not paths:
+        raise refuse("command line", "no file", "one or more results (.vtkhdf) or cases (.toml)")
+    if overrides and any(path.suffix == RESULT for path in paths):
+        raise refuse("--set", overrides[0], "cases alone", "a result has been computed", "give the case, or run it")
+    found = [Source(path, tuple(overrides or ())) for path in paths]
+    for one in found:
+        _ = one.result or (cams and one.alone) or one.case
+    return found
+
+
+def named(sources: Sequence[Source]) -> dict[str, Source]:
+    """Return sources by what tells them apart: nothing for a single one, else file name, speed or number."""
+    if len(sources) == 1:
+        return {"": sources[0]}
+    speeds = ["" if one.alone else one.case.told_speed for one in sources]
+    return dict(zip(told_apart([one.stem for one in sources], speeds), sources, strict=True))
+
+
+def apart(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None:
+    """Refuse files that stand in each other's place, or in that of what the command reads, also to be overwritten."""
+    taken = {_real(path): "what is read" for path in read}
+    faults: list[Fault] = []
+    for option, path in written.items():
+        if path is None:
+            continue
+        if (other := taken.setdefault(_real(path), option)) != option:
+            why = "it would be lost" if other == "what is read" else "the one would replace the other"
+            faults.append(Fault(option, str(path), f"another file than {other}", why, "name another file"))
+    if faults:
+        raise InputError(faults)
+
+
+def free_targets(csv: Path | None, plot: Path | None, read: Path, *, overwrite: bool) -> None:
+    """Refuse a table and a picture that could not be written, before anything is computed."""
+    together(
+        lambda: apart({"--csv": csv, "--plot": plot}, [read]),
+        lambda: None if csv is None else free_to_write("output", csv, overwrite=overwrite),
+        lambda: free_picture(plot, overwrite),
+    )
+
+
+def _real(path: Path) -> str:
+    return os.path.realpath(path)

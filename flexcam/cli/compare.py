@@ -1,0 +1,122 @@
+"""The command that holds two models, cases or results against each other: compare."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from flexcam.analysis.comparison import between
+from flexcam.analysis.error_estimate import claims as fidelity_claims
+from flexcam.analysis.error_estimate import deviation, loaded_mode
+from flexcam.analysis.model_ladder import ladder
+from flexcam.analysis.preparation import prepare, scalar_probe
+from flexcam.analysis.run import run as solve_case
+from flexcam.case.case import Case
+from flexcam.cli.app import Json, Overrides, app, load, load_beams
+from flexcam.core.errors import did_you_mean, refuse
+from flexcam.core.units import RPM
+from flexcam.dynamics import Response, Status, raise_if_interrupted
+from flexcam.io import read_result
+from flexcam.report.model_tables import claim_table, comparison_json, comparison_table, comparison_words, couplings
+from flexcam.report.terminal import out, print_json
+
+
+@app.command(
+    help_prologue="""\
+flexcam compare case.toml
+flexcam compare case.toml --probe valve --set run.speed=4000rpm
+"""
+)
+def compare(
+    case: Annotated[Path, Parameter(help="Case file (TOML), or a result with --against another.")], *,
+    probe: str | None = None,
+    against: Annotated[
+        str | None, Parameter(help="Model of the ladder, other case, or result; rigid if absent.")
+    ] = None,
+    overrides: Overrides = None, as_json: Json = False,
+) -> Status:  # fmt: skip
+    """Compare the flexible mechanism with the rigid one at a probe, or any two models, cases or results.
+
+    Parameters
+    ----------
+    probe
+        Point or component to compare at; by default a rocker's point, else the first probe that a cam moves.
+    """
+    if against is not None:
+        return _two(case, against, probe, overrides, as_json)
+    read = load_beams(case, overrides)
+    at = probe or scalar_probe(prepare(read))
+    found = deviation(read, at)
+    published = any(contact.model == "published-load" for contact in read.record.contacts.values())
+    mode_hz = loaded_mode(read)[0] if published else None
+    claims = fidelity_claims(read, at, found) if read.record.paper and found.status.ok else []
+    if as_json:
+        print_json({
+            **comparison_json(found), "loaded_mode_hz": mode_hz,
+            "claims": [asdict(claim) for claim in claims],
+        })  # fmt: skip
+        return found.status
+    out().print(comparison_table(found, read.turns))
+    words = comparison_words(found, mode_hz)
+    for sentence in words + couplings(read):
+        out().print("\n" + sentence)
+    if claims:
+        out().print()
+        out().print(claim_table(claims))
+    return found.status
+
+
+def _two(case: Path, against: str, probe: str | None, overrides: Overrides, as_json: bool) -> Status:
+    """Compare two models of a case, two cases or two results."""
+    if case.suffix == _RESULT:
+        from flexcam.cli.arguments import Source
+
+        if overrides and Path(against).suffix == _RESULT:
+            why = "both have been computed"
+            raise refuse("--set", overrides[0], "a case among what is compared", why, "give the case, or leave it out")
+        one, read = read_result(case).response, None
+        at = probe or scalar_probe(Source(case).ready)
+    else:
+        read = load(case, overrides)
+        one, at = _whole(solve_case(read)), probe or scalar_probe(prepare(read))
+    other = _other(against, read, overrides)
+    found = between(one, other, at, _speed_rpm(one), (case.stem, Path(against).stem))
+    if as_json:
+        print_json({**comparison_json(found), "compared": list(found.names)})
+        return found.status
+    out().print(comparison_table(found))
+    for sentence in comparison_words(found, None):
+        out().print("\n" + sentence)
+    return found.status
+
+
+def _other(against: str, read: Case | None, overrides: Overrides) -> Response:
+    """Return what is compared with: a result, another case, or a model of the case's ladder."""
+    path = Path(against)
+    if path.suffix == _RESULT:
+        return read_result(path).response
+    if path.suffix == ".toml":
+        return _whole(solve_case(load(path, overrides)))
+    rungs = {} if read is None else {rung.name: rung for rung in ladder(read)}
+    if against not in rungs:
+        allowed = f"a case, a result, or one of {', '.join(rungs)}" if rungs else "a case or a result"
+        raise refuse("--against", repr(against), allowed, "", did_you_mean(against, list(rungs)))
+    return _whole(rungs[against].run())
+
+
+def _whole(response: Response) -> Response:
+    """Return a run that is compared with; a Ctrl-C in it ends the command."""
+    raise_if_interrupted(response.status)
+    return response
+
+
+def _speed_rpm(response: Response) -> float:
+    """Return the mean camshaft speed of a run, rpm."""
+    turned, passed = (float(one[-1] - one[0]) for one in (response.angle, response.time))
+    return turned / passed / RPM if passed > 0.0 else 0.0
+
+
+_RESULT = ".vtkhdf"

@@ -1,0 +1,168 @@
+"""The command line's frame: signals, refusals and exit codes around the commands of `cli`.
+
+Results go to standard output, messages to standard error. Exit codes: 0 done, 2 refused input, 3 the run failed,
+130 interrupted, 143 terminated, 70 a fault of flexcam itself.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import sys
+import tempfile
+import traceback
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from types import FrameType
+
+from cyclopts import CycloptsError
+
+from flexcam import __version__
+from flexcam.cli.app import app, running
+from flexcam.cli.registry import FILES, load
+from flexcam.core.errors import Fault, InputError
+from flexcam.dynamics import Cause, RunFailedError, Status
+from flexcam.report.terminal import note, print_json
+
+DONE, REFUSED, FAILED, FAULT, INTERRUPTED, TERMINATED = 0, 2, 3, 70, 130, 143
+
+
+def _ended(status: Status) -> int:
+    if status.ok:
+        return DONE
+    note(str(status))
+    return _signal_code() if status.cause is Cause.INTERRUPTED else FAILED
+
+
+def _refused(faults: Sequence[Fault], as_json: bool) -> int:
+    if as_json:
+        print_json({"status": "refused", "errors": [fault.as_dict() for fault in faults]})
+    else:
+        for fault in faults:
+            note(str(fault))
+    return REFUSED
+
+
+def _failed(status: Status, as_json: bool) -> int:
+    if as_json:
+        print_json({"status": str(status.cause), "message": status.text, "remedy": status.remedy})
+    return _ended(status)
+
+
+def _crashed(words: Sequence[str], as_json: bool) -> int:
+    with tempfile.NamedTemporaryFile(
+        "w", prefix="flexcam-crash-", suffix=".txt", delete=False, encoding="utf-8"
+    ) as file:
+        file.write(f"flexcam {__version__}\n{' '.join(words)}\n\n{traceback.format_exc()}")
+    message = f"a fault of flexcam itself; please report it with {file.name}"
+    if as_json:
+        print_json({"status": "fault", "message": message, "crash_file": file.name})
+    note(message)
+    return FAULT
+
+
+def _misspelt(words: Sequence[str], fault: CycloptsError) -> Fault:
+    """Return a command line that is none, in the words of this one."""
+    command = [word for word in words[:1] if any(word in commands for commands in FILES.values())]
+    why, remedy = str(fault), ""
+    if found := re.match(r'Command "[^"]+" parameter (--\S+) requires an argument', why):
+        option = found[1]
+        why = f"{option[2:].upper()} ({option}) is missing"
+        if option in words:
+            followed = words[words.index(option) + 1 :][:1]
+            why = f"{option} is followed by {followed[0] if followed else 'nothing'}"
+            remedy = f"a value that begins with - is written {option}={followed[0]}" if followed else ""
+    elif found := re.match(r"Unused Tokens: \[(.*)\]", why):
+        why = f"nothing takes {found[1]}"
+    return Fault(
+        "command line", " ".join(words) or "nothing", f"see {' '.join(['flexcam', *command])} --help", why, remedy
+    )
+
+
+_INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before it was finished: nothing is kept")
+
+
+def _on_signal(signum: int, frame: FrameType | None) -> None:
+    """Let a run end at its next step; stop anything else at once."""
+    del frame
+    running.signals.append(signum)
+    if not running.solving or len(running.signals) > 1:
+        raise KeyboardInterrupt
+
+
+def _signal_code() -> int:
+    return TERMINATED if signal.SIGTERM in running.signals else INTERRUPTED
+
+
+def _empty(words: Sequence[str]) -> list[Fault]:
+    """Return a fault per option of a file that is followed by an empty word, which Python takes for this folder."""
+    pairs = [*pairwise(words), *(tuple(word.partition("=")[::2]) for word in words if word.endswith("="))]
+    why, remedy = "such as by a variable of the shell that is not set", "name one, or leave the option out"
+    return [
+        Fault(one, "nothing", "a file or a folder", why, remedy) for one, other in pairs if one in _FILES and not other
+    ]
+
+
+_FILES = ("-o", "--output", "--csv", "--plot", "--spectrum", "--save", "--mac")
+"""Options that name one."""
+
+
+def _dispatch(words: Sequence[str]) -> int:
+    as_json = "--json" in words
+    if empty := _empty(words):
+        return _refused(empty, as_json)
+    try:
+        load(words)
+        status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
+        code = _ended(status) if isinstance(status, Status) else DONE
+    except CycloptsError as fault:
+        code = _refused([_misspelt(words, fault)], as_json)
+    except InputError as refusal:
+        code = _refused(refusal.faults, as_json)
+    except RunFailedError as failure:
+        code = _failed(failure.status, as_json)
+    except KeyboardInterrupt:
+        code = _failed(_INTERRUPTED, as_json)
+    except SystemExit:  # rich leaves so where the reader of a help went away
+        code = DONE
+    except OSError as fault:
+        if fault.filename is None:  # of standard output, full or without a reader
+            raise
+        code = _crashed(words, as_json)
+    except Exception:  # noqa: BLE001 - the one place where a fault of flexcam itself becomes a message
+        code = _crashed(words, as_json)
+    # A signal that arrived inside a finalizer was swallowed there; it still counts.
+    return _signal_code() if running.signals and code == DONE else code
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and leave the process with its exit code."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _on_signal)
+    _open_streams()
+    try:
+        code = _dispatch(list(sys.argv[1:] if arguments is None else arguments))
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader went away
+        code = DONE
+        _drop_output()
+    except OSError as fault:
+        note(f"output could not be written: {fault.strerror}; free space")
+        code = FAILED
+        _drop_output()
+    raise SystemExit(code)
+
+
+def _open_streams() -> None:
+    """Give a process that was started without standard streams, as by a daemon, some that lead nowhere."""
+    if sys.stdout is None:  # pyright: ignore[reportUnnecessaryComparison]
+        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the life of the process
+    if sys.stderr is None:  # pyright: ignore[reportUnnecessaryComparison]
+        sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
+
+
+def _drop_output() -> None:
+    """Lead standard output nowhere: Python would complain again when it closes it."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

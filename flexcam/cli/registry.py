@@ -1,0 +1,36 @@
+"""Which file defines which command, so that a command loads its own file only."""
+
+from collections.abc import Sequence
+from importlib import import_module
+
+from flexcam.cli.app import running
+
+FILES = {
+    "cams": ("cam", "lift"),
+    "cases": ("check", "modes"),
+    "compare": ("compare",),
+    "trade": ("trade",),
+    "files": ("export", "info", "schema"),
+    "laws": ("law", "laws"),
+    "limits": ("limits", "parting", "stability"),
+    "new": ("new",),
+    "plot": ("plot",),
+    "report": ("report",),
+    "run": ("run",),
+    "selftest": ("selftest",),
+    "settings": ("settings",),
+    "speeds": ("campbell", "orders"),
+    "studies": ("sensitivity", "optimize"),
+    "sweep": ("sweep",),
+    "synthesize": ("synthesize",),
+    "view": ("view",),
+}
+"""Files of this package and the commands that each defines."""
+
+
+def load(words: Sequence[str]) -> None:
+    """Load the file of the command that is called, or all of them where none is known by that name, as for help."""
+    running.command = words[0] if words else ""
+    called = [file for file, commands in FILES.items() if words and words[0] in commands]
+    for file in called or FILES:
+        import_module(f"flexcam.cli.{file}")

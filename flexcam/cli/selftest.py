@@ -1,0 +1,80 @@
+"""Tables of what an installation computes, and of what it consists."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+
+from rich.console import JustifyMethod
+from rich.table import Table
+
+from flexcam.analysis.selftest import Check, checks, installed
+from flexcam.cli.app import Json, app
+from flexcam.dynamics import Cause, Status
+from flexcam.report.formatting import or_none
+from flexcam.report.terminal import bare, facts, out, print_json
+
+
+def check_table(found: Sequence[Check]) -> Table:
+    """Return the checks."""
+    made = bare("What is computed, and what it must be")
+    for head, side in _HEADS:
+        made.add_column(head, justify=side)
+    for one in found:
+        numbers = (f"{one.reference:.8g} {one.unit}".removesuffix(" 1"), f"{one.computed:.8g}", f"{one.error:.1e}")
+        made.add_row(one.quantity, *numbers, f"{one.tolerance:.1e}", "passed" if one.passed else "FAILED", one.source)
+    return made
+
+
+_HEADS: tuple[tuple[str, JustifyMethod], ...] = (
+    ("quantity", "left"), ("reference", "right"), ("computed", "right"), ("error", "right"), ("tolerance", "right"),
+    ("verdict", "left"), ("source of the reference", "left"),
+)  # fmt: skip
+
+
+def installed_table(parts: Mapping[str, str]) -> Table:
+    """Return what is installed."""
+    return facts("What is installed", parts.items())
+
+
+def selftest_json(found: Sequence[Check], parts: Mapping[str, str], status: Status) -> dict[str, object]:
+    """Return checks and installation as one object."""
+    rows = [
+        {**asdict(one), "computed": or_none(one.computed), "error": or_none(one.error), "passed": one.passed}
+        for one in found
+    ]
+    return {
+        "status": str(status.cause), "message": status.text, "remedy": status.remedy, "checks": rows,
+        "installed": dict(parts),
+    }  # fmt: skip
+
+
+@app.command(
+    help_prologue="""\
+flexcam selftest
+flexcam selftest --json
+"""
+)
+def selftest(*, as_json: Json = False) -> Status:
+    """Check that this installation computes what it must: closed forms, published digits, and itself.
+
+    It takes some seconds, and half a minute where machine code is compiled for the first time. Exit code 3 if a check
+    fails.
+    """
+    found = list(checks())
+    failed = [one.quantity for one in found if not one.passed]
+    status = Status()
+    if failed:
+        text = f"{len(failed)} of {len(found)} checks are beyond their tolerance: {'; '.join(failed)}"
+        status = Status(
+            Cause.FAULT, text, "install again, in a new environment; if that does not help, please report it"
+        )
+    if as_json:
+        print_json(selftest_json(found, installed(), status))
+        return status
+    out().print(check_table(found))
+    out().print()
+    out().print(installed_table(installed()))
+    if status.ok:
+        out().print(f"\nAll {len(found)} checks passed")
+    return status

@@ -1,0 +1,726 @@
+"""Table of limits over two numbers of a case."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from itertools import compress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from cyclopts import Parameter
+from rich.table import Table
+
+from flexcam.analysis.limits import Search
+from flexcam.case.case import Case
+from flexcam.case.reader import CaseFile
+from flexcam.cli.app import (
+    AllowLarge,
+    Json,
+    Overrides,
+    Overwrite,
+    Picture,
+    app,
+    bracket,
+    free_picture,
+    speed_range,
+    tell_unused,
+)
+from flexcam.cli.app import CaseFile as CasePath
+from flexcam.cli.arguments import Answer, apart, free_targets, write_answer
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.core.units import shaft_name
+from flexcam.dynamics import Cause, RunFailedError, Status, raise_if_interrupted
+from flexcam.io import free_to_write, write_text
+from flexcam.report.formatting import Told, csv_of, fixed, or_none, shown
+from flexcam.report.terminal import counting, facts, table
+from flexcam.studies.axes import Axis, axis
+from flexcam.studies.evaluation import Row
+from flexcam.studies.evaluators import Kept, Points, Runs, Variable, case_text, column, evaluators, variables_of
+from flexcam.studies.evaluators import evaluators as study_evaluators
+from flexcam.studies.limit_map import LimitMap, grid_plan, limit_map
+from flexcam.studies.objective import Goal, active, constraints_of, feasible, value_of
+from flexcam.studies.optimization import Design, Evaluations, front, pareto
+from flexcam.studies.optimization import optimize as study_optimize
+from flexcam.studies.quantities import Quantity, check_names, frequency_number, measured
+from flexcam.studies.sensitivity import (
+    STEPS,
+    Sensitivity,
+    SobolIndices,
+    checked_count,
+    numbers_of,
+    sensitivities,
+    sobol_indices,
+)
+from flexcam.studies.sweep import afford_case, validated
+from flexcam.studies.tolerance_analysis import QUANTILES, Scatter, sampled, scatters_of, spread
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def told_limit_map(found: LimitMap, shaft: str) -> Told:
+    """Return a map of limits as tables."""
+    first, second = found.axes
+    tables = [
+        table(
+            f"{name.replace('_', ' ')}, {shaft} rpm; along: {axis_words(second)}",
+            (axis_words(first), *(shown(value.number or 0.0) for value in second.values)),
+            [
+                (shown(value.number or 0.0), *(shown(x) for x in row))
+                for value, row in zip(first.values, rpm.tolist(), strict=True)
+            ],
+        )
+        for name, rpm in found.rpm.items()
+    ]
+    gaps = sum(not status.ok for status in found.statuses)
+    words = (
+        ["A dash: not met in the range looked at."] if any(_gaps(rpm.tolist()) for rpm in found.rpm.values()) else []
+    )
+    if gaps:
+        failed = next(status for status in found.statuses if not status.ok)
+        words.append(f"{gaps} variants have no numbers; the first: {failed}")
+    head = (axis_words(first), axis_words(second), *(f"{name} [{shaft} rpm]" for name in found.rpm), "status")
+    rows = [
+        (one.number or 0.0, other.number or 0.0, *(float(rpm[i, j]) for rpm in found.rpm.values()),
+         str(found.statuses[i * len(second.values) + j].cause))
+        for i, one in enumerate(first.values)
+        for j, other in enumerate(second.values)
+    ]  # fmt: skip
+    json = {
+        "shaft": shaft,
+        "over": {"key": first.key, "unit": first.unit, "values": [value.number for value in first.values]},
+        "and": {"key": second.key, "unit": second.unit, "values": [value.number for value in second.values]},
+        "limits_rpm": {name: [[or_none(x) for x in row] for row in rpm.tolist()] for name, rpm in found.rpm.items()},
+        "statuses": [str(status.cause) for status in found.statuses],
+    }
+    return Told(tables, words, json, csv_of(head, rows))
+
+
+def axis_words(axis: Axis) -> str:
+    """Return what stands along an axis."""
+    return f"{axis.key}, {axis.unit}" if axis.unit else axis.key
+
+
+def _gaps(rows: list[list[float]]) -> bool:
+    return any(math.isnan(x) for row in rows for x in row)
+
+
+def map_limits(
+    path: Path, overrides: Overrides, settings: tuple[str | None, str | None], names: Sequence[str], search: Search,
+    workers: int, csv: Path | None, plot: Path | None, *, overwrite: bool, as_json: bool,
+) -> Status:  # fmt: skip
+    """Map limits over two numbers of a case."""
+    over, beside = settings
+    if over is None or beside is None:
+        given = "--over alone" if over else "--and alone" if beside else "--limit, --workers, --csv or --plot alone"
+        raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "they belong to a map over two numbers")
+    free_targets(csv, plot, path, overwrite=overwrite)
+    file = CaseFile.opened(path)
+    plan = grid_plan(_axis("--over", over), _axis("--and", beside), overrides or ())
+    case = validated(file, plan)
+    shaft = shaft_name(case.turns)
+    asked = [f"limits.{name}" for name in names]
+    with (
+        counting(len(plan), "variants") as shown,
+        evaluators(file, (), asked, search, workers=workers, runs=len(plan), advance=shown) as runs,
+    ):
+        kept = Kept(runs)
+        found = limit_map(plan, names, kept).told_in(case)
+
+    def draw() -> Figure:
+        from flexcam.plotting.study_curves import map_figure
+
+        first, second = (np.array([value.number for value in one.values]) for one in found.axes)
+        labels = [axis_words(one) for one in found.axes]
+        return map_figure(second, first, found.rpm, (labels[1], labels[0]), shaft)
+
+    write_answer((told_limit_map(found, shaft), draw), csv, plot, kept.status, overwrite=overwrite, as_json=as_json)
+    return kept.status
+
+
+def _axis(option: str, setting: str) -> Axis:
+    key, equals, spec = setting.partition("=")
+    if not equals:
+        raise refuse(option, repr(setting), f"{option} KEY=SPEC, such as springs.valve.stiffness=40:70:5kN/m")
+    if key.strip() in ("run.speed", "run.crank_speed"):
+        why = "a limit is a speed, looked for from --lowest to --highest: that of the case has no part in it"
+        raise refuse(option, key.strip(), "another number of the case", why, "vary a part")
+    return axis(key.strip(), spec, where=f"{option} {setting}")
+
+
+def told_derivatives(found: Sequence[Sensitivity]) -> Told:
+    """Return derivatives as tables."""
+    names = list(dict.fromkeys(one.scalar for one in found))
+    tables = [_derivatives(name, [one for one in found if one.scalar == name]) for name in names]
+    words = [f"{one.scalar} by {one.by.key}: {one.note}" for one in found if one.note]
+    head = ("scalar", "unit", "value", "key", "key unit", "key value", "derivative", "error", "logarithmic", "smooth")
+    rows = [
+        (one.scalar, one.unit, one.value, one.by.key, one.by.unit, one.by.value, one.derivative,
+         math.nan if one.error is None else one.error, one.logarithmic, one.smooth)
+        for one in found
+    ]  # fmt: skip
+    return Told(tables, words, {"derivatives": [_json(one) for one in found]}, csv_of(head, rows))
+
+
+def _derivatives(name: str, found: Sequence[Sensitivity]):  # noqa: ANN202 - a table of rich
+    ordered = sorted(found, key=lambda one: -abs(one.logarithmic) if not math.isnan(one.logarithmic) else math.inf)
+    rows = [
+        (one.by.key, f"{shown(one.by.value)} {one.by.unit}".strip(), f"{shown(one.derivative)} {_per(one)}".strip(),
+         "analytic" if one.error is None and not math.isnan(one.derivative) else shown(_error(one), 2),
+         _percent(one.logarithmic), "" if one.smooth else _doubt(one))
+        for one in ordered
+    ]  # fmt: skip
+    title = f"{name} = {shown(found[0].value)} {_unit(found[0])}".rstrip()
+    return table(title, ("by", "at", "derivative", "error", "% per %", ""), rows)
+
+
+def _unit(one: Sensitivity) -> str:
+    """Return the unit of what was asked for; nothing for a plain number."""
+    return "" if one.unit == "1" else one.unit
+
+
+def _per(one: Sensitivity) -> str:
+    """Return the unit of a derivative."""
+    return f"{_unit(one)} per {one.by.unit}" if one.by.unit else _unit(one)
+
+
+def _error(one: Sensitivity) -> float:
+    return math.nan if one.error is None else one.error
+
+
+def _doubt(one: Sensitivity) -> str:
+    if math.isnan(one.derivative):
+        return "not known"
+    return "equal frequencies" if one.error is None else "not smooth"
+
+
+def _percent(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:+.4f}"
+
+
+def _json(one: Sensitivity) -> dict[str, object]:
+    return {
+        "scalar": one.scalar, "unit": one.unit, "value": or_none(one.value), "key": one.by.key,
+        "key_unit": one.by.unit, "key_value": one.by.value, "derivative": or_none(one.derivative),
+        "error": None if one.error is None else or_none(one.error), "logarithmic": or_none(one.logarithmic),
+        "analytic": one.error is None and not math.isnan(one.derivative), "smooth": one.smooth, "note": one.note,
+    }  # fmt: skip
+
+
+def told_shares(names: Sequence[str], variables: Sequence[Variable], found: Sequence[SobolIndices]) -> Told:
+    """Return Sobol indices as tables."""
+    keys = [one.key for one in variables]
+    tables = [
+        table(
+            f"Shares of the variance of {name} (standard deviation {shown(math.sqrt(one.variance))})",
+            ("by", "interval", "alone", "95 %", "with others", "95 %"),
+            [
+                (key, f"{variable.low:g} to {variable.high:g} {variable.unit}", f"{one.first[i]:.3f}",
+                 _interval(one.first_interval[:, i]), f"{one.total[i]:.3f}", _interval(one.total_interval[:, i]))
+                for i, (key, variable) in enumerate(zip(keys, variables, strict=True))
+            ],
+        )
+        for name, one in zip(names, found, strict=True)
+    ]  # fmt: skip
+    words = [
+        f"{name}: {one.used} of {one.asked} base points count: others failed, or their number is no power of 2"
+        for name, one in zip(names, found, strict=True)
+        if one.used < one.asked
+    ]
+    rows = [
+        (name, key, float(one.first[i]), *one.first_interval[:, i].tolist(), float(one.total[i]),
+         *one.total_interval[:, i].tolist())
+        for name, one in zip(names, found, strict=True)
+        for i, key in enumerate(keys)
+    ]  # fmt: skip
+    head = ("scalar", "key", "first", "first_low", "first_high", "total", "total_low", "total_high")
+    json = {
+        name: {
+            "variance": one.variance, "used": one.used, "asked": one.asked,
+            "indices": [dict(zip(head[1:], row[1:], strict=True)) for row in rows if row[0] == name],
+        }
+        for name, one in zip(names, found, strict=True)
+    }  # fmt: skip
+    return Told(tables, words, {"sobol": json}, csv_of(head, rows))
+
+
+def _interval(ends: FloatArray) -> str:
+    return f"{ends[0]:.3f} to {ends[1]:.3f}"
+
+
+def _stands(middle: Mapping[str, Quantity], name: str) -> float:
+    return middle[name].value if name in middle else math.nan
+
+
+def told_scatter(
+    names: Sequence[str],
+    scatters: Sequence[Scatter],
+    parts: FloatArray,
+    rows: Sequence[Row],
+    middle: Mapping[str, Quantity],
+) -> Told:
+    """Return the scatter of scalars as a table."""
+    values = np.column_stack([column(rows, name) for name in names])
+    units = {name: one.unit for name, one in middle.items()}
+    units |= {
+        name: next((row.units[name] for row in rows if name in row.units), "") for name in names if name not in units
+    }
+    found = {name: spread(parts, values[:, i]) for i, name in enumerate(names)}
+    told = [
+        (name, units[name], shown(_stands(middle, name)), shown(one.mean), shown(one.deviation, 4),
+         *(shown(one.quantiles[part]) for part in QUANTILES), str(one.missing))
+        for name, one in found.items()
+    ]  # fmt: skip
+    head = ("scalar", "unit", "as it stands", "mean", "std", *(f"{part:.0%}" for part in QUANTILES), "missing")
+    ranks = [(one.key, *(shown(float(found[name].ranks[i]), 3) for name in names)) for i, one in enumerate(scatters)]
+    tables = [
+        table(f"Scatter over {len(parts)} sets of parts", head, told),
+        table("Rank correlation with each part: which it follows, and which way", ("part", *names), ranks),
+    ]
+    words = [
+        f"{name}: {one.missing} sets have no number: their run failed, or the limit is not met in the range looked at"
+        for name, one in found.items()
+        if one.missing
+    ]
+    keys = [one.key for one in scatters]
+    columns = (*keys, *names, "status")
+    body = [
+        (*point, *value, str(row.status.cause))
+        for point, value, row in zip(parts.tolist(), values.tolist(), rows, strict=True)
+    ]
+    json = {
+        name: {
+            "unit": units[name], "value": or_none(_stands(middle, name)), "mean": or_none(one.mean),
+            "std": or_none(one.deviation), "missing": one.missing, "count": len(parts),
+            "quantiles": {f"{part:g}": or_none(value) for part, value in one.quantiles.items()},
+            "rank_correlation": {key: or_none(x) for key, x in zip(keys, one.ranks.tolist(), strict=True)},
+        }
+        for name, one in found.items()
+    }  # fmt: skip
+    return Told(tables, words, {"scatter": json}, csv_of(columns, body))
+
+
+_ROUNDING = 1e-9
+"""Part of a bound by which a value may miss it."""
+
+_NEAR = 0.01
+"""Part of the intervals within which a variant that passes a bound says that the bound decides."""
+
+
+def told_optimum(design: Design, found: Evaluations) -> Told:
+    """Return the best variant as tables."""
+    best = found.best
+    at = found.nearest if best is None else best
+    goal, row = design.goals[0], found.rows[at]
+    head = (
+        f"Best of {len(found.rows)} variants" if best is not None else "Nearest to all bounds, which no variant meets"
+    )
+    rows = [(goal.words, f"{shown(value_of(row, goal.name))} {_unit_optimum(row.units, goal.name)}".strip())]
+    point = zip(design.points.variables, found.points[at].tolist(), strict=True)
+    rows += [(f"--set {one.key}", f"{shown(x)}{one.unit}") for one, x in point]  # every digit: --json, --csv, -o
+    tables = [facts(head, rows)]
+    if design.bounds:
+        tables.append(_bounds(design, found, at))
+    words = [_ends(design, found, at), _failed(found)]
+    json = {"best": None if best is None else _variant(design, found, best), "nearest": _variant(design, found, at),
+            "evaluations": len(found.rows), "failed": _failures(found)}  # fmt: skip
+    return Told(tables, [one for one in words if one], json, _csv(design, found))
+
+
+def told_front(design: Design, found: Evaluations) -> Told:
+    """Return a front as a table."""
+    best = front(found)
+    names = [goal.name for goal in design.goals]
+    head = (*(f"{goal.words}, {design.unit(goal.name, found.rows)}".rstrip(", ") for goal in design.goals),
+            *(_key(one.key, one.unit) for one in design.points.variables))  # fmt: skip
+    rows = [
+        (*(shown(value_of(found.rows[i], name)) for name in names), *(shown(x) for x in found.points[i].tolist()))
+        for i in best
+    ]
+    title = f"Front of {len(found.rows)} variants: no other is better in both"
+    told = table(title if rows else "No variant that was evaluated is within all bounds", head, rows)
+    json = {"front": [_variant(design, found, i) for i in best], "evaluations": len(found.rows),
+            "failed": _failures(found)}  # fmt: skip
+    return Told([told], [one for one in [_failed(found)] if one], json, _csv(design, found))
+
+
+def _key(key: str, unit: str) -> str:
+    return f"{key}, {unit}" if unit else key
+
+
+def _unit_optimum(units: Mapping[str, str], name: str) -> str:
+    unit = units.get(name, "")
+    return "" if unit == "1" else unit
+
+
+def _bounds(design: Design, found: Evaluations, at: int) -> Table:
+    row, passed = found.rows[at], found.violations[at]
+    rows = [
+        (
+            one.words,
+            f"{shown(value_of(row, one.name))} {_unit_optimum(row.units, one.name)}".strip(),
+            _closeness(float(passed[i]), found.outside(at, i)),
+            _step(found.outside(at, i)),
+        )
+        for i, one in enumerate(design.bounds)
+    ]
+    return table("Bounds", ("subject to", "is", "how close", "first passed, in the intervals"), rows)
+
+
+def _closeness(passed: float, outside: float) -> str:
+    if passed > _ROUNDING:
+        return f"passed by {fixed(100.0 * passed, 2)} %"
+    return f"decides: {-passed:.2%} away" if active(passed) or outside <= _NEAR else f"{-passed:.1%} away"
+
+
+def _step(outside: float) -> str:
+    return "nowhere" if math.isinf(outside) else f"{outside:.2%} on"
+
+
+def _ends(design: Design, found: Evaluations, at: int) -> str:
+    """Return which intervals end where the best variant is: a wider one may have a better."""
+    met = [
+        one.key
+        for one, value in zip(design.points.variables, found.points[at].tolist(), strict=True)
+        if min(value - one.low, one.high - value) <= 0.01 * (one.high - one.low)
+    ]
+    return f"At an end of its interval: {', '.join(met)}; beyond it there may be a better variant." if met else ""
+
+
+def _failures(found: Evaluations) -> int:
+    return sum(not row.status.ok for row in found.rows)
+
+
+def _failed(found: Evaluations) -> str:
+    failed = [row.status for row in found.rows if not row.status.ok]
+    if not failed:
+        return ""
+    return f"{len(failed)} variants have no numbers and count as outside every bound; the first: {failed[0]}"
+
+
+def _variant(design: Design, found: Evaluations, i: int) -> dict[str, object]:
+    row = found.rows[i]
+    names = [*(goal.name for goal in design.goals), *(one.name for one in design.bounds)]
+    return {
+        "overrides": list(design.points.overrides(found.points[i])),
+        "values": {name: or_none(value_of(row, name)) for name in names},
+        "units": {name: row.units.get(name, "") for name in names},
+        "bounds": [
+            {"bound": one.words, "slack": or_none(-float(x)), "outside": or_none(found.outside(i, k)),
+             "active": active(float(x)) or found.outside(i, k) <= _NEAR}
+            for k, (one, x) in enumerate(zip(design.bounds, found.violations[i].tolist(), strict=False))
+        ],
+    }  # fmt: skip
+
+
+def _csv(design: Design, found: Evaluations) -> str:
+    """Return every evaluation in its order."""
+    names = list(dict.fromkeys([*(goal.name for goal in design.goals), *(one.name for one in design.bounds)]))
+    head = [*(_key(one.key, one.unit) for one in design.points.variables), *names, "within all bounds", "status"]
+    inside = feasible(found.violations).tolist()
+    rows: list[Sequence[object]] = [
+        (*point, *(value_of(row, name) for name in names), "yes" if good else "no", str(row.status.cause))
+        for point, row, good in zip(found.points.tolist(), found.rows, inside, strict=True)
+    ]
+    return csv_of(head, rows)
+
+
+def goal_history(found: Evaluations) -> list[float]:
+    """Return the best goal so far after every evaluation, for a picture."""
+    best, told = math.inf, list[float]()
+    for cost, good in zip(found.costs[:, 0].tolist(), feasible(found.violations).tolist(), strict=True):
+        best = min(best, cost) if good else best
+        told.append(math.nan if math.isinf(best) else best)
+    return told
+
+
+Names = Annotated[
+    list[str],
+    Parameter("--of", negative=(), help="What is asked for: a scalar of a run, frequency.1, limits.loss_of_contact."),
+]
+Csv = Annotated[Path | None, Parameter("--csv", help="Also write the table here.")]
+Seed = Annotated[int, Parameter("--seed", help="Of what is sampled: the same seed gives the same points.")]
+WorkerCount = Annotated[int, Parameter("--workers", help="Processes that evaluate variants.")]
+Lowest = Annotated[str | None, Parameter("--lowest", help="Speed from which limits are looked for.")]
+Highest = Annotated[str | None, Parameter("--highest", help="Speed up to which limits are looked for.")]
+Within = Annotated[str, Parameter("--within", help="Width of the bracket of limits.")]
+
+
+@app.command(
+    help_prologue="""\
+flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness --to masses.valve.mass
+flexcam sensitivity case.toml --of contacts.intake.force.largest --to springs.valve.stiffness --relative-step 0.02
+flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness=30:60kN/m --to masses.valve.mass=80:100g --sobol 256
+flexcam sensitivity case.toml --of limits.loss_of_contact --tolerance springs.valve.stiffness=±5% --count 100 --plot scatter.svg
+"""  # noqa: E501 - a command to a line
+)
+def sensitivity(
+    case: CasePath, *,
+    names: Names,
+    keys: Annotated[
+        list[str] | None, Parameter("--to", negative=(), help="Key of a number; with --sobol KEY=LOW:HIGHunit.")
+    ] = None,
+    relative_step: Annotated[
+        float | None, Parameter(help="Part of each number by which responses are differenced; 0.01 by default.")
+    ] = None,
+    sobol: Annotated[int | None, Parameter("--sobol", help="Sobol indices; base points, a power of 2.")] = None,
+    tolerances: Annotated[
+        list[str] | None,
+        Parameter("--tolerance", negative=(), help="Scatter of parts: KEY=±2%, KEY=±0.05mm, KEY=normal:±2%."),
+    ] = None,
+    count: Annotated[int | None, Parameter("--count", help="Sets of scattered parts; 100 by default.")] = None,
+    seed: Annotated[int | None, Parameter(help="Of --sobol and --tolerance; 0 by default.")] = None,
+    workers: WorkerCount = 1,
+    lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
+    csv: Csv = None, plot: Picture = None,
+    overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
+) -> Status:  # fmt: skip
+    """Tell how scalars follow the numbers of a case: derivatives, shares of their variance, or the scatter of parts."""
+    free_targets(csv, plot, case, overwrite=overwrite)
+    if (sobol is not None) + (tolerances is not None) > 1:
+        raise refuse("--sobol", "--sobol and --tolerance", "one of them", "they are two questions")
+    if (tolerances is not None) == (keys is not None):
+        given = "both --to and --tolerance" if keys else "neither --to nor --tolerance"
+        raise refuse("sensitivity", given, "--to KEY, or --tolerance KEY=±SPEC")
+    _ignored("--count", count, "--tolerance", wanted=tolerances is not None)
+    _ignored("--seed", seed, "--sobol or --tolerance", wanted=tolerances is not None or sobol is not None)
+    _ignored("--relative-step", relative_step, "derivatives", wanted=tolerances is None and sobol is None)
+    asked = _Asked(
+        case, overrides, names, lowest, highest, within, option="--of", workers=workers, allow_large=allow_large
+    )
+    if tolerances is not None:
+        answer, ended = _scatter(asked, tolerances, 100 if count is None else count, seed or 0, workers)
+    elif sobol is not None:
+        answer, ended = _shares(asked, keys or [], sobol, seed or 0, workers)
+    else:
+        answer, ended = _derivatives_studies(
+            asked, keys or [], 0.01 if relative_step is None else relative_step, workers
+        )
+    write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json)
+    return ended
+
+
+def _ignored(option: str, given: object, belongs: str, *, wanted: bool) -> None:
+    """Refuse an option that would change nothing."""
+    if given is not None and not wanted:
+        raise refuse(option, str(given), f"{option} with {belongs} only", "it would be ignored", "leave it out")
+
+
+class _Asked:
+    """A case and what is asked of it, as the options say."""
+
+    def __init__(
+        self, path: Path, overrides: Sequence[str] | None, names: Sequence[str],
+        lowest: str | None, highest: str | None, within: str, *, option: str, workers: int, allow_large: bool,
+    ) -> None:  # fmt: skip
+        self.file, self.fixed = CaseFile.opened(path), tuple(overrides or ())
+        self.case = self.file.read(self.fixed)
+        tell_unused(self.fixed, self.case)
+        self.names = tuple(dict.fromkeys(names))
+        of_limits = any(name.startswith("limits.") for name in names)
+        for end, given in (("--lowest", lowest), ("--highest", highest)):
+            _ignored(end, given, "limits.NAME", wanted=of_limits)
+        self.search = search_of(self.case, lowest, highest, within)
+        check_names(self.case, self.names, option)
+        if not allow_large and any(frequency_number(name) is None for name in names):
+            afford_case(self.case, together=workers)
+
+    def checked(self, count: int) -> dict[str, Quantity]:
+        """Return what is asked of the case as it stands, one of so many variants; unknown names are refused."""
+        try:
+            return measured(self.case, self.names, self.search, count)
+        except RunFailedError as failure:
+            raise_if_interrupted(failure.status)
+            raise
+
+    @contextmanager
+    def evaluators(self, count: int, workers: int, names: Sequence[str] | None = None) -> Generator[Runs]:
+        """Give what evaluates about so many variants, and show how many are finished."""
+        asked = self.names if names is None else names
+        with (
+            counting(count if asked else 0, "variants") as shown,
+            study_evaluators(
+                self.file, self.fixed, asked, self.search, workers=workers, runs=count, advance=shown
+            ) as runs,
+        ):
+            yield runs
+
+
+def search_of(case: Case, lowest: str | None, highest: str | None, within: str) -> Search:
+    """Return where limits are looked for; from half to twice the case's speed by default."""
+    low, high = speed_range(lowest, highest, 2, case.speed, case.turns, most=2.0)
+    return Search(low, high, bracket("--within", within, case.turns))
+
+
+def _derivatives_studies(asked: _Asked, keys: list[str], relative_step: float, workers: int) -> tuple[Answer, Status]:
+    responses = [name for name in asked.names if not frequency_number(name)]
+    numbers_of(asked.case, keys)
+    count = 1 + len(STEPS) * len(keys)
+    asked.checked(count)
+    with asked.evaluators(count, workers, responses) as runs:
+        kept = Kept(runs)
+        found = sensitivities(asked.file, asked.fixed, asked.names, keys, kept, relative_step=relative_step)
+
+    def draw() -> Figure:
+        from flexcam.plotting.study_curves import bars_figure
+
+        known = [one for one in found if not math.isnan(one.logarithmic)]
+        groups = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in asked.names}
+        return bars_figure(groups, "percent per percent")
+
+    return (told_derivatives(found), draw), kept.status
+
+
+def _shares(asked: _Asked, keys: list[str], count: int, seed: int, workers: int) -> tuple[Answer, Status]:
+    variables = variables_of(asked.case, keys, "--to")
+    checked_count(count)
+    asked.checked(count)
+    low, high = (np.array([getattr(one, end) for one in variables]) for end in ("low", "high"))
+    with asked.evaluators(count * (len(variables) + 2), workers) as runs:
+        kept = Kept(runs)
+        points = Points(asked.case, variables, kept)
+
+        def values(parts: FloatArray) -> FloatArray:
+            rows = points.rows(low + parts * (high - low))
+            if kept.stopped and kept.done < _FEWEST * (len(variables) + 2):
+                raise KeyboardInterrupt  # of one base point there are no shares
+            return np.column_stack([column(rows, name) for name in asked.names])
+
+        found = sobol_indices(values, len(variables), count, seed=seed)
+
+    def draw() -> Figure:
+        from flexcam.plotting.study_curves import bars_figure
+
+        keyed = [one.key for one in variables]
+        pairs = list(zip(asked.names, found, strict=True))
+        groups = {name: dict(zip(keyed, one.total.tolist(), strict=True)) for name, one in pairs}
+        return bars_figure(
+            groups, "share of the variance, with others", {name: one.total_interval for name, one in pairs}
+        )
+
+    return (told_shares(asked.names, variables, found), draw), kept.status
+
+
+_FEWEST = 2
+"""Base points that shares of a variance ask for."""
+
+
+def _scatter(asked: _Asked, tolerances: list[str], count: int, seed: int, workers: int) -> tuple[Answer, Status]:
+    scatters = scatters_of(asked.case, tolerances)
+    parts = sampled(scatters, count, seed)
+    middle = asked.checked(count)
+    variables = tuple(Variable(one.key, one.middle - one.half, one.middle + one.half) for one in scatters)
+    with asked.evaluators(count, workers) as runs:
+        kept = Kept(runs)
+        every = Points(asked.case, variables, kept).rows(parts)
+    run = [row.status.cause is not Cause.INTERRUPTED for row in every]
+    rows, parts = list(compress(every, run)), parts[run]
+
+    def draw() -> Figure:
+        from flexcam.plotting.study_curves import scatter_figure
+
+        values = {name: column(rows, name) for name in asked.names}
+        units = {name: row.units[name] for row in rows for name in row.units}
+        known = {name: one[~np.isnan(one)] for name, one in values.items()}
+        return scatter_figure(known, units, {name: one.value for name, one in middle.items()})
+
+    return (told_scatter(asked.names, scatters, parts, rows, middle), draw), kept.status
+
+
+@app.command(
+    help_prologue="""\
+flexcam optimize case.toml --vary springs.valve.stiffness=30:90kN/m --vary springs.valve.installed_force=300:900N \\
+    --least springs.valve.force.largest --subject 'contacts.intake.open_on_the_lift <= 0' --set run.crank_speed=6500rpm
+flexcam optimize case.toml --vary cams.intake.rise=60:90deg --least cams.intake.deceleration --most cams.intake.area
+"""
+)
+def optimize(
+    case: CasePath, *,
+    vary: Annotated[list[str], Parameter("--vary", negative=(), help="A number and its interval: KEY=LOW:HIGHunit.")],
+    least: Annotated[list[str] | None, Parameter("--least", negative=(), help="What is to be small.")] = None,
+    most: Annotated[list[str] | None, Parameter("--most", negative=(), help="What is to be large.")] = None,
+    subject: Annotated[
+        list[str] | None, Parameter("--subject", negative=(), help="A bound: 'NAME <= VALUE' or 'NAME >= VALUE'.")
+    ] = None,
+    evaluations: Annotated[int, Parameter(help="About how many variants may be run.")] = 200,
+    seed: Seed = 0, workers: WorkerCount = 1,
+    lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
+    target: Annotated[Path | None, Parameter(["-o", "--output"], help="Case file (.toml) of the best variant.")] = None,
+    csv: Csv = None, plot: Picture = None,
+    overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
+) -> Status:  # fmt: skip
+    """Find the best variant of a case within bounds; of two goals, those of which none is better in both."""
+    apart({"--output": target, "--csv": csv, "--plot": plot}, [case])
+    free_picture(plot, overwrite)
+    for path in (csv, target):
+        if path is not None:
+            free_to_write("output", path, overwrite=overwrite)
+    if target is not None and target.suffix != ".toml":
+        raise refuse("--output", str(target), "a name that ends in .toml", "it is a case file")
+    goals = (*(Goal(name) for name in least or ()), *(Goal(name, most=True) for name in most or ()))
+    if len(goals) not in (1, 2):
+        raise refuse("goals", f"{len(goals)} of --least and --most", "one, or two for a front")
+    if len({goal.name for goal in goals}) < len(goals):
+        why = "of one quantity there is no front: every variant would be on it"
+        raise refuse("--least, --most", f"{goals[0].name} twice", "two different quantities", why, "leave one out")
+    bounds = constraints_of(subject or ())
+    names = [*(goal.name for goal in goals), *(bound.name for bound in bounds)]
+    options = "--least, --most or --subject"
+    asked = _Asked(
+        case, overrides, names, lowest, highest, within, option=options, workers=workers, allow_large=allow_large
+    )
+    variables = variables_of(asked.case, vary, "--vary")
+    with suppress(RunFailedError):  # a case that fails as it stands may have better variants
+        asked.checked(evaluations)
+    with asked.evaluators(evaluations, workers) as runs:
+        points = Points(asked.case, variables, runs)
+        search = study_optimize if len(goals) == 1 else pareto
+        design = Design(points, goals, bounds)
+        found = search(design, evaluations=evaluations, seed=seed)
+    best = found.best
+    written: list[Path] = []
+    if target is not None and best is not None:
+        _write_best(asked, points.overrides(found.points[best]), target, overwrite=overwrite)
+        written.append(target)
+    one = len(goals) == 1
+    told = told_optimum(design, found) if one else told_front(design, found)
+    ended = _stopped(len(found.rows), evaluations) if found.stopped else Status()
+    drawn = told, lambda: _drawn(design, found)
+    write_answer(drawn, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
+    if not ended.ok:
+        return ended
+    return ended if best is not None else _NOTHING
+
+
+def _stopped(done: int, evaluations: int) -> Status:
+    """Return how a search ended that was stopped: what it had found is told and written."""
+    text = f"stopped by the user after {done} of about {evaluations} variants; what is told is the best of these"
+    return Status(Cause.INTERRUPTED, text, "the same command with the same --seed finds these again, and goes on")
+
+
+def _drawn(design: Design, found: Evaluations) -> Figure:
+    """Return the picture of a search: progress of one goal, or the front of two."""
+    from flexcam.plotting.study_curves import front_figure, progress_figure
+
+    inside = feasible(found.violations)
+    signs = np.array([-1.0 if goal.most else 1.0 for goal in design.goals])
+    labels = [f"{goal.name}, {design.unit(goal.name, found.rows)}".rstrip(", ") for goal in design.goals]
+    if len(design.goals) == 1:
+        best = np.array(goal_history(found))
+        return progress_figure(signs[0] * found.costs[:, 0], inside, signs[0] * best, labels[0])
+    return front_figure(found.costs * signs, inside, front(found), (labels[0], labels[1]))
+
+
+_NOTHING = Status(
+    Cause.TOLERANCE, "no variant that was evaluated is within all bounds", "widen the intervals, or loosen a bound"
+)
+
+
+def _write_best(asked: _Asked, best: Sequence[str], target: Path, *, overwrite: bool) -> None:
+    case = asked.file.read((*asked.fixed, *best))
+    told = (f"The best variant of {asked.file.path.name}:", *(f"  --set {one}" for one in (*asked.fixed, *best)))
+    write_text(target, case_text(case, target, told), overwrite=overwrite)

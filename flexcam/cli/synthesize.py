@@ -1,0 +1,371 @@
+"""Tables about laws and lifts that were found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+from rich.table import Table
+
+from flexcam import __version__
+from flexcam.analysis.cam_design import HarmonicCam, PolydyneCam, harmonic_cam, polydyne_cam, polydyne_of
+from flexcam.analysis.cam_report import CamSet, load_cams
+from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesized, event_extremes, minimax, pareto
+from flexcam.case.reader import holds_mechanism
+from flexcam.cli.app import Json, Overrides, Overwrite, Picture, app, free_picture, load, quantity
+from flexcam.cli.arguments import apart
+from flexcam.cli.cams import CamName
+from flexcam.core import FloatArray
+from flexcam.core.errors import positive, refuse
+from flexcam.core.units import RPM, parse
+from flexcam.io import free_to_write, made_folder, write_law, write_lift
+from flexcam.report.formatting import NOISE, mm
+from flexcam.report.terminal import facts, out, print_json, table
+
+
+def synthesis_json(found: Synthesized) -> dict[str, object]:
+    """Return a law found as ``--json`` prints it."""
+    c = found.criteria
+    return {
+        "family": found.family, "objective": found.objective, "family_bound": found.bound, "gap": found.gap,
+        "bound_over_all_laws": found.bound_all, "Cv": c.Cv, "Ca": c.Ca, "Cj": c.Cj, "Cm": c.Cm, "rms": c.rms[1],
+        "broken": list(c.broken), "converged": found.converged, "not_converged": list(found.open),
+    }  # fmt: skip
+
+
+LEGEND = (
+    "C_v, C_a, C_j: largest velocity, acceleration and jerk of the law, lift 1 over angle 1; "
+    "C_m: largest product of velocity and acceleration, which the torque of inertia follows"
+)
+"""What the heads of the tables of laws mean."""
+
+
+def synthesis_table(found: Synthesized) -> Table:
+    """Return a law found, and how good it is."""
+    c = found.criteria
+    bound = "none: this objective is not convex, the law is the best nearby"
+    if found.bound is not None and found.gap is not None:
+        bound = f"{found.bound:.9g}; the law is at most {found.gap:.1e} above it (duality gap)"
+    every = "not known"
+    if found.bound_all:
+        above = 100.0 * (found.objective / found.bound_all - 1.0)
+        every = f"{found.bound_all:.6g}; the law is {above:.2f} % above it"
+    rows = [
+        ("objective", f"{found.objective:.9g}"),
+        *(("not converged", said) for said in found.open),
+        ("no law of the family has less than", bound),
+        ("no law at all has less than", every),
+        ("C_v, C_a, C_j, C_m", ", ".join("infinite" if x is None else f"{x:.6g}" for x in (c.Cv, c.Ca, c.Cj, c.Cm))),
+        *(("not met", said) for said in c.broken),
+    ]
+    return facts(f"Best of {found.family}", rows)
+
+
+def pareto_table(front: Sequence[Synthesized]) -> Table:
+    """Return a front of laws."""
+    rows = [
+        (str(i), *(f"{x:.5g}" if x is not None else "infinite" for x in (c.Cv, c.Ca, c.Cj, c.Cm)),
+         "-" if one.gap is None else f"{one.gap:.0e}", "yes" if one.converged else "no")
+        for i, one in enumerate(front, start=1) for c in [one.criteria]
+    ]  # fmt: skip
+    return table(f"Pareto front of {front[0].family}", ("no.", "C_v", "C_a", "C_j", "C_m", "gap", "converged"), rows)
+
+
+def harmonic_table(found: HarmonicCam) -> Table:
+    """Return a cam of few harmonics."""
+    fit = found.fit
+    rows = [
+        (
+            "harmonics",
+            f"{found.count}; {found.limit} lie below the first mode, {found.frequency / (2.0 * math.pi):.4g} Hz",
+        ),
+        ("distance in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
+        ("distance elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
+        ("lift", " to ".join(mm(end.value) for end in event_extremes(fit.event)) + " mm"),
+    ]
+    return facts("Lift of few harmonics", rows)
+
+
+def polydyne_table(found: PolydyneCam) -> Table:
+    """Return a polydyne cam at its speed and off it."""
+    rows = [
+        (f"{speed / RPM:.6g}", _micrometres(plain), _micrometres(compensated))
+        for speed, plain, compensated in zip(
+            found.speeds.tolist(), found.plain.tolist(), found.compensated.tolist(), strict=True
+        )
+    ]
+    head = ("camshaft rpm", "plain cam, um", "polydyne cam, um")
+    title = "Distance of the train's end from the wanted motion"
+    return table(f"{title}; design speed: camshaft {found.speed / RPM:.6g} rpm", head, rows)
+
+
+def _micrometres(value: float) -> str:
+    return f"{1e6 * value:.4g}" if math.isfinite(value) else "resonance"
+
+
+def polydyne_facts(found: PolydyneCam) -> Table:
+    """Return what a polydyne cam is by itself."""
+    design = found.design
+    lift, bend, count = event_extremes(design.event), event_extremes(design.event, 2), len(design.event.cosine)
+    rows = [
+        ("lift", f"{mm(lift[0].value)} to {mm(lift[1].value)} mm"),
+        ("acceleration", f"{mm(bend[0].value, 5)} to {mm(bend[1].value, 5)} mm/rad^2"),
+        ("left out", f"{1e6 * design.left_out:.3g} um of the wanted motion, at the cam, by {count} harmonics"),
+    ]  # fmt: skip
+    if lift[0].value < -NOISE * lift[1].value:
+        below = f"the cam is cut {mm(-lift[0].value, 4)} mm into its base circle"
+        rows.append(("attention", f"{below}; put as much on the base circle's radius, or ask for a smoother motion"))
+    return facts("Polydyne cam", rows)
+
+
+def or_null(values: FloatArray) -> list[float | None]:
+    """Return numbers for JSON, which knows no infinite ones."""
+    return [value if math.isfinite(value) else None for value in values.tolist()]
+
+
+_ABOUT = "Find a better law or lift, and say how good it can be at all."
+_EXAMPLES = """\
+flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
+flexcam synthesize harmonic case.toml --tolerance "20 um" -o lift.toml
+flexcam synthesize polydyne case.toml --speed 3000rpm -o lift.toml
+"""
+synthesize = App(name="synthesize", help=_ABOUT, help_prologue=_EXAMPLES, help_format="plaintext")
+app.command(synthesize)
+
+Output = Annotated[Path | None, Parameter(["-o", "--output"], help="File (.toml) that a case can name.")]
+CasePath = Annotated[Path, Parameter(help="Case file (TOML).")]
+CamsPath = Annotated[Path, Parameter(help="Case file; with --frequency also a file with [cams.NAME] alone.")]
+Minimize = Annotated[
+    list[str], Parameter("--minimize", negative=(), help="Cv, Ca, Cj, Cm or rms, or CRITERION=WEIGHT. May be repeated.")
+]
+Bounds = Annotated[list[str] | None, Parameter("--bound", negative=(), help="CRITERION=VALUE. May be repeated.")]
+Conditions = Annotated[
+    list[str] | None, Parameter("--condition", negative=(), help="Z,ORDER,VALUE: what the law must be there.")
+]
+Against = Annotated[str | None, Parameter("--pareto", help="A second criterion: a front instead of one law.")]
+
+
+@synthesize.command(
+    name="law",
+    help_prologue="""\
+flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
+flexcam synthesize law --family polynomial --degree 11 --minimize Ca --pareto Cj
+flexcam synthesize law --family harmonic --orders 1 --orders 3 --orders 5 --minimize Cm
+""",
+)
+def synthesize_law(
+    *, minimize: Minimize,
+    bound: Bounds = None,
+    family: Annotated[Literal["spline", "polynomial", "harmonic"], Parameter(help="Where to look.")] = "spline",
+    degree: Annotated[int | None, Parameter(help="Of splines (5) or polynomials (11).")] = None,
+    pieces: Annotated[int | None, Parameter(help="Of splines; 24 by default.")] = None,
+    orders: Annotated[list[int] | None, Parameter(negative=(), help="Of harmonic laws; 1 to 5 by default.")] = None,
+    rest: Annotated[int | None, Parameter(help="Derivatives that vanish at both ends; 2 by default.")] = None,
+    condition: Conditions = None,
+    asymmetric: Annotated[bool, Parameter(negative=(), help="Do not ask for symmetry.")] = False,
+    turning_back: Annotated[bool, Parameter(negative=(), help="Allow a negative velocity.")] = False,
+    against: Against = None,
+    count: Annotated[int | None, Parameter(help="Laws of the front; 9 by default.")] = None,
+    output: Output = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Find the law of a family with the least peak values under conditions, and prove how good it is."""
+    _only_with("--count", count, "--pareto", against is not None)
+    free_picture(plot, overwrite)
+    where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
+    weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
+    fixed = [_condition(one) for one in condition or []]
+    if against is not None:
+        if len(weights) != 1 or limits:
+            raise refuse("--pareto", "with --bound or several --minimize", "one criterion against another")
+        front = pareto(
+            where,
+            next(iter(weights)),
+            against,
+            count=9 if count is None else count,
+            conditions=fixed,
+            monotone=not turning_back,
+        )
+    else:
+        front = [minimax(where, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
+    goals = None if against is None else (next(iter(weights)), against)
+    files = _law_files(front, goals, output, plot, overwrite=overwrite)
+    if as_json:
+        print_json(
+            {
+                "status": "ok",
+                "laws": [synthesis_json(one) for one in front],
+                "files": [str(path) for path in files],
+            }
+        )
+        return
+    out().print(pareto_table(front) if against else synthesis_table(front[0]))
+    out().print(LEGEND)
+    for path in files:
+        out().print(f'{path}  (in a case: law = "{path.name}")' if path.suffix == ".toml" else str(path))
+
+
+def _only_with(option: str, given: object, other: str, there: bool) -> None:
+    """Refuse an option that does nothing without another."""
+    if given is not None and given is not False and not there:
+        raise refuse(option, str(given), f"nothing without {other}", f"only {other} asks for it", f"leave out {option}")
+
+
+def _family(
+    kind: str, degree: int | None, pieces: int | None, orders: list[int] | None, rest: int | None, *, symmetric: bool
+) -> Family:
+    harmonic = kind == "harmonic"
+    _only_with("--orders", orders, "--family harmonic", harmonic)
+    _only_with("--pieces", pieces, "--family spline", kind == "spline")
+    for option, given in (("--degree", degree), ("--rest", rest), ("--asymmetric", not symmetric)):
+        _only_with(option, given, "--family spline or polynomial", not harmonic)
+    if harmonic:
+        return HarmonicFamily(tuple(orders)) if orders else HarmonicFamily()
+    order = 2 if rest is None else rest
+    if kind == "polynomial":
+        return SplineFamily(11 if degree is None else degree, 1, order, symmetric)
+    return SplineFamily(5 if degree is None else degree, 24 if pieces is None else pieces, order, symmetric)
+
+
+def _numbers(where: str, given: list[str], default: float | None) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for one in given:
+        name, equals, text = one.partition("=")
+        if not equals and default is None:
+            raise refuse(where, repr(one), "CRITERION=VALUE, such as Cj=52.5")
+        if name.strip() in found:
+            raise refuse(where, repr(one), "every criterion once", f"{name.strip()} is given twice", "leave one out")
+        found[name.strip()] = parse(text.strip(), "number", where) if equals else default or 0.0
+    return found
+
+
+def _condition(text: str) -> tuple[float, int, float]:
+    try:
+        z, order, value = text.split(",")
+        return float(z), int(order), float(value)
+    except ValueError:
+        allowed = "position, order of the derivative and value, such as 0.5,1,1.8"
+        raise refuse("--condition", repr(text), allowed) from None
+
+
+def _paths(output: Path | None, count: int) -> list[Path]:
+    """Return the files of some laws, numbered where they are several; none where none is asked for."""
+    if output is None:
+        return []
+    if count == 1:
+        return [output]
+    return [output.with_name(f"{output.stem}-{i}{output.suffix}") for i in range(1, count + 1)]
+
+
+def _law_files(
+    front: list[Synthesized], goals: tuple[str, str] | None, output: Path | None, plot: Path | None, *, overwrite: bool
+) -> list[Path]:
+    """Write what is asked for of a law, or of a front of two criteria, the goals."""
+    files: list[Path] = []
+    paths = _paths(output, len(front))
+    for path in paths:  # before anything is written
+        free_to_write("output", path, overwrite=overwrite)
+    for found, path in zip(front, paths, strict=False):
+        about = {"flexcam": __version__, **{k: v for k, v in synthesis_json(found).items() if v is not None}}
+        files.append(write_law(found.law, made_folder(path.parent) / path.name, about=about, overwrite=overwrite))
+    if plot is not None:
+        from flexcam.plotting.curves import law_figure, law_front_figure
+        from flexcam.plotting.figures import save_figure
+
+        figure = law_front_figure(front, *goals) if goals else law_figure({front[0].family: front[0].law})
+        files.append(save_figure(figure, plot, overwrite=overwrite))
+    return files
+
+
+@synthesize.command(
+    name="harmonic",
+    help_prologue="""\
+flexcam synthesize harmonic case.toml --tolerance "20 um" -o intake-harmonic.toml
+flexcam synthesize harmonic case.toml --cam intake --count 12 --bound "0.2 mm"
+""",
+)
+def synthesize_harmonic(
+    case: CasePath, *, name: CamName = None,
+    tolerance: Annotated[str, Parameter(help="Largest distance from the cam's lift in its dwells.")] = "20 um",
+    bound: Annotated[str | None, Parameter(help="Largest distance elsewhere.")] = None,
+    count: Annotated[int | None, Parameter(help="Harmonics; by default those below the train's first mode.")] = None,
+    output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Replace a cam's lift by harmonics that its train cannot resonate with, dwells kept strictly."""
+    apart({"--output": output}, [case])
+    strict, wide = (
+        quantity("--tolerance", tolerance, "length", "um"),
+        None if bound is None else quantity("--bound", bound, "length", "mm"),
+    )
+    found = harmonic_cam(load(case, overrides), name, tolerance=strict, count=count, bound=wide)
+    about = {"flexcam": __version__, "made_for": str(case), "harmonics": found.count}
+    files = [] if output is None else [write_lift(found.fit.event, output, about=about, overwrite=overwrite)]
+    if as_json:
+        print_json({
+            "status": "ok", "harmonics": found.count, "harmonics_below_first_mode": found.limit,
+            "first_mode_hz": found.frequency / (2.0 * math.pi), "dwell_deviation": found.fit.strict_deviation,
+            "deviation": found.fit.deviation, "rms_deviation": found.fit.rms_deviation,
+            "lift": [end.value for end in event_extremes(found.fit.event)],
+            "files": [str(path) for path in files],
+        })  # fmt: skip
+        return
+    out().print(harmonic_table(found))
+    for path in files:
+        out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
+
+
+@synthesize.command(
+    name="polydyne",
+    help_prologue="""\
+flexcam synthesize polydyne case.toml --speed 3000rpm -o intake-polydyne.toml
+flexcam synthesize polydyne cams.toml --frequency "400 Hz" --damping 0.02 --speed 3000rpm
+""",
+)
+def synthesize_polydyne(
+    case: CamsPath, *, name: CamName = None,
+    speed: Annotated[str | None, Parameter(help="Design speed of the camshaft; the case's by default.")] = None,
+    frequency: Annotated[str | None, Parameter(help="Of one mass on a spring, instead of the case's train.")] = None,
+    damping: Annotated[float, Parameter(help="Of that mass, part of the critical.")] = 0.0,
+    count: Annotated[int, Parameter(help="Harmonics.")] = 60,
+    output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Find the cam that makes the valve move as the case's cam would move it if everything were rigid."""
+    apart({"--output": output}, [case])
+    at = None if speed is None else positive("--speed", quantity("--speed", speed, "speed", "rpm"), "rad/s")
+    if damping and frequency is None:
+        raise refuse("--damping", damping, "nothing without --frequency", "the case's train has its own")
+    if frequency is not None:
+        omega = 2.0 * math.pi * quantity("--frequency", frequency, "rate", "Hz")
+        cams = load_cams(case, overrides or ())
+        found = polydyne_of(cams.cams, name, SingleMass(omega, damping), _speed_of(cams, at), count)
+    elif holds_mechanism(case):
+        found = polydyne_cam(load(case, overrides), name, speed=at, count=count)
+    else:
+        given, remedy = f"{case.name}, which has cams alone", "add --frequency for one mass on a spring"
+        raise refuse("case", given, "a case with the train that the cam drives", "", remedy)
+    about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed / RPM}
+    files = [] if output is None else [write_lift(found.design.event, output, about=about, overwrite=overwrite)]
+    if as_json:
+        print_json({
+            "status": "ok", "design_speed_rpm": found.speed / RPM, "left_out": found.design.left_out,
+            "lift": [end.value for end in event_extremes(found.design.event)],
+            "acceleration": [end.value for end in event_extremes(found.design.event, 2)], "ratio": found.ratio,
+            "speeds_rpm": (found.speeds / RPM).tolist(), "plain": or_null(found.plain),
+            "polydyne": or_null(found.compensated), "files": [str(path) for path in files],
+        })  # fmt: skip
+        return
+    out().print(polydyne_facts(found))
+    out().print()
+    out().print(polydyne_table(found))
+    for path in files:
+        out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
+
+
+def _speed_of(cams: CamSet, given: float | None) -> float:
+    """Return the design speed: the one asked for, or that of the file."""
+    speed = given if given is not None else cams.speed
+    if speed is None:
+        raise refuse("--speed", "nothing", "the design speed, such as 3000rpm", f"{cams.name} has cams alone, no speed")
+    return speed

@@ -1,0 +1,60 @@
+"""Command of what a cheaper model costs: trade."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from flexcam.analysis.preparation import prepare, scalar_probe
+from flexcam.analysis.trade import trade as fidelity_trade
+from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, from_one, load
+from flexcam.cli.arguments import free_targets
+from flexcam.core.errors import together
+from flexcam.io import write_text
+from flexcam.report.fidelity_tables import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_words
+from flexcam.report.terminal import counting, out, print_json
+
+
+@app.command(
+    help_prologue="""\
+flexcam trade cases/tayeb/model-3-shm.toml
+flexcam trade case.toml --csv trade.csv --plot trade.svg --repeats 5
+"""
+)
+def trade(
+    case: CaseFile, *,
+    probe: Annotated[str | None, Parameter(help="Whose motion counts; the valve by default.")] = None,
+    repeats: Annotated[int, Parameter(help="Runs of every model; the median of their times counts.")] = 3,
+    csv: Annotated[Path | None, Parameter(help="Also write the table here.")] = None,
+    plot: Annotated[Path | None, Parameter(help="Also draw error over work: .svg, .png or .pdf.")] = None,
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Run the models of a case against a converged one: what each costs, and by how much it errs."""
+    read = together(
+        lambda: load(case, overrides),
+        lambda: from_one("--repeats", repeats),
+        lambda: free_targets(csv, plot, case, overwrite=overwrite),
+    )
+    at = probe or scalar_probe(prepare(read))
+    with counting(None, "models") as shown:
+        against, found = fidelity_trade(read, at, repeats=repeats, advance=shown)
+    if csv is not None:
+        write_text(csv, trade_csv(against, found), overwrite=overwrite)
+    if plot is not None:
+        from flexcam.plotting.figures import save_figure, titled
+        from flexcam.plotting.study_curves import work_precision_figure
+
+        figure = work_precision_figure(found)
+        save_figure(titled(figure, read.title), plot, overwrite=overwrite)
+    files = [str(path) for path in (csv, plot) if path is not None]
+    if as_json:
+        print_json({"status": "ok", **trade_json(against, found), "files": files})
+    else:
+        out().print(trade_table(against, found))
+        out().print(TRADE_LEGEND)
+        for sentence in trade_words(against, found):
+            out().print("\n" + sentence)
+        for path in files:
+            out().print(path)

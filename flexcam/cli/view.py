@@ -1,0 +1,133 @@
+"""Commands that show a mechanism: view."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from flexcam.analysis.natural_modes import modes as case_modes
+from flexcam.case.builder import build_model
+from flexcam.case.case import Case
+from flexcam.case.reader import recalled_case
+from flexcam.cli.app import Json, Overrides, Overwrite, app, load, quantity
+from flexcam.cli.cams import drawing_words
+from flexcam.core.errors import refuse
+from flexcam.io import Result, read_result
+from flexcam.report.terminal import out, print_json
+from flexcam.valvetrain import Structure, build_structure
+
+if TYPE_CHECKING:
+    from flexcam.plotting.scene.motion import Motion
+
+
+At = Annotated[
+    str | None,
+    Parameter("--at", help="Cam angle of a picture, or to begin with: 120deg. A result begins at full lift."),
+]
+
+
+@app.command(
+    help_prologue="""\
+flexcam view results/intake.vtkhdf
+flexcam view results/intake.vtkhdf --color stress_von_mises --scale 50 --save train.gif
+flexcam view case.toml --at 120deg --save train.png
+flexcam view case.toml --mode 2 --save mode.mp4
+"""
+)
+def view(
+    source: Annotated[Path, Parameter(help="Result file, or a case file: then its rigid mechanism moves.")], *,
+    picture: Annotated[Path | None, Parameter("--save", help="Write it (.png, .gif, .mp4, .html), no window.")] = None,
+    color: Annotated[str | None, Parameter(help="Colour members by a saved field or recovered stress.")] = None,
+    scale: Annotated[float, Parameter(help="Of what the members give way; the lift is shown as it is.")] = 1.0,
+    at: At = None,
+    mode: Annotated[int | None, Parameter(help="Swing a natural mode, counted as by flexcam modes.")] = None,
+    size: Annotated[str, Parameter(help="Of the window, pixels.")] = "1024x768",
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Show the mechanism as solids: in a window with a slider over the cam angle, or off-screen in a file."""
+    from flexcam.plotting.figures import FRAMES, free_to_save, save
+    from flexcam.plotting.rendering import ready_to_render
+    from flexcam.plotting.scene.assembly import mechanism
+
+    if not abs(scale) <= _LARGEST_SCALE:
+        raise refuse("--scale", scale, f"a finite number, up to {_LARGEST_SCALE:g} by size", "a picture shows no more")
+    angle = None if at is None else quantity("--at", at, "angle", "deg")
+    pixels = _pixels(size)
+    if picture is not None:
+        free_to_save(picture, pixels, overwrite=overwrite)
+    case, result = _read(source, overrides)
+    structure = build_structure(build_model(case))
+    motion, title = _motion(case, structure, result, color, mode)
+    drawn, still = mechanism(structure), _still(case, result, motion, angle, mode)
+    ready_to_render(off_screen=picture is not None)
+    from flexcam.plotting.solid_view import Looks, Stage, show
+
+    stage = Stage(drawn, motion, Looks(scale, pixels, title), off_screen=picture is not None)
+    if picture is None:
+        show(stage, still, swings=mode is not None)
+    else:
+        save(stage, picture, motion.spread(FRAMES), still)
+    if as_json:
+        files = [] if picture is None else [str(picture)]
+        print_json({"status": "ok", "files": files, "instants": len(motion), "drawn": list(drawn.notes)})
+        return
+    for sentence in drawing_words(drawn.notes):
+        out().print(sentence)
+    if picture is not None:
+        out().print(str(picture))
+
+
+def _still(case: Case, result: Result | None, motion: Motion, angle: float | None, mode: int | None) -> int:
+    """Return the instant of a picture: the one asked for, else full lift of a result, else the first."""
+    from flexcam.plotting.scene.assembly import full_lift
+
+    if angle is not None:
+        return motion.nearest(angle)
+    return 0 if result is None or mode is not None else full_lift(case, result.response, motion.angle)
+
+
+def _pixels(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d+)x(\d+)", text)
+    sides = (int(found[1]), int(found[2])) if found else (0, 0)
+    if not all(_LEAST <= side <= _MOST for side in sides):
+        raise refuse("--size", repr(text), f"WIDTHxHEIGHT of {_LEAST} to {_MOST} pixels each, such as 1024x768")
+    return sides
+
+
+_LEAST, _MOST = 64, 8192
+_LARGEST_SCALE = 1e6
+
+
+def _read(source: Path, overrides: Overrides) -> tuple[Case, Result | None]:
+    """Return the case of a case file, or that of a result with the result."""
+    if source.suffix != ".vtkhdf":
+        return load(source, overrides), None
+    if overrides:
+        raise refuse("--set", overrides[0], "cases alone", "a result has been computed", "give the case, or run it")
+    result = read_result(source)
+    return recalled_case(result), result
+
+
+def _motion(
+    case: Case, structure: Structure, result: Result | None, color: str | None, mode: int | None
+) -> tuple[Motion, str]:
+    """Return what is shown, and its title."""
+    from flexcam.plotting.scene.motion import case_motion, mode_motion, result_motion
+
+    title = case.title
+    if mode is not None:
+        if mode < 1:
+            raise refuse("--mode", mode, "a whole number from 1, as flexcam modes counts them")
+        found = case_modes(case, mode).modes
+        if mode > found.shapes.shape[1]:
+            raise refuse("--mode", mode, f"1 to {found.shapes.shape[1]}, as flexcam modes counts them")
+        if color not in (None, "displacement"):
+            raise refuse("--color", repr(color), "displacement", "a mode has no size, and so no stress")
+        shown = mode_motion(structure, found.shapes[:, mode - 1], coloured=color is not None)
+        return shown, f"{title}: mode {mode}, {found.frequencies[mode - 1]:.4g} Hz"
+    if result is not None:
+        return result_motion(structure, result, case.speed, color).last_revolution(), title
+    return case_motion(structure, case.speed, color), f"{title}: rigid mechanism"

@@ -1,0 +1,143 @@
+"""Products of matrices with more digits than double precision has.
+
+Numbers are cut into slices of so few bits that products of slices, and sums of these, are exact in double precision;
+a matrix product is then a few ordinary ones: K. Ozaki, T. Ogita, S. Oishi and S. M. Rump, Numer. Algorithms 59 (2012).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.core.matrices import FloatArray, IntArray, connected_components
+
+LongArray = NDArray[np.longdouble]
+"""Array of extended precision."""
+
+_SLICES = 4
+"""Some twenty bits each: together more than extended precision has."""
+
+_FEW = 100
+"""Size up to which the processor's own extended precision, a term at a time, is as fast."""
+
+
+def product(A: LongArray, B: LongArray) -> LongArray:
+    """Return A B with the digits of extended precision."""
+    n = A.shape[1]
+    if n <= _FEW:
+        return A @ B
+    bits = (53 - math.ceil(math.log2(_SLICES * n))) // 2
+    left, right = _sliced(A, bits, axis=1), _sliced(B, bits, axis=0)
+    found = np.zeros((len(A), B.shape[1]), dtype=np.longdouble)
+    for last in reversed(range(_SLICES)):  # the smallest ones first
+        found += np.hstack(left[: last + 1]) @ np.vstack(right[last::-1])
+    return found
+
+
+def _sliced(matrix: LongArray, bits: int, *, axis: int) -> list[FloatArray]:
+    """Return slices whose sum is the matrix, but for what lies below the last one."""
+    size = np.frexp(np.abs(matrix).max(axis=axis, keepdims=True))[1]
+    slices: list[FloatArray] = []
+    for i in range(1, _SLICES + 1):
+        large = np.ldexp(1.5, size - bits * i + 52)  # what is added to it keeps the bits above the slice's end
+        slices.append((matrix.astype(float) + large) - large)
+        matrix = matrix - slices[-1]
+    return slices
+
+
+def times(matrix: FloatArray, columns: LongArray) -> LongArray:
+    """Return a matrix of which most is zero times columns, in extended precision."""
+    found = np.zeros((len(matrix), columns.shape[1]), dtype=np.longdouble)
+    for i, row in enumerate(matrix):
+        held = np.flatnonzero(row)
+        found[i] = row[held].astype(np.longdouble) @ columns[held]
+    return found
+
+
+_TWO = np.longdouble(2.0)
+
+_MIXED = 1e-3
+"""What two vectors may mix, as a part of either, to be told apart by a first correction."""
+
+_PASSES = 6
+_SMALL = 1e-9
+"""Correction whose square is rounding."""
+
+_REFINED = 500
+"""Size up to which the vectors are refined."""
+
+
+def natural(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the eigenvalues and vectors of ``K x = lambda M x``, the vectors orthonormal in M.
+
+    An eigensolver in double precision leaves an error of the size of the largest eigenvalue's rounding in every one, so
+    that the lowest frequencies of a stiff structure lose half their digits. A refinement with products in extended
+    precision gives them back: T. Ogita and K. Aishima, Japan J. Indust. Appl. Math. 35 (2018).
+    """
+    if not (np.diag(M) > 0.0).all():
+        message = "the mass is not positive"
+        raise np.linalg.LinAlgError(message)
+    scale = np.exp2(-np.round(0.5 * np.log2(np.diag(M))))  # rounds nothing
+    heavy, stiff = (scale[:, None] * matrix * scale for matrix in (M, K))
+    L = np.linalg.cholesky(heavy)
+    half = np.linalg.solve(L, stiff)
+    values, vectors = np.linalg.eigh(np.linalg.solve(L, half.T))
+    shapes: FloatArray = np.linalg.solve(L.T, vectors).astype(float)
+    if len(M) <= _REFINED:
+        values, shapes = _refined(heavy, stiff, shapes)
+    return np.maximum(values, 0.0), scale[:, None] * shapes
+
+
+def _refined(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    X = vectors.astype(np.longdouble)
+    for _ in range(_PASSES):  # every pass squares the error
+        heavy, stiff = _products(X, M, K)
+        labels = _near(heavy, stiff)
+        if (np.bincount(labels) > 1).any():
+            X = _turned(X, labels, heavy, stiff)
+            heavy, stiff = _products(X, M, K)
+        mixed = _mixed(labels, heavy, stiff).astype(float)
+        X = X + X.astype(float) @ mixed
+        X = X / np.sqrt(np.sum(X * times(M, X), axis=0))
+        if np.abs(mixed).max(initial=0.0) < _SMALL:
+            break
+    values = np.sum(X * times(K, X), axis=0)
+    order = np.argsort(values)
+    return values[order].astype(float), X[:, order].astype(float)
+
+
+def _products(X: LongArray, M: FloatArray, K: FloatArray) -> tuple[LongArray, LongArray]:
+    """Return what both matrices are between vectors, symmetric to the last bit: rounding then spoils no right angle."""
+    heavy, stiff = (product(X.T, times(matrix, X)) for matrix in (M, K))
+    return (heavy + heavy.T) / _TWO, (stiff + stiff.T) / _TWO
+
+
+def _near(heavy: LongArray, stiff: LongArray) -> IntArray:
+    """Return groups of vectors whose eigenvalues lie so close that a first correction cannot tell them apart."""
+    values = np.diag(stiff) / np.diag(heavy)
+    rounding = np.finfo(np.longdouble).eps * np.abs(values).max(initial=0.0)
+    mixing, apart = np.abs(stiff - values * heavy) + rounding, np.abs(values[None, :] - values[:, None])
+    return connected_components(len(values), *np.nonzero(np.maximum(mixing, mixing.T) >= _MIXED * apart))
+
+
+def _turned(X: LongArray, labels: IntArray, heavy: LongArray, stiff: LongArray) -> LongArray:
+    """Return the vectors, those of a group turned within their own space until they are natural."""
+    turned = X.copy()
+    for label in np.flatnonzero(np.bincount(labels) > 1).tolist():
+        group = np.flatnonzero(labels == label)
+        sizes = np.sqrt(np.diag(heavy)[group])
+        _, turn = np.linalg.eigh((stiff[np.ix_(group, group)] / np.outer(sizes, sizes)).astype(float))
+        turned[:, group] = X[:, group] @ turn
+    return turned
+
+
+def _mixed(labels: IntArray, heavy: LongArray, stiff: LongArray) -> LongArray:
+    """Return what is to be added to every vector of the others: its residual along them, by how far they are apart."""
+    values = np.diag(stiff) / np.diag(heavy)
+    same = labels[:, None] == labels
+    apart = np.where(same, 1.0, values[None, :] - values[:, None])
+    mixed = np.where(same, -0.5 * heavy, (stiff - values * heavy) / apart)
+    np.fill_diagonal(mixed, 0.0)
+    return mixed

@@ -1,0 +1,205 @@
+"""Banded Cholesky factor of long thin structures: shafts and chains of beams.
+
+Renumbered by levels from one end, such a structure has a narrow band, whatever the order of its nodes. Solving with the
+band then touches memory in one direction only, which at equal arithmetic is two to three times as fast as a general
+sparse factor, and factorizing is ten times as fast. Source: E. Cuthill and J. McKee, Reducing the bandwidth of sparse
+symmetric matrices, Proc. 24th ACM Nat. Conf. (1969), in reverse order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from flexcam.core.errors import FlexcamError
+from flexcam.core.matrices import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from scipy.sparse import csc_array, csr_array
+
+    from flexcam.core.matrices import Triplets
+
+
+_WIDEST = 64
+"""Half bandwidth up to which the band is the faster: eight parallel shafts tied at every node have 31."""
+
+_ROUNDING = 8.0 * np.finfo(float).eps
+"""Of entries of size 1 that are the sums of few."""
+
+
+@dataclass(frozen=True, eq=False)
+class BandFactor:
+    """Cholesky factor of a symmetric, positive definite matrix with a narrow band.
+
+    Parameters
+    ----------
+    upper
+        Factor by diagonals, as LAPACK's `pbtrf` stores it, shape (w + 1, n).
+    order
+        Unknown at each place of the band, shape (n,).
+    scale
+        What the unknowns were scaled with, in the order of the band, shape (n,).
+    """
+
+    upper: FloatArray
+    order: IntArray
+    scale: FloatArray
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Return x for a right-hand side of shape (n,) or (n, k)."""
+        from scipy.linalg.lapack import dpbtrs
+
+        if not right.size:
+            return np.zeros(right.shape)
+        scale = self.scale if right.ndim == 1 else self.scale[:, None]
+        within, _ = dpbtrs(self.upper, scale * right[self.order], overwrite_b=True)
+        answer = np.empty(right.shape)
+        answer[self.order] = scale * within
+        return answer
+
+
+def band_factor(scaled: csr_array, scale: FloatArray) -> BandFactor | None:
+    """Return the factor of a matrix if it is symmetric, positive definite and of narrow band after renumbering."""
+    from scipy.linalg.lapack import dpbtrf
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    order: IntArray = reverse_cuthill_mckee(scaled, symmetric_mode=True).astype(np.intp)
+    band = _band(scaled, order)
+    if band is None:
+        return None
+    upper, fault = dpbtrf(band, overwrite_ab=True)
+    if fault or float(upper[-1].min()) ** 2 <= np.finfo(float).eps:
+        return None
+    return BandFactor(upper, order, scale[order])
+
+
+def _band(matrix: csr_array, order: IntArray) -> FloatArray | None:
+    """Return the upper diagonals of a renumbered matrix, shape (w + 1, n); None where it is wide or not symmetric."""
+    entries, place = matrix.tocoo(), np.empty(len(order), np.intp)
+    place[order] = np.arange(len(order))
+    rows, cols = place[entries.row], place[entries.col]
+    width = int(np.abs(cols - rows).max(initial=0))
+    if width > _WIDEST:
+        return None
+    sides = np.zeros((2, width + 1, len(order)), order="C")
+    for side, (row, col) in zip(sides, ((rows, cols), (cols, rows)), strict=True):
+        above = row <= col
+        side[(width + row - col)[above], col[above]] = entries.data[above]
+    if float(np.abs(sides[0] - sides[1]).max(initial=0.0)) > _ROUNDING:
+        return None
+    return np.asfortranarray(sides[0])
+
+
+DENSE_LIMIT = 300
+"""Up to this many unknowns a dense product beats a sparse one, and scipy need not be imported."""
+
+
+class SingularMatrixError(FlexcamError, ArithmeticError):
+    """The matrix has no inverse: some motion has neither mass nor stiffness.
+
+    Parameters
+    ----------
+    unknowns
+        Positions of unknowns that take part in that motion, where they are known.
+    """
+
+    def __init__(self, unknowns: tuple[int, ...] = ()) -> None:
+        self.unknowns = unknowns
+        super().__init__(f"the matrix is singular at unknowns {list(unknowns)}")
+
+
+class Factor(Protocol):
+    """Something that solves ``A x = b`` for one fixed A."""
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Return x for a right-hand side of shape (n,) or (n, k)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class _Inverse:
+    inverse: FloatArray
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        return self.inverse @ right
+
+
+@dataclass(frozen=True, eq=False)
+class _SparseLU:
+    lu_solve: Callable[[FloatArray], FloatArray]
+    scale: FloatArray
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        scale = self.scale if right.ndim == 1 else self.scale[:, None]
+        return scale * self.lu_solve(scale * right)
+
+
+def diagonal_scale(matrix: Triplets) -> FloatArray:
+    """Return 1/sqrt of the diagonal: it removes the units, so that translations and rotations compare."""
+    diagonal = np.abs(matrix.diagonal())
+    return 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+
+
+def factorize(matrix: Triplets) -> Factor:
+    """Return the factorization of a symmetric matrix."""
+    scale = diagonal_scale(matrix)
+    if matrix.size <= DENSE_LIMIT:
+        return _dense_inverse(scale[:, None] * matrix.dense() * scale, scale)
+    return _sparse(matrix, scale)
+
+
+def _dense_inverse(scaled: FloatArray, scale: FloatArray) -> _Inverse:
+    try:
+        inverse = np.linalg.inv(scaled)
+    except np.linalg.LinAlgError:
+        raise SingularMatrixError(_null_unknowns(scaled)) from None
+    if not np.isfinite(inverse).all() or np.abs(inverse).max(initial=0.0) > 1.0 / np.finfo(float).eps:
+        raise SingularMatrixError(_null_unknowns(scaled))
+    return _Inverse(scale[:, None] * inverse * scale)
+
+
+def _null_unknowns(scaled: FloatArray) -> tuple[int, ...]:
+    """Return the unknowns that move most in the motion the matrix does not resist."""
+    return _largest(np.linalg.svd(scaled)[2][-1])
+
+
+def _largest(motion: FloatArray) -> tuple[int, ...]:
+    size = np.abs(motion)
+    return tuple(np.flatnonzero(size > 0.5 * size.max()).tolist())
+
+
+def _sparse(matrix: Triplets, scale: FloatArray) -> Factor:
+    from scipy.sparse import diags_array
+
+    spread = diags_array(scale)
+    scaled = (spread @ matrix.csr() @ spread).tocsr()
+    return band_factor(scaled, scale) or _sparse_lu(scaled.tocsc(), scale)
+
+
+def _sparse_lu(scaled: csc_array, scale: FloatArray) -> _SparseLU:
+    from scipy.sparse import eye_array
+    from scipy.sparse.linalg import splu
+
+    options = {"SymmetricMode": True}
+    try:
+        lu = splu(scaled, permc_spec="MMD_AT_PLUS_A", options=options)
+        regular = bool(np.abs(lu.U.diagonal()).min() > np.finfo(float).eps)
+    except RuntimeError:  # SuperLU's only sign of an exactly zero pivot
+        lu, regular = None, False
+    if lu is None or not regular:
+        # Inverse iteration: the shift finds the motion without stiffness, it solves nothing.
+        shifted = splu((scaled + 1e-8 * eye_array(len(scale))).tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
+        motion = np.random.default_rng(0).standard_normal(len(scale))
+        for _ in range(3):
+            motion = shifted.solve(motion / np.linalg.norm(motion))
+        raise SingularMatrixError(_largest(motion))
+    return _SparseLU(lu.solve, scale)
+
+
+def operator(matrix: Triplets) -> FloatArray | csr_array:
+    """Return the form of the matrix whose products are fastest at its size."""
+    return matrix.dense() if matrix.size <= DENSE_LIMIT else matrix.csr()

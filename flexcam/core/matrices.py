@@ -1,0 +1,166 @@
+"""A square sparse matrix kept as coordinate triplets, so that a small run never imports scipy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+
+FloatArray = NDArray[np.float64]
+"""Array of double precision."""
+
+ComplexArray = NDArray[np.complex128]
+"""Array of complex numbers of double precision."""
+
+IntArray = NDArray[np.intp]
+"""Array of whole numbers, such as indices."""
+
+
+_FEW = 300
+"""Unknowns up to which a dense product needs no scipy and is as fast."""
+
+
+@dataclass(frozen=True, eq=False)
+class Triplets:
+    """Square matrix as (row, column, value) triplets; entries at the same place add up.
+
+    Parameters
+    ----------
+    size
+        Number of rows and columns.
+    rows, cols
+        Places of the entries, shape (k,).
+    values
+        Entries, shape (k,).
+    """
+
+    size: int
+    rows: IntArray
+    cols: IntArray
+    values: FloatArray
+
+    @classmethod
+    def zeros(cls, size: int) -> Self:
+        """Return the zero matrix."""
+        return cls(size, np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0))
+
+    @classmethod
+    def from_dense(cls, matrix: FloatArray | list[list[float]]) -> Self:
+        """Return the non-zero entries of a dense square matrix, shape (n, n)."""
+        dense = np.asarray(matrix, dtype=float)
+        rows, cols = np.nonzero(dense)
+        return cls(len(dense), rows, cols, dense[rows, cols])
+
+    @classmethod
+    def outer(cls, left: FloatArray, right: FloatArray, factor: float = 1.0) -> Self:
+        """Return ``factor * left right^T`` of two vectors, shape (n,), entry by entry where both are non-zero."""
+        if factor == 0.0:
+            return cls.zeros(len(left))
+        i = np.flatnonzero(left != 0.0)  # compared first: numpy then finds few entries ten times as fast
+        j = i if right is left else np.flatnonzero(right != 0.0)
+        values = factor * np.outer(left[i], right[j])
+        return cls(len(left), np.repeat(i, len(j)), np.tile(j, len(i)), values.ravel())
+
+    @classmethod
+    def joined(cls, matrices: Sequence[Triplets]) -> Self:
+        """Return the sum of some matrices of one size, one at least."""
+        rows, cols, values = (np.concatenate([getattr(m, n) for m in matrices]) for n in ("rows", "cols", "values"))
+        return cls(matrices[0].size, rows, cols, values)
+
+    def dense(self) -> FloatArray:
+        """Return the matrix as an array, shape (size, size)."""
+        flat = _summed(self.rows * self.size + self.cols, self.values, self.size**2)
+        return flat.reshape(self.size, self.size)
+
+    def csr(self) -> csr_array:
+        """Return the matrix in scipy's compressed row form (imports scipy)."""
+        from scipy.sparse import coo_array
+
+        return coo_array((self.values, (self.rows, self.cols)), shape=(self.size, self.size)).tocsr()
+
+    def times(self, vector: FloatArray) -> FloatArray:
+        """Return the product with a vector, shape (size,)."""
+        return _summed(self.rows, self.values * vector[self.cols], self.size)
+
+    def times_all(self, columns: FloatArray) -> FloatArray:
+        """Return the product with every column of an array, shape (size, k)."""
+        if self.size <= _FEW:
+            return self.dense() @ columns
+        return self.csr() @ columns
+
+    def diagonal(self) -> FloatArray:
+        """Return the diagonal, shape (size,)."""
+        on = self.rows == self.cols
+        return _summed(self.rows[on], self.values[on], self.size)
+
+    def scaled(self, factor: float) -> Self:
+        """Return the matrix times a number."""
+        return type(self)(self.size, self.rows, self.cols, factor * self.values)
+
+    def __add__(self, other: Triplets) -> Self:
+        return self.joined((self, other))
+
+    def part(self, index: IntArray) -> Self:
+        """Return the rows and columns named by `index`, renumbered in its order."""
+        place = np.full(self.size, -1, dtype=np.intp)
+        place[index] = np.arange(len(index))
+        rows, cols = place[self.rows], place[self.cols]
+        inside = (rows >= 0) & (cols >= 0)
+        return type(self)(len(index), rows[inside], cols[inside], self.values[inside])
+
+
+def _summed(places: IntArray, values: FloatArray, size: int) -> FloatArray:
+    return np.bincount(places, weights=values, minlength=size).astype(float, copy=False)
+
+
+TOO_MUCH = 0.05
+"""Share of the strain energy that rounding may reach; the estimate is a bound, some ten times above the error."""
+
+
+def energy_rounding(matrix: Triplets, shapes: FloatArray) -> FloatArray:
+    """Return what rounding the matrix's entries can change of ``x^T K x``, ``eps |x|^T |K| |x|``.
+
+    The bending stiffness of short elements is a small difference of large entries: on n elements per span this grows
+    like n^4 against the energy of the lowest mode. Source: I. Fried, Condition of finite element matrices generated
+    from nonuniform meshes, AIAA J. 10 (1972).
+    """
+    size = Triplets(matrix.size, matrix.rows, matrix.cols, np.abs(matrix.values))
+    absolute = np.abs(shapes)
+    return np.finfo(float).eps * np.sum(absolute * size.times_all(absolute), axis=0)
+
+
+def share_lost(matrix: Triplets, shape: FloatArray) -> float:
+    """Return the part of a displacement that rounding the stiffness may have taken."""
+    energy = abs(float(shape @ matrix.times(shape)))
+    return float(energy_rounding(matrix, shape[:, None])[0]) / energy if energy > 0.0 else 0.0
+
+
+def connected_components(size: int, rows: IntArray, cols: IntArray) -> IntArray:
+    """Return what each of some things hangs together with.
+
+    Every group is hooked to its least neighbour until none is left, which at least halves their number each time:
+    Y. Shiloach and U. Vishkin, An O(log n) parallel connectivity algorithm, J. Algorithms 3 (1982). In numpy alone,
+    so that a small run needs no scipy.
+    """
+    labels = np.arange(size)
+    while (labels[rows] != labels[cols]).any():
+        one, other = labels[rows], labels[cols]
+        low = np.minimum(one, other)
+        np.minimum.at(labels, one, low)
+        np.minimum.at(labels, other, low)
+        while (labels != labels[labels]).any():
+            labels = labels[labels]
+    return labels
+
+
+def component_members(labels: IntArray) -> list[IntArray]:
+    """Return the members of every group, in the order of their labels."""
+    order = np.argsort(labels, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(labels[order])) + 1) if len(labels) else []

@@ -1,0 +1,220 @@
+"""Units at the boundary: text such as ``"40 kN/m"`` becomes an SI number, once, here.
+
+The table is small on purpose (a full unit library costs more start-up time than a run) and is held
+against pint in the tests.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from decimal import Context, Decimal
+
+from flexcam.core.errors import did_you_mean, refuse
+
+RPM = math.pi / 30.0
+"""A revolution per minute, rad/s."""
+
+Exponents = tuple[int, int, int, int]
+"""Exponents of metre, kilogram, second, radian."""
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
+_FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*([+-]?\d+))?\s*")
+
+_LARGEST = 10**308
+"""Whole numbers may be longer than any float."""
+
+_NONE: Exponents = (0, 0, 0, 0)
+_PREFIXED: dict[str, tuple[Decimal, Exponents]] = {
+    "m": (Decimal(1), (1, 0, 0, 0)),
+    "g": (Decimal("1e-3"), (0, 1, 0, 0)),
+    "s": (Decimal(1), (0, 0, 1, 0)),
+    "N": (Decimal(1), (1, 1, -2, 0)),
+    "Pa": (Decimal(1), (-1, 1, -2, 0)),
+    "J": (Decimal(1), (2, 1, -2, 0)),
+    "W": (Decimal(1), (2, 1, -3, 0)),
+    "Hz": (Decimal(1), (0, 0, -1, 0)),
+    "rad": (Decimal(1), (0, 0, 0, 1)),
+}
+_PREFIXES = {
+    prefix: Decimal(size)
+    for prefix, size in {
+        "": "1", "G": "1e9", "M": "1e6", "k": "1e3", "d": "1e-1", "c": "1e-2", "m": "1e-3", "u": "1e-6", "µ": "1e-6",
+        "n": "1e-9",
+    }.items()
+}  # fmt: skip
+_PLAIN: dict[str, tuple[Decimal, Exponents]] = {
+    "1": (Decimal(1), _NONE),
+    "%": (Decimal("0.01"), _NONE),
+    "t": (Decimal("1e3"), (0, 1, 0, 0)),
+    "bar": (Decimal("1e5"), (-1, 1, -2, 0)),
+    "deg": (Decimal(math.pi / 180.0), (0, 0, 0, 1)),
+    "°": (Decimal(math.pi / 180.0), (0, 0, 0, 1)),
+    "rev": (Decimal(2.0 * math.pi), (0, 0, 0, 1)),
+    "rpm": (Decimal(RPM), (0, 0, -1, 1)),
+    "min": (Decimal(60), (0, 0, 1, 0)),
+    "h": (Decimal(3600), (0, 0, 1, 0)),
+    "in": (Decimal("0.0254"), (1, 0, 0, 0)),
+    "ft": (Decimal("0.3048"), (1, 0, 0, 0)),
+    "lb": (Decimal("0.45359237"), (0, 1, 0, 0)),
+    "lbf": (Decimal("4.4482216152605"), (1, 1, -2, 0)),
+    "psi": (Decimal("6894.757293168361"), (-1, 1, -2, 0)),
+}
+"""Exact where the unit is a decimal number of SI, so that a text is the same float as its SI number."""
+
+_EXACT = Context(prec=60, traps=[])
+"""Digits of the arithmetic of units: a single rounding is left, that to a float. What is too large is infinite."""
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A kind of quantity: its exponents, the SI unit it is shown in, and an example of its text.
+
+    Parameters
+    ----------
+    name
+        The engineer's word for it.
+    exponents
+        Exponents of metre, kilogram, second, radian.
+    si
+        Symbol of the SI unit.
+    example
+        A valid text, for messages.
+    least, most
+        Size in SI outside which a number is no such quantity of a mechanism; zero is always inside. They also keep the
+        arithmetic away from the ends of floating point.
+    """
+
+    name: str
+    exponents: Exponents
+    si: str
+    example: str
+    least: float
+    most: float
+
+
+def _table(*rows: tuple[str, Exponents, str, str, float, float]) -> dict[str, Dimension]:
+    return {row[0]: Dimension(*row) for row in rows}
+
+
+DIMENSIONS = _table(
+    ("number", _NONE, "", "0.5", 1e-12, 1e12),
+    ("length", (1, 0, 0, 0), "m", "25 mm", 1e-09, 100000),
+    ("area", (2, 0, 0, 0), "m^2", "490 mm^2", 1e-18, 1e10),
+    ("second moment", (4, 0, 0, 0), "m^4", "19000 mm^4", 1e-36, 1e20),
+    ("mass", (0, 1, 0, 0), "kg", "0.15 kg", 1e-15, 1e12),
+    ("inertia", (2, 1, 0, 0), "kg m^2", "1e-4 kg m^2", 1e-24, 1e20),
+    ("density", (-3, 1, 0, 0), "kg/m^3", "7800 kg/m^3", 1e-09, 1e09),
+    ("stress", (-1, 1, -2, 0), "Pa", "207 GPa", 0.001, 1e15),
+    ("force", (1, 1, -2, 0), "N", "300 N", 1e-12, 1e15),
+    ("moment", (2, 1, -2, 0), "N m", "5 N m", 1e-15, 1e15),
+    ("stiffness", (0, 1, -2, 0), "N/m", "40 kN/m", 1e-12, 1e18),
+    ("rotational stiffness", (2, 1, -2, -1), "N m/rad", "5 kN m/rad", 1e-15, 1e18),
+    ("damping", (0, 1, -1, 0), "N s/m", "2 kN s/m", 1e-15, 1e15),
+    ("rotational damping", (2, 1, -1, -1), "N m s/rad", "1 N m s/rad", 1e-15, 1e15),
+    ("time", (0, 0, 1, 0), "s", "20 us", 1e-15, 1e09),
+    ("rate", (0, 0, -1, 0), "1/s", "5.36 1/s", 1e-12, 1e15),
+    ("angle", (0, 0, 0, 1), "rad", "180 deg", 1e-09, 1e06),
+    ("speed", (0, 0, -1, 1), "rad/s", "3000 rpm", 1e-06, 1e08),
+    ("velocity", (1, 0, -1, 0), "m/s", "0.5 m/s", 1e-12, 1e6),
+    ("inverse velocity", (-1, 0, 1, 0), "s/m", "0.3 s/m", 1e-9, 1e9),
+    ("acceleration", (1, 0, -2, 0), "m/s^2", "9.81 m/s^2", 1e-09, 1e09),
+)
+
+
+def _unit(symbol: str) -> tuple[Decimal, Exponents] | None:
+    if symbol in _PLAIN:
+        return _PLAIN[symbol]
+    for base, (factor, exponents) in _PREFIXED.items():
+        prefix = symbol.removesuffix(base)
+        if symbol.endswith(base) and prefix in _PREFIXES:
+            return _EXACT.multiply(_PREFIXES[prefix], factor), exponents
+    return None
+
+
+def _known_symbols() -> list[str]:
+    return [*_PLAIN, *(prefix + base for base in _PREFIXED for prefix in _PREFIXES)]
+
+
+def _unit_product(text: str, where: str) -> tuple[Decimal, Exponents]:
+    factor, exponents, position, divide = Decimal(1), _NONE, 0, False
+    while position < len(text):
+        match = _FACTOR.match(text, position)
+        found = _unit(match[2]) if match else None
+        if match is None or found is None:
+            symbol = match[2] if match else text[position:]
+            comma = "write a point in decimal numbers, no comma" if text.startswith(",") else ""
+            hint = comma or did_you_mean(symbol, _known_symbols())
+            allowed = "units such as mm, kg, kN/m, GPa, rpm, deg"
+            raise refuse(
+                where, f"unit {symbol!r} in {text!r}", allowed, "no such unit is known", hint or "write it in SI"
+            )
+        # As in print, everything up to the next '*' or '/' stays below a '/': N s/m, kg/(m s) is kg/m/s.
+        divide = match[1] == "/" or (match[1] == "" and divide)
+        power = int(match[3] or 1) * (-1 if divide else 1)
+        factor = _EXACT.multiply(factor, _EXACT.power(found[0], power))
+        exponents = tuple(a + power * b for a, b in zip(exponents, found[1], strict=True))
+        position = match.end()
+    return factor, exponents  # pyright: ignore[reportReturnType]
+
+
+def _same_kind(found: Exponents, wanted: Exponents) -> bool:
+    """Tell whether two kinds agree; a radian may be left out of moments and what is made of them, nowhere else."""
+    of_moments = wanted[:2] == (2, 1)
+    return found[:3] == wanted[:3] if of_moments else found == wanted
+
+
+def parse(value: float | str, dimension: str, where: str = "value", *, noise: bool = False) -> float:
+    """Return a quantity in SI."""
+    kind = DIMENSIONS[dimension]
+    article = "an" if kind.name[0] in "aeiou" else "a"
+    allowed = f"{article} {kind.name} such as {kind.example!r}" + (f", or a number in {kind.si}" if kind.si else "")
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):  # pyright: ignore[reportUnnecessaryIsInstance] - file content
+        raise refuse(where, value, allowed)
+    if not isinstance(value, str):
+        number, text = Decimal(value) if abs(value) < _LARGEST else Decimal("inf"), ""
+    elif match := _NUMBER.match(value):
+        number, text = _EXACT.create_decimal(match[1]), match[2]
+    else:
+        raise refuse(where, repr(value), allowed, "it does not begin with a number")
+    factor, exponents = _unit_product(text, where) if text else (Decimal(1), kind.exponents)
+    if not _same_kind(exponents, kind.exponents):
+        why = f"the unit {text!r} does not measure {article} {kind.name}"
+        remedy = (
+            f"give the {kind.name} in a unit of its own, as in {kind.example!r}" if kind.si else "leave the unit out"
+        )
+        raise refuse(where, repr(value), allowed, why, remedy)
+    si = float(_EXACT.multiply(number, factor))
+    if not math.isfinite(si):
+        raise refuse(where, repr(value), allowed, "the number is not finite")
+    if noise and abs(si) < kind.least:
+        return 0.0
+    if si != 0.0 and not kind.least <= abs(si) <= kind.most:
+        why = f"between {kind.least:g} and {kind.most:g} {kind.si}".rstrip()
+        raise refuse(
+            where, repr(value), allowed, f"no mechanism has such {article} {kind.name}: {why}", "check the unit"
+        )
+    return si
+
+
+def shaft_name(turns: float) -> str:
+    """Return whose speed is counted, as it stands before ``rpm``."""
+    return "crank" if turns == 2.0 else "camshaft"
+
+
+def shaft_speed(speed: float, turns: float) -> str:
+    """Return a speed in words: that of the shaft that is counted, and of the crankshaft's that of the camshaft too."""
+    own = f"camshaft {round(speed / RPM, 9):g} rpm"
+    return own if turns == 1.0 else f"crankshaft {round(turns * speed / RPM, 9):g} rpm ({own})"
+
+
+_SHOWN = {
+    "m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg"), "Pa": (1e-6, "MPa"), "m/s^2": (1.0, "m/s²"),
+    "rad/s^2": (1.0, "rad/s²"), "1": (1.0, ""),
+}  # fmt: skip
+
+
+def shown(unit: str) -> tuple[float, str]:
+    """Return in what an engineer reads a quantity."""
+    return _SHOWN.get(unit, (1.0, unit))

@@ -1,0 +1,201 @@
+"""Which unknowns can ever move: the rest need not be integrated, and nothing changes.
+
+M, C, K and the local forces couple unknowns. A group of coupled unknowns moves if a load pushes it that changes in
+time, a local force acts on it that changes with the cam angle, it begins with a velocity, or it begins out of balance.
+Every other group stays where it begins, also under its weight. Scalars of a local force that nothing drives while they
+are zero (`Idle`), such as the bending of a straight strut, couple nothing until something moves them.
+
+An entry couples unless it is exactly zero. Entries of the size of rounding, such as those between the planes of a
+shaft a hair off the axis, are taken for what they say: a soft spring between stiff parts has entries as small, and
+leaving out less than possible costs time, never truth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.core import FloatArray, IntArray, component_members, connected_components, diagonal_scale
+from flexcam.dynamics.angle_functions import Constant
+from flexcam.dynamics.cam_motion import CamMotion
+from flexcam.dynamics.force_laws import ForceLaw
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.system import LocalForce, System
+
+_SLOW = 1e-13
+"""Part of the largest velocity of a start, as roots of energies, below which one is rounding of a difference."""
+
+_BALANCED = 1e-12
+"""Part of the forces on a group below which what is left of them is rounding of its equilibrium."""
+
+_NOTHING = 1e-15
+"""Part of the forces on all groups below which a force is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class InactiveGroup:
+    """A group of coupled unknowns that never moves.
+
+    Parameters
+    ----------
+    unknowns
+        Which, shape (k,).
+    loaded
+        Whether constant loads or forces act on it, in balance.
+    free
+        Whether the stiffness leaves a motion of it free.
+    """
+
+    unknowns: IntArray
+    loaded: bool
+    free: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ActiveDofs:
+    """What of a system can move from a start.
+
+    Parameters
+    ----------
+    moving
+        Which unknowns, shape (n,).
+    still
+        The groups that never do.
+    held
+        Displacements at which they stay, shape (n,); zero for what moves.
+    """
+
+    moving: NDArray[np.bool_]
+    still: tuple[InactiveGroup, ...]
+    held: FloatArray
+
+
+def find_active_dofs(
+    system: System,
+    displacement: FloatArray | None = None,
+    velocity: FloatArray | None = None,
+    inner: FloatArray | None = None,
+) -> ActiveDofs:
+    """Return which unknowns of a system can ever move from a start."""
+    n = system.size
+    d = np.zeros(n) if displacement is None else displacement
+    v = np.zeros(n) if velocity is None else velocity
+    idle, begun = _idle(system, d), _changing(system) | _started(v, system.mass.diagonal())
+    while True:
+        labels = _coupled(system, idle)
+        steady, moving = _resting(system, d, inner, _any(begun, labels), labels)
+        moving |= _any(_unbalanced(system, d, steady, labels), labels)
+        asleep = [one for one in idle if not moving[one.unknowns].any()]
+        if len(asleep) == len(idle):
+            break
+        idle = asleep
+    loads = np.abs(system.load_vectors()).sum(axis=0) + np.abs(steady).sum(axis=0)
+    free = np.zeros(n) if system.free is None else np.abs(system.free).sum(axis=1)
+    still = tuple(
+        InactiveGroup(group, bool(loads[group].any()), bool(free[group].any()))
+        for group in component_members(labels)
+        if not moving[group[0]]
+    )
+    return ActiveDofs(moving, still, np.where(moving, 0.0, d))
+
+
+@dataclass(frozen=True, eq=False)
+class _Asleep:
+    """Scalars of a local force that begin idle, and the unknowns that they sense or act on."""
+
+    force: LocalForce
+    scalars: frozenset[int]
+    unknowns: NDArray[np.bool_]
+
+
+def _idle(system: System, d: FloatArray) -> list[_Asleep]:
+    """Return the sets of idle scalars that are zero at a start."""
+    found: list[_Asleep] = []
+    for force in system.local_forces:
+        for held in force.idle_scalars():
+            if not any((force.sense[i].vectors @ d).any() or force.offset[i] != Constant(0.0) for i in held):
+                vectors = [one.vectors for i in held for one in (force.sense[i], force.act[i])]
+                found.append(_Asleep(force, frozenset(held), (np.concatenate(vectors) != 0.0).any(axis=0)))
+    return found
+
+
+def _coupled(system: System, idle: list[_Asleep]) -> IntArray:
+    """Return the group of every unknown, by its lowest member."""
+    pairs = [
+        (m.rows[m.values != 0.0], m.cols[m.values != 0.0]) for m in (system.mass, system.damping, system.stiffness)
+    ]
+    for force in system.local_forces:
+        asleep = frozenset[int]().union(*(one.scalars for one in idle if one.force is force))
+        involved = np.flatnonzero(_involved(force, system.size, asleep))
+        pairs.append((np.repeat(involved[:1], len(involved)), involved))
+    rows, cols = (np.concatenate(one) for one in zip(*pairs, strict=True))
+    return connected_components(system.size, rows, cols)
+
+
+def _involved(force: LocalForce, size: int, asleep: frozenset[int] = frozenset()) -> NDArray[np.bool_]:
+    """Return which unknowns a local force senses or acts on, but for scalars that are asleep."""
+    pairs = [pair for i, pair in enumerate(zip(force.sense, force.act, strict=True)) if i not in asleep]
+    vectors = [np.zeros((1, size)), *(one.vectors for pair in pairs for one in pair)]
+    return (np.concatenate(vectors) != 0.0).any(axis=0)
+
+
+def _changing(system: System) -> NDArray[np.bool_]:
+    """Return which unknowns are under a load that changes in time."""
+    vectors = [load.vector for load in system.loads if not load.steady]
+    return (np.array(vectors).reshape(len(vectors), system.size) != 0.0).any(axis=0)
+
+
+def _resting(
+    system: System, d: FloatArray, inner: FloatArray | None, moving: NDArray[np.bool_], labels: IntArray
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the constant forces on what does not move, shape (k, n), and what moves, local forces included."""
+    still, moving = CamMotion(np.zeros(1), np.zeros(1), np.zeros(1)), moving.copy()
+    steady = [load.vector * load.history(still)[0] for load in system.loads if load.steady]
+    forces = LocalForces(system)
+    schedule = forces.schedule(still)
+    gap = forces.sensed(d[None], np.zeros((1, system.size)), schedule)[0][0]
+    answer = forces.respond(gap, np.zeros(forces.count), forces.start_state if inner is None else inner, schedule)
+    for force, part, states in forces.parts:
+        involved = _involved(force, system.size)
+        if moving[involved].any():
+            continue
+        if _varies(force, gap[part]) or answer.state_rate[states].any():
+            moving |= _any(involved, labels)
+        else:
+            pairs = zip(answer.force[part].tolist(), force.act, strict=True)
+            steady += [size * act.vectors[0] for size, act in pairs]
+    return np.array(steady).reshape(len(steady), system.size), moving
+
+
+def _varies(force: LocalForce, gap: FloatArray) -> bool:
+    """Return whether a force at rest may change with the cam angle: by its vectors, its offsets or its law."""
+    if any(one.functions for one in (*force.sense, *force.act)):
+        return True
+    if not all(isinstance(offset, Constant) for offset in force.offset):
+        return True
+    return bool((not isinstance(force.law, ForceLaw) or force.law.functions) and gap.any())
+
+
+def _unbalanced(system: System, d: FloatArray, steady: FloatArray, labels: IntArray) -> NDArray[np.bool_]:
+    """Return which unknowns the constant forces and the stiffness push by more than rounding."""
+    K, scale = system.stiffness, diagonal_scale(system.stiffness)
+    strained = np.bincount(K.rows, weights=np.abs(K.values * d[K.cols]), minlength=system.size)
+    missing = np.abs(steady.sum(axis=0) - K.times(d)) * scale
+    size = np.zeros(system.size)
+    np.maximum.at(size, labels, (np.abs(steady).sum(axis=0) + strained) * scale)
+    return missing > np.maximum(_BALANCED * size[labels], _NOTHING * size.max(initial=0.0))
+
+
+def _started(v: FloatArray, mass: FloatArray) -> NDArray[np.bool_]:
+    """Return which unknowns begin with a velocity; without mass, any velocity is one."""
+    sizes = np.abs(v) * np.sqrt(np.maximum(mass, 0.0))
+    return (sizes > _SLOW * sizes.max(initial=0.0)) | ((v != 0.0) & (mass <= 0.0))
+
+
+def _any(one: NDArray[np.bool_], labels: IntArray) -> NDArray[np.bool_]:
+    """Return which unknowns are of a group with some that hold."""
+    found = np.zeros(len(labels), dtype=bool)
+    found[labels[one]] = True
+    return found[labels]

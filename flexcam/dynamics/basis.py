@@ -1,0 +1,296 @@
+"""The same equations in other unknowns: u = T q + u0, by a choice of the unknowns or by shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray, Triplets
+from flexcam.dynamics.angle_functions import AngleFunction, AngleVector, Constant
+from flexcam.dynamics.system import Channel, Load, LocalForce, MotionView, Observation, Probe, System
+
+
+class Basis(Protocol):
+    """How n unknowns follow from fewer, m."""
+
+    @property
+    def held(self) -> FloatArray:
+        """Displacement of the n unknowns where the m are zero, u0; nothing may couple it with the m."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """How many, m."""
+        ...
+
+    def named(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Return names of the m unknowns from those of the n."""
+        ...
+
+    def matrix(self, full: Triplets) -> Triplets:
+        """Return ``T' A T``."""
+        ...
+
+    def rows(self, full: FloatArray) -> FloatArray:
+        """Return ``A T`` of rows or one row, shape (..., n) to (..., m)."""
+        ...
+
+    def spread(self, motion: FloatArray) -> FloatArray:
+        """Return ``T q`` of motions as rows, shape (..., m) to (..., n)."""
+        ...
+
+    def saved(self, motions: FloatArray) -> FloatArray:
+        """Return ``T q`` of motions that are saved, shape (f, m) to (f, n): a run may go on from any of them."""
+        ...
+
+    def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
+        """Return the q nearest to a motion, shape (n,) to (m,), in the norm of a weight, such as the mass."""
+        ...
+
+    def free(self, motions: FloatArray | None) -> FloatArray | None:
+        """Return the free motions among the m, shape (m, k), from those of the n; None where they must be sought."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class DofSubset:
+    """Some of the unknowns; the others stay where they are.
+
+    Parameters
+    ----------
+    kept
+        Positions of the unknowns, shape (m,).
+    held
+        Displacement of the others, shape (n,); zero for those kept.
+    """
+
+    kept: IntArray
+    held: FloatArray
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns kept."""
+        return len(self.kept)
+
+    def named(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Return the names of those kept."""
+        kept: list[int] = self.kept.tolist()
+        return tuple(names[i] for i in kept)
+
+    def matrix(self, full: Triplets) -> Triplets:
+        """Return the kept part."""
+        return full.part(self.kept)
+
+    def rows(self, full: FloatArray) -> FloatArray:
+        """Return the kept columns."""
+        return full[..., self.kept]
+
+    def spread(self, motion: FloatArray) -> FloatArray:
+        """Return the motions among all unknowns, zero for the others."""
+        full = np.zeros((*motion.shape[:-1], len(self.held)))
+        full[..., self.kept] = motion
+        return full
+
+    def saved(self, motions: FloatArray) -> FloatArray:
+        """Return the motions among all unknowns."""
+        return self.spread(motions)
+
+    def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
+        """Return the motion of those kept."""
+        return motion[self.kept]
+
+    def free(self, motions: FloatArray | None) -> FloatArray | None:
+        """Return an orthonormal basis of the kept part of the free motions.
+
+        Right where nothing couples the kept with the others, so that each part of a free motion is free by itself.
+        """
+        if motions is None or not motions.shape[1]:
+            return None if motions is None else np.zeros((len(self.kept), 0))
+        along, sizes, _ = np.linalg.svd(motions[self.kept], full_matrices=False)
+        whole = float(np.linalg.norm(motions, 2))
+        return along[:, sizes > _PART * whole]
+
+
+@dataclass(frozen=True, eq=False)
+class ModeBasis:
+    """Amounts of given shapes.
+
+    Parameters
+    ----------
+    vectors
+        Independent shapes as columns, shape (n, m).
+    called
+        A name per amount; ``shape 1`` and so on by default.
+    still
+        Displacement where all amounts are zero, shape (n,), uncoupled with the shapes; None for none.
+    """
+
+    vectors: FloatArray
+    called: tuple[str, ...] = ()
+    still: FloatArray | None = None
+
+    @property
+    def held(self) -> FloatArray:
+        """Displacement where all amounts are zero."""
+        return np.zeros(len(self.vectors)) if self.still is None else self.still
+
+    @property
+    def size(self) -> int:
+        """Number of shapes."""
+        return self.vectors.shape[1]
+
+    def named(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Return the names of the amounts."""
+        return self.called or tuple(f"shape {i}" for i in range(1, self.vectors.shape[1] + 1))
+
+    def matrix(self, full: Triplets) -> Triplets:
+        """Return ``T' A T`` without what is rounding of its own sums: shapes without mass then have none."""
+        part = self.vectors.T @ full.times_all(self.vectors)
+        sizes = replace(full, values=np.abs(full.values)).times_all(np.abs(self.vectors))
+        rounding = np.finfo(float).eps * np.sqrt(full.size) * (np.abs(self.vectors).T @ sizes)
+        part[np.abs(part) <= rounding] = 0.0
+        symmetric = np.abs(part - part.T) <= 2.0 * rounding
+        return Triplets.from_dense(np.where(symmetric, 0.5 * (part + part.T), part))
+
+    def rows(self, full: FloatArray) -> FloatArray:
+        """Return what rows make of the shapes."""
+        return full @ self.vectors
+
+    def spread(self, motion: FloatArray) -> FloatArray:
+        """Return the sum of the shapes in the given amounts."""
+        return motion @ self.vectors.T
+
+    def saved(self, motions: FloatArray) -> FloatArray:
+        """Return the sums of the shapes."""
+        return self.spread(motions)
+
+    def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
+        """Return the amounts whose motion misses the given one by least."""
+        heavy = weight.times_all(self.vectors)
+        return np.asarray(np.linalg.lstsq(self.vectors.T @ heavy, heavy.T @ motion)[0], dtype=float)
+
+    def free(self, motions: FloatArray | None) -> FloatArray | None:
+        """Return None: they are few, and soon found."""
+        return None
+
+
+_PART = 1e-9
+"""Part of a whole below which a part is rounding."""
+
+
+def project_system(system: System, basis: Basis) -> System:
+    """Return the equations of a system in other unknowns."""
+    shown = _Shown(basis)
+    return System(
+        mass=basis.matrix(system.mass),
+        damping=basis.matrix(system.damping),
+        stiffness=basis.matrix(system.stiffness),
+        names=basis.named(system.names),
+        loads=tuple(_load(load, basis) for load in system.loads),
+        local_forces=tuple(_local(force, basis) for force in system.local_forces),
+        probes=tuple(_probe(probe, basis) for probe in system.probes),
+        channels=tuple(_channel(channel, shown) for channel in system.channels),
+        free=basis.free(system.free),
+        stored=system.stored + 0.5 * float(basis.held @ system.stiffness.times(basis.held)),
+    )
+
+
+def _load(load: Load, basis: Basis) -> Load:
+    return replace(load, vector=basis.rows(load.vector))
+
+
+def _local(force: LocalForce, basis: Basis) -> LocalForce:
+    pairs = zip(force.offset, force.sense, strict=True)
+    offset = tuple(_moved(known, one.vectors @ basis.held, one.functions) for known, one in pairs)
+    sense, act = (tuple(_vectors(one, basis) for one in side) for side in (force.sense, force.act))
+    return replace(force, sense=sense, act=act, offset=offset)
+
+
+def _vectors(one: AngleVector, basis: Basis) -> AngleVector:
+    return AngleVector(basis.rows(one.vectors), one.functions)
+
+
+def _probe(probe: Probe, basis: Basis) -> Probe:
+    offset = tuple(
+        _moved(known, np.array([at])) if at != 0.0 else known
+        for known, at in zip(probe.offset, (probe.rows @ basis.held).tolist(), strict=True)
+    )
+    return replace(probe, rows=basis.rows(probe.rows), offset=offset)
+
+
+def _moved(
+    known: AngleFunction | None, amounts: FloatArray, functions: tuple[AngleFunction, ...] = ()
+) -> AngleFunction:
+    """Return a function of the cam angle with amounts of others added; a single amount of none is a constant."""
+    begin = known or Constant(0.0)
+    if not amounts.any():
+        return begin
+    each = functions or (Constant(1.0),)
+    if isinstance(begin, Constant) and not functions:
+        return Constant(begin.value + float(amounts[0]))
+
+    def both(angle: FloatArray, order: int) -> FloatArray:
+        more = sum(amount * one(angle, order) for amount, one in zip(amounts.tolist(), each, strict=True))
+        return begin(angle, order) + more
+
+    return both
+
+
+def _channel(channel: Channel, shown: _Shown) -> Channel:
+    def value(seen: Observation) -> FloatArray:
+        return channel.value(shown(seen))
+
+    return replace(channel, value=value)
+
+
+class _Shown:
+    """Shows what is observed in all unknowns, once to all channels that look at the same."""
+
+    def __init__(self, basis: Basis) -> None:
+        self._rows = _Rows(basis)
+        self._last: tuple[Observation, Observation] | None = None
+
+    def __call__(self, seen: Observation) -> Observation:
+        if self._last is None or self._last[0] is not seen:
+            self._last = seen, replace(seen, moved=_Spread(seen.moved, self._rows))
+        return self._last[1]
+
+
+class _Rows:
+    """Rows over all unknowns as rows over those of a basis, each made once."""
+
+    def __init__(self, basis: Basis) -> None:
+        self.basis, self.held = basis, basis.held
+        self._known: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}  # an array keeps its number
+
+    def __call__(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the rows, and what they pick of what is held."""
+        if id(rows) not in self._known:
+            self._known[id(rows)] = rows, self.basis.rows(rows), rows @ self.held
+        return self._known[id(rows)][1:]
+
+
+class _Spread:
+    """Motion of all unknowns from that of others, computed as far as it is asked for."""
+
+    def __init__(self, inside: MotionView, rows: _Rows) -> None:
+        self._inside, self._rows = inside, rows
+        self._picked: dict[tuple[int, int], FloatArray] = {}
+        self._whole: dict[int, FloatArray] = {}
+
+    def whole(self, order: int) -> FloatArray:
+        if order not in self._whole:
+            spread = self._rows.basis.spread(self._inside.whole(order))
+            self._whole[order] = spread + self._rows.held if order == 0 else spread
+        return self._whole[order]
+
+    def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
+        key = id(rows), order
+        if key not in self._picked:
+            own, still = self._rows(rows)
+            found = self._inside.picked(own, order)
+            self._picked[key] = found + still if order == 0 else found
+        return self._picked[key]

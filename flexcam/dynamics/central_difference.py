@@ -1,0 +1,152 @@
+"""The explicit central difference: no equation to solve but with the mass, and a step bound by the highest frequency.
+
+Newmark's formulas with beta = 0 and gamma = 1/2: T. J. R. Hughes, The Finite Element Method (1987), sect. 9.1.
+Damping is taken at the new instant, so the limit ``omega dt = 2`` holds at any damping ratio.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.core import DENSE_LIMIT, FloatArray
+from flexcam.core.errors import InputError, refuse
+from flexcam.dynamics.generalized_alpha import family_matrix
+from flexcam.dynamics.implicit_step import ImplicitStage, Prediction
+from flexcam.dynamics.integrator import At, Method, Stepper
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.massless import Massless
+from flexcam.dynamics.step_state import StepInputs, StepState
+from flexcam.dynamics.system import System
+
+_LIMIT = 2.0
+"""Of angular frequency times step."""
+
+_NAME = "central-difference"
+
+
+@dataclass(frozen=True)
+class CentralDifference(Method):
+    """Explicit central difference; made for lumped masses, whose operator is diagonal.
+
+    Motions without mass are placed by the springs they touch. Contacts are as stiff as they are: where a pressed one
+    bounds the step more than the structure does, a run leaves the range of numbers and says so.
+
+    Examples
+    --------
+    >>> round(CentralDifference().stable_to(), 9)
+    2.0
+    """
+
+    @property
+    def order(self) -> int:
+        """Order of accuracy of displacement and velocity."""
+        return 2
+
+    def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
+        """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step, as `Method` says."""
+        return family_matrix(0.0, 0.5, omega_dt=omega_dt, damping=damping)
+
+    def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
+        """Return what advances a system by steps of one length, as `Method` says."""
+        return _Stepper(system, forces, step)
+
+    def refusal(self, system: System, step: float) -> InputError | None:
+        """Return the refusal of contacts and dampers without mass, and of steps beyond the limit."""
+        light = Massless(system)
+        if pushed := light.pushed(_NAME):
+            return pushed
+        omega, names = highest_frequency(system, light)
+        if step * omega <= _LIMIT:
+            return None
+        allowed = f"at most {_LIMIT / omega:.6g} s with {_NAME}"
+        why = f"a motion of {', '.join(names)} at {omega / (2.0 * np.pi):.5g} Hz grows beyond it"
+        return refuse("run.step", f"{step:.6g} s", allowed, why, "take smaller steps, or an implicit method")
+
+
+class _Stepper:
+    """A stage without stiffness in its operator; then the motions without mass."""
+
+    def __init__(self, system: System, forces: LocalForces, step: float) -> None:
+        self._massless, self._dt = Massless(system), step
+        self._stage = ImplicitStage(system, forces, 0.0, 0.5 * step, step, inverse=self._massless.inverse)
+
+    def advance(self, now: StepState, to: StepInputs) -> StepState:
+        """Return the next instant, as `Stepper` says."""
+        dt, light = self._dt, self._massless
+        d = light.place(now.d + dt * now.v + 0.5 * dt**2 * now.a, to.load)
+        new = self._stage.solve(Prediction(d, now.v + 0.5 * dt * now.a), now, to)
+        if not light.any:
+            return new
+        # Contacts do not touch what has no mass: what is applied there are loads, and they follow a secant.
+        v = light.place(new.v, (new.applied - now.applied) / dt)
+        return replace(new, v=v, a=light.place(new.a, np.zeros(len(v))))
+
+
+def highest_frequency(system: System, light: Massless | None = None) -> tuple[float, list[str]]:
+    """Return the highest natural frequency of a system without its local forces, and what moves most in it.
+
+    Parameters
+    ----------
+    system
+        The system.
+    light
+        Its motions without mass, where they are known.
+
+    Returns
+    -------
+    tuple
+        Angular frequency, rad/s, and up to three names.
+    """
+    light = light or Massless(system)
+    if not len(light.kept):
+        return 0.0, []
+    find = _dense if len(light.kept) <= DENSE_LIMIT else _sparse
+    square, shape = find(system, light)
+    order: list[int] = np.argsort(-np.abs(shape)).tolist()
+    return float(np.sqrt(max(square, 0.0))), [system.names[light.kept[i]] for i in order[:3]]
+
+
+def _dense(system: System, light: Massless) -> tuple[float, FloatArray]:
+    pulled = system.stiffness.times_all(light.spread(np.eye(len(light.kept))))
+    values, vectors = np.linalg.eig(light.inverse(system.mass).solve(pulled)[light.kept])
+    squares, shapes = np.real(values), np.real(vectors)
+    highest = int(np.argmax(squares))
+    return float(squares[highest]), shapes[:, highest]
+
+
+def _sparse(system: System, light: Massless) -> tuple[float, FloatArray]:
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    size, inverse = len(light.kept), light.inverse(system.mass)
+
+    def pull(kept: FloatArray) -> FloatArray:
+        return system.stiffness.times_all(light.spread(kept.reshape(size, -1)))[light.kept]
+
+    def freed(push: FloatArray) -> FloatArray:
+        whole = np.zeros((system.size, 1))
+        whole[light.kept, 0] = push.ravel()
+        return inverse.solve(whole)[light.kept]
+
+    pulled, pushed = (LinearOperator((size, size), matvec=one, dtype=float) for one in (pull, freed))
+    start = np.random.default_rng(0).standard_normal(size)
+    mass = system.mass.part(light.kept).csr()
+    values, vectors = eigsh(pulled, 1, M=mass, Minv=pushed, which="LM", v0=start, tol=1e-6)
+    return float(values[0]), vectors[:, 0]
+
+
+def central_difference() -> CentralDifference:
+    """Return the explicit central difference.
+
+    Returns
+    -------
+    CentralDifference
+        It has no parameter.
+
+    Examples
+    --------
+    >>> central_difference().order
+    2
+    """
+    return CentralDifference()

@@ -1,0 +1,181 @@
+"""The general way through time: every method, every system, one step after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.adaptive import Norm, StepController, StepFloorError
+from flexcam.dynamics.blocks import SaveAt, Series
+from flexcam.dynamics.checkpoint import Arrays, flatten
+from flexcam.dynamics.contact_events import EventStepper
+from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, instant, stack_motion
+from flexcam.dynamics.implicit_step import NoConvergenceError
+from flexcam.dynamics.initial_acceleration import InitialAcceleration
+from flexcam.dynamics.integrator import Method, Stepper
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.prescribed_inputs import PrescribedInputs
+from flexcam.dynamics.problem import Problem, State
+from flexcam.dynamics.status import Cause, Stats, Status
+from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
+from flexcam.dynamics.system import System
+
+Pilot = Callable[[Problem, Method], Series]
+"""Returns the motion of the first revolution by the steps as given: errors are measured against its size."""
+
+
+class DirectEngine:
+    """Walks by the steps of a method, with stops at events and steps divided by their error.
+
+    Parameters
+    ----------
+    problem
+        System, drive, step and start.
+    scheme
+        The method.
+    forces
+        The system's local forces, stacked.
+    save
+        What is kept: at saved fields the forces are taken anew.
+    stop
+        Asked before every step.
+    pilot
+        Of a run whose steps adapt.
+    """
+
+    def __init__(
+        self, problem: Problem, scheme: Method, forces: LocalForces, save: SaveAt, stop: Callable[[], bool],
+        pilot: Pilot,
+    ) -> None:  # fmt: skip
+        self._problem, self._system, self._forces, self._save, self._stop = problem, problem.system, forces, save, stop
+        self._starter = InitialAcceleration(problem.system, forces)
+
+        def stepper(length: float) -> Stepper:
+            return scheme.stepper(problem.system, forces, length, self._at)
+
+        self._walker = EventStepper(problem.step, forces, self._starter, self._at, stepper, balances=scheme.balances)
+        self._pace = self._paced(problem, scheme, pilot)
+        self._last: StepState | None = None
+        self._iterations, self._substeps = 0, 0
+
+    def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
+        """Return the instants of some successive steps, as `Engine` says."""
+        _, track, status = self.walk(steps)
+        return track, status
+
+    def walk(self, steps: IntArray) -> tuple[list[list[StepState]], Trajectory, Status]:
+        """Return the instants of some successive steps one by one as well, with all that the next step needs.
+
+        At saved fields the forces are taken anew from the motion, so that a run from there is this one bit by bit.
+        """
+        at = self._problem.times(steps)
+        motion = self._problem.drive.at(at)
+        schedule = self._forces.schedule(motion)
+        before = None if self._last is None else stack_motion(Trajectory.of([[self._last]]))[0]
+        walked, status = self._walked(steps, at, motion.angle, schedule, self._system.applied(motion))
+        if not walked:
+            return walked, Trajectory.none(self._system.size, self._forces), status
+        self._iterations += sum(m.iterations for part in walked for m in part)
+        self._substeps += sum(len(part) for part in walked)
+        track, left = in_range(Trajectory.of(walked), before, self._system, motion.angle)
+        return walked, track, status if left.ok else left
+
+    def _walked(
+        self, steps: IntArray, at: FloatArray, angle: FloatArray, schedule: PrescribedInputs, loads: FloatArray
+    ) -> tuple[list[list[StepState]], Status]:
+        """Return, per step, the instants that end it: stops at events, and the step's own end as the last."""
+        walked: list[list[StepState]] = []
+        walker = self._pace or self._walker
+        for i, load in enumerate(loads):
+            if self._stop():
+                return walked, STOPPED
+            to = StepInputs(float(at[i]), load, schedule, i)
+            try:
+                part = walker.walk(self._last, to) if self._last else [self._starter.first(self._begin(), to)]
+            except NoConvergenceError as fault:
+                return walked, convergence_failure(fault.forces, float(at[i]), float(angle[i]))
+            except StepFloorError as fault:
+                return walked, _too_small(fault, self._system, float(at[i]), float(angle[i]))
+            if steps[i] % self._save.field_every == 0:
+                part[-1] = self._starter.resumed(part[-1], to)
+            walked.append(part)
+            self._last = part[-1]
+        return walked, Status()
+
+    def counted(self, stats: Stats) -> Stats:
+        """Return figures of the run with those counted here."""
+        stats = replace(stats, iterations=self._iterations, events=self._walker.events)
+        return replace(stats, substeps=self._substeps, rejected=self._pace.rejected) if self._pace else stats
+
+    def state(self) -> Arrays:
+        """Return the last instant, how steps are divided, and the counts, as `Engine` says."""
+        paced = (self._pace.halvings, self._pace.rejected) if self._pace else (0, 0)
+        counts = np.array([self._iterations, self._substeps, self._walker.events, *paced])
+        return {**flatten("last", self._last), "counts": counts}
+
+    def restore(self, state: Arrays) -> None:
+        """Go on, as `Engine` says."""
+        self._last = StepState.restored("last", state)
+        self._iterations, self._substeps, self._walker.events, *paced = state["counts"].tolist()
+        if self._pace:
+            self._pace.halvings, self._pace.rejected = paced
+
+    def _begin(self) -> State:
+        return self._problem.start or State.rest(self._system.size)
+
+    def _at(self, time: float) -> StepInputs:
+        motion = self._problem.drive.at(np.array([time]))
+        return StepInputs(time, self._system.applied(motion)[0], self._forces.schedule(motion))
+
+    def _paced(self, problem: Problem, scheme: Method, pilot: Pilot) -> StepController | None:
+        if problem.adaptive is None or not problem.system.size:
+            return None
+        norm = Norm(problem.system, pilot(problem, scheme), scheme.unseen)
+        return StepController(self._walker, self._at, problem.step, problem.adaptive, norm)
+
+
+def _too_small(fault: StepFloorError, system: System, at: float, angle: float) -> Status:
+    text = (
+        f"the error of {system.names[fault.unknown]} stays at {fault.times:.3g} times the tolerance with steps of "
+        f"{fault.step:.3g} s {instant(at, angle)}"
+    )
+    return Status(Cause.STEP_TOO_SMALL, text, "allow a larger run.adaptive.tolerance or a smaller smallest step")
+
+
+class KinematicEngine:
+    """Goes through the instants of a problem without unknowns and local forces.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    forces
+        Its local forces: none.
+    stop
+        Asked before every block of steps.
+    """
+
+    def __init__(self, problem: Problem, forces: LocalForces, stop: Callable[[], bool]) -> None:
+        self._problem, self._forces, self._stop = problem, forces, stop
+
+    def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
+        """Return the instants of some successive steps, as `Engine` says."""
+        if self._stop():
+            return Trajectory.none(0, self._forces), STOPPED
+        nothing = np.zeros((len(steps), 0))
+        at, each = self._problem.times(steps), np.arange(len(steps))
+        return Trajectory(at, nothing, nothing, nothing, nothing, nothing, nothing, each), Status()
+
+    def counted(self, stats: Stats) -> Stats:
+        """Return the figures as they are: no step is taken."""
+        return stats
+
+    def state(self) -> Arrays:
+        """Return nothing: every instant follows from the problem alone."""
+        return {}
+
+    def restore(self, state: Arrays) -> None:
+        """Go on, as `Engine` says."""

@@ -1,0 +1,269 @@
+"""By how much the forces of a run are out of balance: what the equation of motion lacks, computed from its parts.
+
+The time integration balances forces by its own operators; here they are put together anew, from the matrices, the loads
+and the local forces: between saved fields, where some ways through time take their state anew, and at the last step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray, Triplets, operator
+from flexcam.dynamics.checkpoint import Arrays, arrays_below, flatten
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.prescribed_inputs import PrescribedInputs
+from flexcam.dynamics.step_state import Trajectory
+from flexcam.dynamics.system import Observation, System
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+
+class EquilibriumResidual:
+    """The largest force out of balance, as a part of the largest force, over a run.
+
+    Forces and torques count by the displacement that each causes in its own unknown within a step, in the energy norm,
+    so that no unit of an unknown matters.
+
+    Parameters
+    ----------
+    system
+        The system.
+    forces
+        Its local forces, stacked.
+    step
+        s.
+    """
+
+    def __init__(self, system: System, forces: LocalForces, step: float) -> None:
+        self._forces, self._vectors = forces, system.load_vectors()
+        self._matrices = [operator(one) for one in (system.mass, system.damping, system.stiffness)]
+        stiff = np.abs(system.stiffness.diagonal()) + np.abs(system.mass.diagonal()) / step**2
+        self._weights = np.divide(1.0, np.sqrt(stiff), out=np.zeros_like(stiff), where=stiff > 0.0)
+        self._largest = np.full(2, -1.0)
+
+    @property
+    def share(self) -> float:
+        """The largest so far, 1; zero where nothing acts, negative where no instant was looked at."""
+        lacking, acting = self._largest
+        return float(lacking / acting if acting > 0.0 else acting)
+
+    def look(self, track: Trajectory, seen: Observation, schedule: PrescribedInputs, rows: IntArray) -> None:
+        """Take some instants into account."""
+        if not len(rows) or not len(self._weights):
+            return
+        moved = (track.a[rows], track.v[rows], track.d[rows])
+        parts = [_product(matrix, one) for matrix, one in zip(self._matrices, moved, strict=True)]
+        parts.append(-seen.histories[rows] @ self._vectors)
+        if self._forces.count:
+            acted = (seen.forces[rows] @ schedule.acts) * schedule.acted[rows]
+            parts.append(-acted @ self._forces.act.vectors)
+        each = np.array(parts)
+        self._largest = np.maximum(self._largest, [self._size(each.sum(axis=0)), self._size(each)])
+
+    def _size(self, rows: FloatArray) -> float:
+        weighed = rows * self._weights
+        return float(np.sqrt(np.einsum("...i,...i->...", weighed, weighed).max()))
+
+    def state(self) -> Arrays:
+        """Return what the rest of the run goes on from."""
+        return {"imbalance": self._largest.copy()}
+
+    def restore(self, state: Arrays) -> None:
+        """Go on from what `state` returned."""
+        self._largest = state["imbalance"].copy()
+
+
+def _product(matrix: FloatArray | csr_array, rows: FloatArray) -> FloatArray:
+    return np.asarray(matrix @ rows.T, dtype=float).T
+
+
+PARTS = ("work", "kinetic", "strain", "contact", "dissipated", "numerical", "residual")
+"""Names of the balance's parts, in order."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """Energies of some instants, J, shape (m,), and what the work between them is computed from.
+
+    `elastic` is the strain energy with that of smooth laws (`flexcam.system.Smooth`), which nothing else here counts.
+    `damped` is what the damping holds back, per unknown; `pushes` are loads and forces, `paths` what they move, of all
+    that acts but opposed contacts (`LocalForces.opposed`); `still` the contacts' forces without their dissipation,
+    `by_state` the derivatives of their energy by internal states, `changing` its part that depends on the cam angle,
+    `carried` the part of the sensed rates that the cam alone causes. What a system cannot have, has no columns.
+    """
+
+    angle: FloatArray
+    kinetic: FloatArray
+    strain: FloatArray
+    elastic: FloatArray
+    contact: FloatArray
+    d: FloatArray
+    damped: FloatArray
+    pushes: FloatArray
+    paths: FloatArray
+    force: FloatArray
+    still: FloatArray
+    gap: FloatArray
+    states: FloatArray
+    by_state: FloatArray
+    changing: FloatArray
+    rate: FloatArray
+    carried: FloatArray
+    impulse: FloatArray
+
+    def last(self) -> _Held:
+        """Return the last instant alone."""
+        return _Held(*(getattr(self, n)[-1:] for n in self.__dataclass_fields__))
+
+
+class EnergyAccount:
+    """The balance, block by block.
+
+    Parameters
+    ----------
+    system
+        The system.
+    forces
+        Its local forces, stacked.
+    """
+
+    def __init__(self, system: System, forces: LocalForces) -> None:
+        self._system, self._forces = system, forces
+        self._M, self._C, self._K = (_Form(m) for m in (system.mass, system.damping, system.stiffness))
+        self._damped = bool(system.damping.values.any())
+        smooth = forces.polynomial
+        rough = np.flatnonzero(~smooth)
+        self._rough = rough if smooth.any() else slice(None)
+        self._smooth = forces.stored_energy(np.flatnonzero(smooth)) if smooth.any() else None
+        self._smooth_scalars = np.flatnonzero(smooth)
+        self._stores, self._others = forces.stored_energy(rough), np.flatnonzero(~forces.opposed[rough])
+        self._storing = forces.storing[rough]
+        self._strikes = not np.isnan(forces.restitution).all()
+        # Vectors of the contacts that are not opposed, and whose force acts along each.
+        self._acting = np.flatnonzero(forces.act.owner[~forces.opposed].any(axis=0))
+        self._acted = forces.act.owner[:, self._acting].argmax(axis=0) if forces.count else self._acting
+        self._pushed = np.concatenate([system.load_vectors(), forces.act.vectors[self._acting]])
+        self._last: _Held | None = None
+        self._sums = np.zeros(4)  # work, dissipated, numerical, and the energy at the start
+
+    def block(
+        self, track: Trajectory, seen: Observation, carried: FloatArray, schedule: PrescribedInputs
+    ) -> FloatArray:
+        """Return the parts of the balance at the instants of a block, shape (m, 7), J."""
+        new = self._held(track, seen, carried, schedule)
+        energy = new.kinetic + new.strain + new.contact
+        first = self._last is None
+        if first:
+            self._sums[3] = energy[0]
+        gone = self._gone(new, self._last)
+        sums = self._sums[:3] + np.cumsum(np.vstack([np.zeros((int(first), 3)), gone]), axis=0)
+        self._sums[:3], self._last = sums[-1], new.last()
+        residual = sums[:, 0] - (energy - self._sums[3]) - sums[:, 1] - sums[:, 2]
+        return np.column_stack([sums[:, 0], new.kinetic, new.strain, new.contact, sums[:, 1], sums[:, 2], residual])
+
+    def state(self) -> Arrays:
+        """Return what the balance of the next block depends on."""
+        return {**flatten("held", self._last), "sums": self._sums.copy()}
+
+    def restore(self, state: Arrays) -> None:
+        """Go on from what `state` returned."""
+        held = arrays_below("held", state)
+        self._last, self._sums = (_Held(**held) if held else None), state["sums"].copy()
+
+    def _gone(self, new: _Held, last: _Held | None) -> FloatArray:
+        """Return work, dissipation and numerical loss up to every instant from the one before it, shape (b, 3)."""
+
+        def added(name: str) -> FloatArray:
+            return _paired(np.add, getattr(new, name), getattr(last, name, None))
+
+        def passed(name: str) -> FloatArray:
+            return _paired(np.subtract, getattr(new, name), getattr(last, name, None))
+
+        # Forces do their mean along the path; what is halved is halved at last.
+        damped, given = (0.5 * _dot(added(one), passed(path)) for one, path in (("damped", "d"), ("pushes", "paths")))
+        # What a contact does along its whole depth comes from the unknowns, and where it is not opposed from the cam.
+        forces, still, deepened, others = added("force"), added("still"), passed("gap"), self._others
+        moving = 0.5 * _dot(forces[:, others], deepened[:, others])
+        taken = 0.5 * _dot(forces, deepened) - moving
+        lossy = self._stores.lossy
+        crushed = 0.5 * _dot(forces[:, lossy] - still[:, lossy], deepened[:, lossy])
+        crushed -= 0.5 * _dot(added("by_state"), passed("states"))
+        # What the mean force does beyond the curved one, by Simpson's rule.
+        half = 0.5 * added("gap"), 0.5 * added("states"), 0.5 * added("angle")
+        curved = 2.0 / 3.0 * _dot(0.5 * still - self._stores.at(*half)[1], deepened)
+        impulse = new.impulse if last else new.impulse[1:]
+        struck, impact_lost = (0.5 * _dot(impulse, added(one)) for one in ("carried", "rate"))
+        # A contact that closes and turns back within one step has a damping force of its way out on a path that still
+        # leads in: their product is negative, which is an error of the step.
+        lost = np.maximum(damped + crushed + impact_lost, 0.0)
+        numerical = given - taken - passed("kinetic") - passed("elastic") + struck + curved + (crushed - lost)
+        work = given + moving + struck + self._turned(new, last)
+        return np.column_stack([work, lost, numerical])
+
+    def _turned(self, new: _Held, last: _Held | None) -> FloatArray:
+        """Return what the cam's turning stores in contacts whose law changes with its angle, as with its curvature."""
+        begin = 0 if last else 1
+        before = _before(new.gap, last and last.gap), _before(new.states, last and last.states)
+        later = self._stores.varying(*before, new.angle[begin:])
+        angle, changing = _before(new.angle, last and last.angle), _before(new.changing, last and last.changing)
+        earlier = self._stores.varying(new.gap[begin:], new.states[begin:], angle)
+        return 0.5 * (later - changing + new.changing[begin:] - earlier)
+
+    def _held(self, track: Trajectory, seen: Observation, carried: FloatArray, schedule: PrescribedInputs) -> _Held:
+        gaps, forces, d = seen.gaps[:, self._rough], seen.forces[:, self._rough], track.d
+        stored, elastic, by_state = self._stores.at(gaps, seen.states, schedule.angle)
+        changing = self._stores.varying(gaps, seen.states, schedule.angle)
+        smooth = np.zeros(len(d))
+        if self._smooth is not None:
+            smooth = self._smooth.at(seen.gaps[:, self._smooth_scalars], seen.states, schedule.angle)[0]
+        strain, nothing = 0.5 * self._K.twice(d) + self._system.stored, np.zeros((len(d), 0))
+        struck = (seen.rates[:, self._rough], carried[:, self._rough], track.impulse[:, self._rough])
+        acted = seen.forces[:, self._acted] * schedule.acted[:, self._acting]
+        return _Held(
+            schedule.angle, 0.5 * self._M.twice(track.v), strain, strain + smooth, stored + smooth,
+            *((d, self._C.times(track.v)) if self._damped else (nothing, nothing)),
+            np.hstack([seen.histories, acted]), (self._pushed @ d.T).T,
+            forces if self._storing.all() else forces * self._storing, elastic, gaps, seen.states, by_state,
+            changing, *(struck if self._strikes else (nothing,) * 3),
+        )  # fmt: skip
+
+
+class _Form:
+    """A matrix, all of it or its diagonal where it has nothing else."""
+
+    def __init__(self, matrix: Triplets) -> None:
+        self._diagonal = matrix.diagonal() if (matrix.rows == matrix.cols).all() else None
+        self._whole: FloatArray | csr_array = operator(matrix) if self._diagonal is None else np.zeros((0, 0))
+
+    def times(self, rows: FloatArray) -> FloatArray:
+        """Return what it makes of every row, shape (m, n)."""
+        if self._diagonal is not None:
+            return rows * self._diagonal
+        return np.asarray(rows @ self._whole, dtype=float)
+
+    def twice(self, rows: FloatArray) -> FloatArray:
+        """Return x A x of every row x, shape (m,)."""
+        return np.square(rows) @ self._diagonal if self._diagonal is not None else _dot(self.times(rows), rows)
+
+
+def _paired(operation: np.ufunc, now: FloatArray, last: FloatArray | None) -> FloatArray:
+    """Return sum or difference of every instant and the one before it; the first has none where `last` is None."""
+    if last is None:
+        return np.asarray(operation(now[1:], now[:-1]), dtype=float)
+    found = np.empty_like(now)
+    operation(now[:1], last, out=found[:1])
+    operation(now[1:], now[:-1], out=found[1:])
+    return found
+
+
+def _before(now: FloatArray, last: FloatArray | None) -> FloatArray:
+    """Return the instants before each; the first has none where `last` is None."""
+    return now[:-1] if last is None else np.concatenate([last, now[:-1]])
+
+
+def _dot(values: FloatArray, others: FloatArray) -> FloatArray:
+    return np.einsum("mi,mi->m", values, others)

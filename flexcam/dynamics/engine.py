@@ -1,0 +1,95 @@
+"""What `solve` asks of a way through time: the next steps, and how they ended."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.checkpoint import Arrays
+from flexcam.dynamics.initial_acceleration import InitialAcceleration
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.problem import Problem, State
+from flexcam.dynamics.status import Cause, Stats, Status
+from flexcam.dynamics.step_state import StepInputs, Trajectory
+from flexcam.dynamics.system import System
+
+
+class Engine(Protocol):
+    """Walks through a problem; made at its start."""
+
+    def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
+        """Return the instants of some successive steps, and whether all of them could be taken."""
+        ...
+
+    def counted(self, stats: Stats) -> Stats:
+        """Return figures of the run with those that the engine counts."""
+        ...
+
+    def state(self) -> Arrays:
+        """Return everything the next step depends on and the problem does not tell, and the counts."""
+        ...
+
+    def restore(self, state: Arrays) -> None:
+        """Go on from what `state` returned, in this process or in another one."""
+        ...
+
+
+LARGEST = 1e100
+"""Size (SI) beyond which a motion has diverged; its squares, as stresses need them, are still numbers."""
+
+STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "what was finished is kept; --resume goes on from there")
+
+
+def in_range(
+    track: Trajectory, before: FloatArray | None, system: System, angle: FloatArray
+) -> tuple[Trajectory, Status]:
+    """Return the steps up to the last one in range, and a status that names what left it first."""
+    if all(all_within(one) for one in (track.d, track.v, track.a, track.local)):
+        return track, Status()
+    every = stack_motion(track)
+    good = (np.abs(every[track.ends]) < LARGEST).all(axis=1)  # False for NaN as well
+    if good.all():  # large together, or out of range between the ends of steps alone
+        return track, Status()
+    count = int(np.argmin(good))
+    at = int(track.ends[count])
+    # One overflow spoils every unknown within its step: what was ahead just before is what left.
+    ahead = np.where(np.isfinite(every[at]), np.abs(every[at]), np.inf)
+    previous = every[track.ends[count - 1]] if count else before
+    if previous is not None and np.count_nonzero(ahead == ahead.max()) > 1:
+        ahead = np.abs(previous)
+    names = [*(3 * system.names), *(name for force in system.local_forces for name in [force.name] * len(force.sense))]
+    when = instant(float(track.time[at]), float(angle[count]))
+    text = f"{names[int(np.argmax(ahead))]} left the range of numbers {when}"
+    return track.until(count), Status(Cause.NOT_FINITE, text, "take a smaller step, more damping or a lower speed")
+
+
+def all_within(values: FloatArray) -> bool:
+    """Tell whether all values are in range for certain; what is not a number is not."""
+    flat = values.ravel(order="K")
+    return float(flat @ flat) < LARGEST**2
+
+
+def stack_motion(track: Trajectory) -> FloatArray:
+    """Return motion and forces side by side."""
+    return np.hstack([track.d, track.v, track.a, track.local])
+
+
+def instant(at: float, angle: float) -> str:
+    """Return an instant in words."""
+    return f"at t = {at:.6g} s, cam angle {np.degrees(angle):.2f} deg"
+
+
+def convergence_failure(forces: list[str], at: float, angle: float) -> Status:
+    """Return the status of local forces that do not settle."""
+    text = f"{', '.join(dict.fromkeys(forces))} did not settle within the step {instant(at, angle)}"
+    return Status(Cause.NO_CONVERGENCE, text, "take a smaller step or a softer contact")
+
+
+def first_track(problem: Problem, forces: LocalForces) -> Trajectory:
+    """Return the first instant of a problem."""
+    start = problem.start or State.rest(problem.system.size)
+    motion = problem.drive.at(problem.times(np.zeros(1, dtype=np.intp)))
+    to = StepInputs(start.time, problem.system.applied(motion)[0], forces.schedule(motion))
+    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]])

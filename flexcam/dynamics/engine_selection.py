@@ -1,0 +1,169 @@
+"""Selection of the solver engine of a problem.
+
+*modal*: a linear system in modal coordinates, many steps at once, numpy only. *kernel*: modal coordinates and local
+forces in compiled code. *direct*: factorized matrices, every system and every method. The choice depends on the problem alone,
+not on whether compiled code is cached; `Problem.engine` forces one, and the statistics of a run name it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from flexcam.core.errors import refuse
+from flexcam.dynamics.basis import Basis
+from flexcam.dynamics.blocks import SaveAt
+from flexcam.dynamics.direct_engine import DirectEngine, KinematicEngine, Pilot
+from flexcam.dynamics.engine import Engine
+from flexcam.dynamics.force_laws import ForceLaw
+from flexcam.dynamics.generalized_alpha import Scheme
+from flexcam.dynamics.integrator import Method
+from flexcam.dynamics.jit import is_available
+from flexcam.dynamics.kernel_engine import KernelEngine, compiled_functions
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.modal_coordinates import ModalCoordinates, diagonal, find_modal_coordinates, modal_problem
+from flexcam.dynamics.modal_engine import ModalEngine, ProbeEngine, probe_rows
+from flexcam.dynamics.problem import Engine as EngineName
+from flexcam.dynamics.problem import Problem
+from flexcam.dynamics.reduced_problem import basis_of, reduce_problem
+from flexcam.dynamics.system import System
+
+MOST = 500
+"""Unknowns up to which all modes are computed, within half a second."""
+
+_MODAL_STEPS, _SQUARED = 1000, 15
+"""Steps above which modes are worth computing: so many, and of more unknowns their square over so many."""
+
+_STEP, _LAW, _SQUARE = 1.0e-4, 1.2e-4, 4.0e-9
+"""Measured time of a step of the direct engine, s: at least, per force law, and per square of the unknowns."""
+_COMPILER = 2.5
+"""Time, s, of the direct engine for all runs to come above which the kernel engine is chosen. Compiled code takes some
+seconds to compile once per installation, and half a second to load afterwards."""
+
+_SPARSE = 10
+"""Steps between saved fields from which a run can go on from every one of them bit by bit."""
+_FEW = 24
+"""Scalars of probes up to which they are computed without the motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class SelectedEngine:
+    """The engine of a problem.
+
+    Parameters
+    ----------
+    engine
+        Its name.
+    problem
+        What is integrated.
+    bases
+        How the unknowns shown follow from those integrated, the innermost first.
+    natural
+        The modes, where the engine works in modal coordinates.
+    """
+
+    engine: EngineName
+    problem: Problem
+    bases: tuple[Basis, ...]
+    natural: ModalCoordinates | None = None
+
+
+def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEngine:
+    """Return the engine that was asked for, or the fastest that fits."""
+    basis = basis_of(problem)
+    plain = problem if basis is None else reduce_problem(problem, basis)
+    if refusal := method.refusal(plain.system, plain.step):
+        raise refusal
+    outer = () if basis is None else (basis,)
+    refusals: list[str] = []
+    for engine in candidate_engines(plain):
+        if engine == "direct":
+            return SelectedEngine("direct", plain, outer)
+        try:
+            exactly = save.field_every >= _SPARSE and problem.runs == 1  # nobody goes on from one of many runs
+            natural, inside = _natural(plain, method, engine, exactly=exactly)
+        except _UnfitError as unfit:
+            refusals.append(str(unfit))
+        else:
+            return SelectedEngine(engine, inside, (natural, *outer), natural)
+    remedy = "leave run.engine out: flexcam then chooses the fastest engine that fits"
+    raise refuse("run.engine", problem.engine, "another engine", refusals[-1], remedy)
+
+
+def candidate_engines(problem: Problem) -> tuple[EngineName, ...]:
+    """Return the engine asked for, or those that the length of the run makes worthwhile, the best one first."""
+    if problem.engine != "auto":
+        return (problem.engine,)
+    system = problem.system
+    if system.local_forces:
+        return ("kernel", "direct") if is_available() and direct_time(problem) > _COMPILER else ("direct",)
+    if problem.steps < max(_MODAL_STEPS, system.size**2 // _SQUARED):
+        return ("direct",)
+    damped = bool(system.damping.values.any())
+    return ("modal", "kernel", "direct") if damped and direct_time(problem) > _COMPILER else ("modal", "direct")
+
+
+def direct_time(problem: Problem) -> float:
+    """Return the predicted time of the direct engine for a problem and the runs like it to come, s."""
+    laws = sum(
+        len(force.sense) // force.law.scalars if isinstance(force.law, ForceLaw) else 1
+        for force in problem.system.local_forces
+    )
+    step = _STEP + _LAW * laws + _SQUARE * min(problem.system.size, MOST) ** 2
+    return problem.runs * problem.steps * step
+
+
+class _UnfitError(ValueError):
+    """Why an engine cannot integrate a problem."""
+
+
+def _natural(
+    problem: Problem, method: Method, engine: EngineName, *, exactly: bool
+) -> tuple[ModalCoordinates, Problem]:
+    """Return the modes of a problem, and the problem in modal coordinates."""
+    system = problem.system
+    if not isinstance(method, Scheme):
+        raise _UnfitError("it integrates with newmark, hht and generalized-alpha only")
+    if problem.adaptive is not None:
+        raise _UnfitError("it has no adaptive steps")
+    if not 0 < system.size <= MOST:
+        raise _UnfitError(f"the system has {system.size} unknowns; all modes of 1 to {MOST} are computed")
+    if engine == "modal" and system.local_forces:
+        raise _UnfitError(f"{system.local_forces[0].name} depends on the motion")
+    if engine == "kernel":
+        _refuse_uncompiled(system)
+    found = find_modal_coordinates(system)
+    if found is None:
+        raise _UnfitError("mass or stiffness are not symmetric and positive, or modes cannot be told apart")
+    inside = modal_problem(problem, found)
+    if engine == "modal" and diagonal(inside.system.damping) is None:
+        raise _UnfitError("the damping couples the modes")
+    return replace(found, exactly=exactly), inside
+
+
+def _refuse_uncompiled(system: System) -> None:
+    if not is_available():
+        raise _UnfitError("numba is not installed")
+    for force in system.local_forces:
+        if not isinstance(force.law, ForceLaw):
+            raise _UnfitError(f"the law of {force.name} is a Python object")
+
+
+def forces_of(way: SelectedEngine) -> LocalForces:
+    """Return the local forces of a problem, their energies evaluated by compiled code where the kernel engine runs."""
+    return LocalForces(way.problem.system, compiled_functions() if way.engine == "kernel" else None)
+
+
+def create_engine(
+    way: SelectedEngine, method: Method, forces: LocalForces, save: SaveAt, stop: Callable[[], bool], pilot: Pilot
+) -> Engine:
+    """Return the engine, ready to start."""
+    if way.natural is not None and isinstance(method, Scheme):
+        if way.engine == "modal":
+            seldom = not save.channels and save.field_every >= _SPARSE
+            few = seldom and 0 < len(probe_rows(way.problem)) <= _FEW
+            return (ProbeEngine if few else ModalEngine)(way.problem, method, save, stop, way.natural)
+        return KernelEngine(way.problem, method, forces, stop)
+    if not way.problem.system.size and not forces.count:
+        return KinematicEngine(way.problem, forces, stop)
+    return DirectEngine(way.problem, method, forces, save, stop, pilot)

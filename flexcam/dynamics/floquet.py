@@ -1,0 +1,372 @@
+"""What a revolution makes of a state and of small disturbances of it: the map of a period and its derivative.
+
+The derivative is the product of those of the steps of the average acceleration between successive instants of a run,
+events and impacts among them, so that it is that of the numerical motion itself. The time of an event depends on the
+disturbance: a step ends with it, the velocities may jump, and the next step begins with it. For short steps the three
+together are the saltation matrix, ``R_x + (f+ - R_x f- - R_t) g_x'/g'`` for an impact R at g = 0: R. I. Leine and H.
+Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems (2004), ch. 7 and 8; M. di Bernardo et al.,
+Piecewise-smooth Dynamical Systems (2008), sec. 2.5.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.core import ComplexArray, FloatArray, IntArray, SingularMatrixError
+from flexcam.core.errors import refuse
+from flexcam.dynamics.blocks import SaveAt
+from flexcam.dynamics.direct_engine import DirectEngine
+from flexcam.dynamics.generalized_alpha import newmark
+from flexcam.dynamics.initial_acceleration import InitialAcceleration
+from flexcam.dynamics.integrator import Method
+from flexcam.dynamics.linearization import Linear, Linearization, LinearStep, directions, parts
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.prescribed_inputs import PrescribedInputs
+from flexcam.dynamics.problem import Problem
+from flexcam.dynamics.reduced_problem import reduce_problem
+from flexcam.dynamics.solve import pilot, singular
+from flexcam.dynamics.status import RunFailedError, Stats
+from flexcam.dynamics.step_state import StepInputs, StepState
+
+LARGEST = 400
+"""Unknowns up to which a basis of disturbances is carried along."""
+
+_BLOCK = 500
+"""Steps whose instants are in memory together."""
+
+_SAME = 1e-9
+"""Difference of the lengths of two steps, as a part of them, that is rounding of their times."""
+
+_OFTEN = 40
+"""Equal steps in a row from which a power of their matrix is cheaper than one after the other."""
+
+_TOUCH = 1e-15
+"""Depth, m, of a contact that is about to part or to close: on its side, and nowhere."""
+
+_AT_ONCE = 1e-6
+"""Part of a step within which it is about to."""
+
+_BESIDE = 1e-3
+"""Part of a step by which one looks to both sides of an event."""
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodMap:
+    """A period of a problem, with its states as displacements, velocities and internal states in a row.
+
+    Parameters
+    ----------
+    end
+        The state behind it, shape (2n + s,).
+    derivative
+        Of the end by the begin, shape (2n + s, 2n + s); empty where it was not asked for.
+    fields
+        Displacements and velocities at the ends of steps, shape (m, 2n).
+    events
+        Contacts that opened or closed.
+    """
+
+    end: FloatArray
+    derivative: FloatArray
+    fields: FloatArray
+    events: int
+
+
+def period_map(problem: Problem, method: Method, stop: Callable[[], bool], *, derived: bool = True) -> PeriodMap:
+    """Return a period of a problem in its own unknowns.
+
+    Raises
+    ------
+    RunFailedError
+        If the run breaks off, with its status.
+    """
+    if refusal := method.refusal(problem.system, problem.step):
+        raise refusal
+    try:
+        return _revolved(problem, method, stop, derived=derived)
+    except SingularMatrixError as fault:
+        raise RunFailedError(singular(fault, problem.system)) from None
+
+
+def _revolved(problem: Problem, method: Method, stop: Callable[[], bool], *, derived: bool) -> PeriodMap:
+    forces = LocalForces(problem.system)
+    engine = DirectEngine(problem, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
+    disturbances, fields = Disturbances(problem, forces) if derived else None, list[FloatArray]()
+    end = np.zeros(0)
+    for begin in range(0, problem.steps + 1, _BLOCK):
+        with np.errstate(over="ignore", invalid="ignore"):
+            walked, track, status = engine.walk(np.arange(begin, min(begin + _BLOCK, problem.steps + 1)))
+        if not status.ok:
+            raise RunFailedError(status)
+        if disturbances is not None:
+            disturbances.follow([moment for part in walked for moment in part])
+        fields.append(np.hstack([track.d, track.v])[track.ends])
+        end = np.concatenate([track.d[-1], track.v[-1], track.state[-1]])
+    derivative = np.zeros((0, 0)) if disturbances is None else disturbances.carried()
+    return PeriodMap(end, derivative, np.concatenate(fields), engine.counted(Stats()).events)
+
+
+class Disturbances:
+    """What becomes of a unit disturbance of every displacement, velocity and internal state.
+
+    Parameters
+    ----------
+    problem
+        The problem, of which system, drive and step count.
+    forces
+        Its local forces, stacked.
+    """
+
+    def __init__(self, problem: Problem, forces: LocalForces) -> None:
+        self._problem, self._forces = problem, forces
+        self._linear = Linearization(problem.system, forces)
+        self._stepper = LinearStep(problem.system)
+        self._starter = InitialAcceleration(problem.system, forces)
+        self._carried: FloatArray = np.eye(2 * problem.system.size + len(forces.start_state))
+        self._last: StepState | None = None
+        self._waiting: tuple[Linear, Linear, float] | None = None
+        self._count = 0
+        self._shift: FloatArray | None = None
+
+    def follow(self, moments: list[StepState]) -> None:
+        """Carry the disturbances on over successive instants, from the last one followed before."""
+        every = moments if self._last is None else [self._last, *moments]
+        schedule = self._forces.schedule(self._problem.drive.at(np.array([one.time for one in every])))
+        if self._last is None:
+            first = self._at(schedule, 0, every[0], self._side(every[0]))
+            self._carried = self._stepper.begun(first, self._carried)
+        begin: Linear | None = None
+        for i, (old, new) in enumerate(pairwise(every)):
+            side = self._side(old)
+            if new.time > old.time and self._shift is None and (side == self._side(new)).all():
+                end = self._at(schedule, i + 1, new, side)
+                self._step(begin or self._at(schedule, i, old, side), end, new.time - old.time)
+                begin = end  # of the next step as well
+                continue
+            begin = None
+            self._flush()
+            if new.time > old.time:
+                self._pass(schedule, i, old, new)
+            elif new.impulse is not None:
+                self._strike(old, new)
+        self._last = every[-1]
+
+    def carried(self) -> FloatArray:
+        """Return what has become of the disturbances, shape (2n + s, 2n + s)."""
+        self._flush()
+        if self._last is None or self._shift is None:
+            return self._carried
+        return self._carried - self._flow(self._last)[:, None] * self._shift  # the end does not shift with a last event
+
+    def _side(self, moment: StepState) -> Bools:
+        return self._forces.pressed(moment.gap) if moment.pressed is None else moment.pressed
+
+    def _at(self, schedule: PrescribedInputs, i: int, moment: StepState, side: Bools) -> Linear:
+        """Return the linear system at an instant, every contact on the side on which it is within the step."""
+        return self._linear.at(schedule, i, self._on(side, moment), moment.rate, moment.inner)
+
+    def _on(self, side: Bools, moment: StepState) -> FloatArray:
+        """Return what is sensed, with contacts that are about to part or to close on their side."""
+        gap, which = moment.gap.copy(), self._forces.switching
+        depth = gap[which]
+        there = np.abs(depth) <= _AT_ONCE * self._problem.step * np.abs(moment.rate[which])
+        gap[which] = np.where(there, np.where(side, _TOUCH, -_TOUCH), depth)
+        return gap
+
+    def _step(self, old: Linear, new: Linear, length: float) -> None:
+        if self._waiting is not None:
+            begin, end, usual = self._waiting
+            if begin is old and end is new and abs(length - usual) <= _SAME * usual:
+                self._count += 1
+                return
+        self._flush()
+        self._waiting, self._count = (old, new, length), 1
+
+    def _flush(self) -> None:
+        """Take the steps that wait, all of them equal."""
+        if self._waiting is None:
+            return
+        if self._count < _OFTEN:
+            for _ in range(self._count):
+                self._carried = self._stepper.carried(*self._waiting, self._carried)
+        else:
+            one = self._stepper.carried(*self._waiting, np.eye(len(self._carried)))
+            self._carried = np.linalg.matrix_power(one, self._count) @ self._carried
+        self._waiting, self._count = None, 0
+
+    def _pass(self, schedule: PrescribedInputs, i: int, old: StepState, new: StepState) -> None:
+        """Take a step that begins or ends at an event, whose time follows the disturbances.
+
+        An event at g(d, t) = 0 comes later by ``-g_d Y/g'``, with the rate of g by the length of the step.
+        """
+        side, h = self._side(old), new.time - old.time
+        begin, end = self._at(schedule, i, old, side), self._at(schedule, i + 1, new, side)
+        longer = self._stepper.impulse(self._flow(old), self._flow(new))
+        moved: FloatArray = np.zeros_like(self._carried)
+        if self._shift is not None:
+            moved = (self._stepper.passed(0.5 * h * self._drift(old, side)) - longer)[:, None] * self._shift
+        after, self._shift = self._stepper.carried(begin, end, h, self._carried, moved), None
+        crossed = np.flatnonzero(side != self._side(new))
+        if len(crossed):
+            which = self._forces.switching[crossed]
+            which = int(which[np.argmin(np.abs(new.gap[which] / new.rate[which]))])
+            longer = (longer + 0.5 * h * self._drift(new, side))[:, None]
+            by_time = self._stepper.carried(begin, end, h, np.zeros_like(longer), longer)[:, 0]
+            sense, n = directions(self._forces, schedule, i + 1)[1][which], len(new.d)
+            rate = new.rate[which] + sense @ (by_time[:n] - new.v)
+            self._shift = shift = -(sense @ after[:n]) / rate
+            after = after + by_time[:, None] * shift
+        self._carried = after
+
+    def _strike(self, old: StepState, new: StepState) -> None:
+        """Go on behind an impact R(x, t): the disturbances become ``R_x Y + R_t t'``, with the shift t' of its time."""
+        n, switching = self._problem.system.size, self._forces.switching
+        held = np.flatnonzero(_impulse(new)[switching] > 0.0)
+        hit, rate = self._starter.struck(self._instant(old.time), held), old.rate[switching[held]]
+        before, shift = self._carried, self._shift
+        if shift is None:  # at the end of a step
+            first = int(np.argmax(rate))
+            shift = -(hit.sense[first] @ before[:n]) / rate[first]
+            before = before + self._flow(old)[:, None] * shift
+        d, v, z = parts(before, n)
+        factor, beside = hit.reversal(rate), _BESIDE * self._problem.step
+        later, earlier = (self._change(old, held, factor, sign * beside) for sign in (1.0, -1.0))
+        v = v + hit.turned(hit.sense @ v + hit.turning @ d, factor)
+        v = v + (later - earlier)[:, None] * shift / (2.0 * beside)
+        self._carried, self._shift = np.vstack([d, v, z]), shift
+
+    def _change(self, old: StepState, held: IntArray, factor: FloatArray, after: float) -> FloatArray:
+        """Return by how much the velocities would change if the same motion met a little later, shape (n,)."""
+        to = self._instant(old.time + after)
+        hit = self._starter.struck(to, held)
+        rate = hit.sense @ old.v + hit.turning @ old.d + to.schedule.offset_rate[0][self._forces.switching[held]]
+        return hit.turned(rate, factor)
+
+    def _drift(self, moment: StepState, side: Bools) -> FloatArray:
+        """Return by how much the cam alone changes forces (n,) and rates of internal states (s,), per second.
+
+        Contacts stay on their side: what the cam does to their depth is weighed with their stiffness there.
+        """
+        beside = _BESIDE * self._problem.step
+        before, there, after = (self._instant(moment.time + one * beside) for one in (-1.0, 0.0, 1.0))
+        forces, state = self._forces, moment.inner
+
+        def slope(earlier: FloatArray, later: FloatArray) -> FloatArray:
+            return (later - earlier) / (2.0 * beside)
+
+        if not forces.count:
+            return np.concatenate([np.zeros_like(moment.d), slope(before.load, after.load)])
+        seen = [forces.sensed(moment.d[None], moment.v[None], one.schedule) for one in (before, after)]
+        by_gap, by_rate = (slope(one[0], other[0]) for one, other in zip(*(part[:2] for part in seen), strict=True))
+        gap = self._on(side, moment)
+        early, now, late = (forces.respond(gap, moment.rate, state, one.schedule) for one in (before, there, after))
+        force = slope(early.force, late.force) + now.by_gap @ by_gap + now.by_rate @ by_rate
+        act, turned = there.schedule.acting(0), slope(before.schedule.acting(0), after.schedule.acting(0))
+        pushed = slope(before.load, after.load) + (force @ act + now.force @ turned) @ forces.act.vectors
+        if not len(state):
+            return np.concatenate([np.zeros_like(moment.d), pushed])
+        flow = slope(early.state_rate, late.state_rate)
+        flow += now.state_rate_by_gap @ by_gap + now.state_rate_by_rate @ by_rate
+        return np.concatenate([np.zeros_like(moment.d), pushed, flow])
+
+    def _flow(self, moment: StepState) -> FloatArray:
+        """Return velocities, accelerations and rates of internal states in a row."""
+        rates = self._forces.state_rates(moment.gap, moment.inner) if len(moment.inner) else moment.inner
+        return np.concatenate([moment.v, moment.a, rates])
+
+    def _instant(self, time: float) -> StepInputs:
+        motion = self._problem.drive.at(np.array([time]))
+        return StepInputs(time, self._problem.system.applied(motion)[0], self._forces.schedule(motion))
+
+
+def _impulse(moment: StepState) -> FloatArray:
+    return np.zeros_like(moment.local) if moment.impulse is None else moment.impulse
+
+
+@dataclass(frozen=True, eq=False)
+class Floquet:
+    """Multipliers of a periodic motion.
+
+    Parameters
+    ----------
+    multipliers
+        Largest first, complex, shape (2m + s,): of m unknowns integrated and s internal states of local forces.
+    shapes
+        Displacements of all unknowns at the period's beginning that belong to them, complex, shape (n, 2m + s).
+    period
+        s.
+    names
+        Of the unknowns.
+    events
+        How often contacts open or close within the period. With some, large multipliers tell of chatter: small
+        differences of the times of bounces grow, as those of a bouncing ball do.
+    """
+
+    multipliers: ComplexArray
+    shapes: ComplexArray
+    period: float
+    names: tuple[str, ...]
+    events: int = 0
+
+    @property
+    def growth(self) -> float:
+        """Rate at which the largest disturbance grows, 1/s; negative where it dies out."""
+        return math.log(max(abs(complex(self.multipliers[0])), np.finfo(float).tiny)) / self.period
+
+    def stable(self, tolerance: float = 1e-5) -> bool:
+        """Tell whether no multiplier is beyond 1 by more than a tolerance.
+
+        A free motion has a double multiplier of 1, of which rounding leaves half the digits and fewer.
+        """
+        return bool(abs(self.multipliers[0]) <= 1.0 + tolerance)
+
+    def moving(self, count: int = 3) -> list[str]:
+        """Return the names of the unknowns that move most in the largest disturbance."""
+        order: list[int] = np.argsort(-np.abs(self.shapes[:, 0])).tolist()
+        return [self.names[i] for i in order[:count]]
+
+
+def floquet(problem: Problem, method: Method | None = None) -> Floquet:
+    """Return the Floquet multipliers of a motion over one period.
+
+    Parameters
+    ----------
+    problem
+        One period, from the state that returns behind it.
+    method
+        By which the motion is found; disturbances of it follow the average acceleration. None for that as well.
+
+    Returns
+    -------
+    Floquet
+        The multipliers.
+
+    Raises
+    ------
+    InputError
+        If there are no unknowns, or too many to carry a disturbance of each.
+    RunFailedError
+        If the run of the period breaks off.
+    """
+    basis = problem.basis
+    inside = problem if basis is None else reduce_problem(problem, basis)
+    n = inside.system.size
+    if not 0 < n <= LARGEST:
+        raise refuse("system", f"{n} unknowns", f"1 to {LARGEST}", "a basis of disturbances is carried along")
+    found = period_map(inside, method or newmark(), lambda: False)
+    values, vectors = np.linalg.eig(found.derivative)
+    order = np.argsort(-np.abs(values))
+    shapes = np.asarray(vectors[:n, order], dtype=complex)
+    if basis is not None:
+        real, imaginary = (np.asarray(part(shapes.T), dtype=float) for part in (np.real, np.imag))
+        shapes = (basis.spread(real) + 1j * basis.spread(imaginary)).T
+    values = np.asarray(values[order], dtype=complex)
+    return Floquet(values, shapes, problem.step * problem.steps, problem.system.names, found.events)

@@ -1,0 +1,607 @@
+"""Force laws of contacts, joints and springs, each defined once as a function of plain numbers.
+
+A law takes the penetration x of two bodies (positive while they touch), its rate v and the constants of the law, and
+returns the force, the derivatives of the force by x and by v, and the stored energy. `respond` evaluates all laws of
+a system; static equilibrium, both time-stepping engines, the energy balance, linearization and the rigid model call it.
+The functions use numbers and array elements only, so that they run as Python and as compiled code.
+
+To add a law: write its function here, give it a number and a branch in `respond`, and describe its constants in `LAWS`.
+"""
+# Elements of arrays are numbers to the compiler and arrays to the type checker.
+# pyright: reportArgumentType=false, reportAssignmentType=false
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.angle_functions import AngleFunction
+
+Answer = tuple[float, float, float, float]
+"""Force, its derivatives by penetration and by rate, and the stored energy."""
+
+BILATERAL, STOP, HUNT_CROSSLEY, LINE_CONTACT, OIL_COLUMN, PULSATING, LEVER, ARCH, CUSTOM = range(9)
+"""Numbers of the laws."""
+
+TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE, CHANGE = range(10)
+"""Rows of the local scalars: the force that is tried, what is sensed under it, the force that the law answers, what is
+sensed without the forces, the root of a scalar's own compliance, the stored energy, and two rows of the iteration."""
+LOCAL_ROWS = 10
+
+STATE, BEGIN, NEW_STATE, STATE_RATE, FLOW, ENERGY_BY_STATE = range(6)
+"""Rows of the internal states: at the beginning of a step, the penetration there, at its end; the rate at the end, the
+rate per unit of (penetration - state), and the derivative of the stored energy by the state."""
+STATE_ROWS = 6
+
+KIND, FIRST, SCALARS, CONSTANTS, FUNCTIONS, LAW_STATE, FRICTION = range(7)
+"""Columns of the table of laws: number of the law, its first scalar and how many it senses, where its constants and its
+functions of the cam angle begin, its internal state (-1 for none), and where the constants of its friction begin."""
+
+_MAX_ITERATIONS = 60
+_CONVERGED = 1e-7
+"""Relative change of a load below which a further Newton iteration, which squares the error, changes no digit."""
+_SMALLEST = 1e-300
+"""Smallest argument of the logarithm."""
+
+ARCH_SCALARS = 7
+"""Scalars of a shallow arch: the stretch, then slope of the chord and both end rotations in two planes."""
+
+
+def bilateral(x: float, v: float, stiffness: float, damping: float) -> Answer:
+    """Return the force ``k x + c v`` of a spring and a damper.
+
+    Parameters
+    ----------
+    x, v
+        Penetration, m, and its rate, m/s.
+    stiffness, damping
+        N/m and N s/m.
+
+    Returns
+    -------
+    tuple
+        Force (N), its derivatives (N/m and N s/m), stored energy (J).
+
+    Examples
+    --------
+    >>> bilateral(-3.0, 0.0, 2.0, 0.0)
+    (-6.0, 2.0, 0.0, 9.0)
+    """
+    return stiffness * x + damping * v, stiffness, damping, 0.5 * stiffness * x * x
+
+
+def stop(x: float, v: float, stiffness: float, damping: float, depth: float) -> Answer:
+    """Return the force of an elastic stop: ``k x + c min(x/d, 1) v`` while pressed, never negative.
+
+    The damping grows over the depth d, as in the impact functions of multibody codes: a damper that acts at once
+    would make the force jump at touchdown.
+
+    Parameters
+    ----------
+    x, v
+        Penetration, m, and its rate, m/s.
+    stiffness, damping
+        N/m and N s/m.
+    depth
+        Penetration at which the damping is complete, m.
+
+    Returns
+    -------
+    tuple
+        Force (N), its derivatives (N/m and N s/m), stored energy (J).
+
+    Examples
+    --------
+    >>> stop(1.0, 0.0, 2.0, 0.0, 1e-5)
+    (2.0, 2.0, 0.0, 1.0)
+    """
+    if x <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    part, energy = min(x / depth, 1.0), 0.5 * stiffness * x * x
+    force = stiffness * x + damping * part * v
+    if force <= 0.0:
+        return 0.0, 0.0, 0.0, energy
+    return force, stiffness + (damping * v / depth if part < 1.0 else 0.0), damping * part, energy
+
+
+def hunt_crossley(x: float, v: float, stiffness: float, dissipation: float) -> Answer:
+    """Return the force ``k x (1 + chi v)`` of Hunt and Crossley while pressed, never negative.
+
+    K. H. Hunt and F. R. E. Crossley, Coefficient of restitution interpreted as damping in vibroimpact, J. Appl. Mech.
+    42 (1975): the damping grows with the penetration, so that neither touchdown nor separation begins with a jump.
+
+    Parameters
+    ----------
+    x, v
+        Penetration, m, and its rate, m/s.
+    stiffness, dissipation
+        k, N/m, and chi, s/m.
+
+    Returns
+    -------
+    tuple
+        Force (N), its derivatives (N/m and N s/m), stored energy (J).
+
+    Examples
+    --------
+    >>> hunt_crossley(1.0, 1.0, 2.0, 0.5)
+    (3.0, 3.0, 1.0, 1.0)
+    """
+    if x <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    factor, energy = 1.0 + dissipation * v, 0.5 * stiffness * x * x
+    if factor <= 0.0:
+        return 0.0, 0.0, 0.0, energy
+    return stiffness * x * factor, stiffness * factor, stiffness * x * dissipation, energy
+
+
+def line_load(approach: float, limit: float, give: float, rest: float, depth: float) -> tuple[float, float]:
+    """Return load per length and slope of a line contact: ``approach = q (2 ln(depth/q) - rest)`` with q = give load.
+
+    Newton's method on q; above the limit load, where the half width is comparable to the radius, the law continues
+    along its tangent.
+
+    Parameters
+    ----------
+    approach
+        Of both bodies, m, above zero.
+    limit
+        Load per length above which the law is linear, N/m.
+    give
+        ``(1 - nu^2)/(pi E)``, 1/Pa.
+    rest
+        Constant subtracted from the logarithm.
+    depth
+        Reference length of the bodies, m.
+
+    Returns
+    -------
+    tuple
+        N/m and N/m^2.
+
+    Examples
+    --------
+    >>> load, slope = line_load(1e-6, 1e9, 1e-12, 1.4, 0.02)
+    >>> abs(1e-12 * load * (2.0 * math.log(0.02 / (1e-12 * load)) - 1.4) - 1e-6) < 1e-18
+    True
+    """
+    q = give * limit
+    terms = 2.0 * math.log(depth / q) - rest
+    end, slope = q * terms, give * (terms - 2.0)
+    if approach >= end:
+        return limit + (approach - end) / slope, 1.0 / slope
+    q = max(q * approach / end, _SMALLEST)
+    for _ in range(_MAX_ITERATIONS):
+        terms = 2.0 * math.log(depth / q) - rest
+        old, q = q, q + (approach - q * terms) / (terms - 2.0)
+        q = q if q > 0.0 else 0.5 * old
+        if abs(q - old) <= _CONVERGED * q:
+            break
+    return q / give, 1.0 / (give * (2.0 * math.log(depth / q) - rest - 2.0))
+
+
+def line_contact(
+    x: float, v: float, cosine: float, limit: float, width: float, give: float, rest: float, depth: float,
+    dissipation: float,
+) -> Answer:  # fmt: skip
+    """Return the force of Hertz's line contact along a direction inclined to the contact normal.
+
+    The penetration along the normal is ``x cos(a)``, and so is the component of the normal force along the direction.
+    The stored energy is the integral of `line_load`; the dissipation is that of Hunt and Crossley.
+
+    Parameters
+    ----------
+    x, v
+        Penetration, m, and its rate, m/s, along the direction.
+    cosine
+        Of the angle a between direction and normal.
+    limit, give, rest, depth
+        As in `line_load`.
+    width
+        Length of the line, m.
+    dissipation
+        chi, s/m.
+
+    Returns
+    -------
+    tuple
+        Force (N), its derivatives (N/m and N s/m), stored energy (J).
+
+    Examples
+    --------
+    >>> force, by_x, by_v, energy = line_contact(1e-6, 0.0, 1.0, 1e9, 0.01, 1e-12, 1.4, 0.02, 0.0)
+    >>> bool(0.5 < energy / (force * 1e-6) * 2.0 < 1.1)
+    True
+    """
+    if x <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    load, slope = line_load(x * cosine, limit, give, rest, depth)
+    p = min(load, limit)
+    q = give * p
+    terms = 2.0 * math.log(depth / max(q, _SMALLEST)) - rest
+    beyond = 0.5 * (load + limit) * (load - limit) / slope if load > limit else 0.0
+    energy = width * (p * q * terms - 0.5 * p * q * (terms + 1.0) + beyond)
+    factor = 1.0 + dissipation * v * cosine
+    if factor <= 0.0:
+        return 0.0, 0.0, 0.0, energy
+    force, stiffness = width * load * cosine, width * slope * cosine * cosine
+    return force * factor, stiffness * factor, force * cosine * dissipation, energy
+
+
+def oil_column(
+    x: float, x_begin: float, state: float, step: float, stiffness: float, leak: float, refill: float
+) -> tuple[float, float]:
+    """Return the compression ``e = x - z`` of an oil column at the end of a step, and its derivative by x.
+
+    The column leaks while compressed, ``z' = k e/c``, and is refilled through the check valve while it would be pulled,
+    ``z' = k e/c0``. With x linear over the step, ``e' = x' - a e`` has the exact solution
+    ``e1 = exp(-a h) e0 + (1 - exp(-a h))/(a h) (x1 - x0)`` for one rate a; a change of sign splits the step. The rule
+    is L-stable and of second order.
+
+    Parameters
+    ----------
+    x, x_begin
+        Penetration at the end and at the beginning of the step, m.
+    state
+        Leak-down z at the beginning, m.
+    step
+        s; zero for an instant.
+    stiffness, leak, refill
+        k, N/m; c and c0, N s/m.
+
+    Returns
+    -------
+    tuple
+        e1, m, and its derivative by x.
+
+    Examples
+    --------
+    >>> oil_column(2.0, 2.0, 1.0, 0.0, 1.0, 1.0, 1.0)
+    (1.0, 1.0)
+    """
+    begin, travel = x_begin - state, x - x_begin
+    if step == 0.0:
+        return begin + travel, 1.0
+    pressed = begin > 0.0 or (begin == 0.0 and travel > 0.0)
+    a, b = (stiffness / leak, stiffness / refill) if pressed else (stiffness / refill, stiffness / leak)
+    decay = -math.expm1(-a * step)
+    share = decay / (a * step)
+    end = begin - decay * begin + share * travel
+    if (end > 0.0) == pressed or begin * travel >= 0.0:
+        return end, share
+    rate = travel / step  # the compression passes zero within the step
+    rest = step - math.log1p(-begin * a / rate) / a
+    decay = math.exp(-b * rest)
+    share = -math.expm1(-b * rest) / b
+    return share * rate, (share - decay * begin / (rate - begin * a)) / step
+
+
+def lever_motion(path: float, arm: float, driven: float, start: float) -> tuple[float, float, float, float]:
+    """Return the motion of the end of a rotating arm beyond its tangent, and how it follows the path.
+
+    The motion is ``arm (sin(start + path/driven) - sin(start))``. The part beyond the tangent is not computed as a
+    difference, which would leave the rounding of the motion times a stiff joint.
+
+    Parameters
+    ----------
+    path
+        Of the driven end, m.
+    arm, driven
+        Lengths of the arm and of the driven one, m.
+    start
+        Angle of the arm at no path, rad.
+
+    Returns
+    -------
+    tuple
+        Motion beyond the tangent, m; change of the derivative since the start; the derivative; the second one, 1/m.
+
+    Examples
+    --------
+    >>> lever_motion(0.0, 2.0, 1.0, 0.0)[2]
+    2.0
+    """
+    turn, ratio = path / driven, arm / driven
+    square, half = turn * turn, math.sin(0.5 * turn)
+    lag = math.sin(turn) - turn
+    if square < 0.25:  # the series of the sine, to rounding
+        series = 1.0 - square / 110.0 * (1.0 - square / 156.0)
+        lag = -turn * square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0 * series)))
+    beyond = arm * (math.cos(start) * lag - 2.0 * math.sin(start) * half * half)
+    change = -2.0 * ratio * math.sin(start + 0.5 * turn) * half
+    return beyond, change, ratio * math.cos(start + turn), -ratio / driven * math.sin(start + turn)
+
+
+def coulomb(rate: float, speed: float) -> tuple[float, float]:
+    """Return the direction of Coulomb friction, ``tanh(v/v0)``, and its derivative.
+
+    The derivative is ``sech^2`` by one exponential: ``1 - tanh^2`` would lose all digits where the tangent is flat.
+
+    Parameters
+    ----------
+    rate
+        Sliding velocity v, m/s.
+    speed
+        v0, over which friction reverses, m/s.
+
+    Returns
+    -------
+    tuple
+        From -1 to 1, and s/m.
+
+    Examples
+    --------
+    >>> coulomb(0.0, 2.0)
+    (0.0, 0.5)
+    """
+    decay = math.exp(-2.0 * abs(rate) / speed)
+    return math.tanh(rate / speed), 4.0 * decay / (1.0 + decay) ** 2 / speed
+
+
+def lever(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: FloatArray) -> None:
+    """Write the answer of an elastic lever end of path p and motion x beyond its linear spring.
+
+    The force of the true penetration ``y(p) - x`` less that of the linear one acts on x, and by virtual work times
+    ``y'(p)`` on the lever. Constants: stiffness, damping, arm, driven arm, angle.
+    """
+    k, c, path, path_rate = constants[b], constants[b + 1], local[PENETRATION, i], local[RATE, i]
+    beyond, change, slope, bend = lever_motion(path, constants[b + 2], constants[b + 3], constants[b + 4])
+    initial = slope - change
+    depth = initial * path - local[PENETRATION, i + 1]
+    linear = k * depth + c * (initial * path_rate - local[RATE, i + 1])
+    N = k * beyond + c * change * path_rate
+    local[ANSWER, i], local[ANSWER, i + 1] = N * slope + linear * change, -N
+    local[ENERGY, i], local[ENERGY, i + 1] = 0.5 * k * beyond * (2.0 * depth + beyond), 0.0
+    along, turned = k * slope + c * bend * path_rate, slope * slope - initial * initial
+    bent = slope * along - k * initial * initial + (linear + N) * bend
+    tangent[0, i, 0], tangent[0, i, 1] = bent, -k * change
+    tangent[0, i + 1, 0], tangent[0, i + 1, 1] = -along + k * initial, 0.0
+    tangent[1, i, 0], tangent[1, i, 1] = c * turned, -c * change
+    tangent[1, i + 1, 0], tangent[1, i + 1, 1] = -c * change, 0.0
+
+
+def arch(constants: FloatArray, b: int, i: int, bent: int, local: FloatArray, tangent: FloatArray) -> None:
+    """Write the answer of a shallow arch beyond the straight bar and beam, see `flexcam.fem.elements.arch`.
+
+    Axial strain ``e = D + y g (y + 2 y0)/2`` with axial force ``N = EA/L e``: the forces are ``N g (y + y0)`` on the
+    bending scalars y and ``EA/L (e - D)`` on the stretch D. Constants: EA/L, g by rows (36), y0 (6), g y0 (6).
+    """
+    axial, shortened = constants[b], 0.0
+    for r in range(bent):
+        pull = 0.0
+        for s in range(bent):
+            pull += constants[b + 1 + 6 * r + s] * (local[PENETRATION, i + 1 + s] + constants[b + 37 + s])
+        local[ANSWER, i + 1 + r] = pull
+        shortened += local[PENETRATION, i + 1 + r] * (pull + constants[b + 43 + r])
+    beyond = 0.5 * axial * shortened
+    N = axial * local[PENETRATION, i] + beyond
+    local[ANSWER, i] = beyond
+    local[ENERGY, i] = beyond * (0.5 * beyond / axial + local[PENETRATION, i])
+    for r in range(bent):
+        across = axial * local[ANSWER, i + 1 + r]
+        local[ENERGY, i + 1 + r] = 0.0
+        tangent[0, i, 1 + r], tangent[0, i + 1 + r, 0] = across, across
+        for s in range(bent):
+            tangent[0, i + 1 + r, 1 + s] = N * constants[b + 1 + 6 * r + s] + across * local[ANSWER, i + 1 + s]
+    for r in range(bent):
+        local[ANSWER, i + 1 + r] *= N
+
+
+def custom(law: int, angle: float, local: FloatArray, tangent: FloatArray) -> None:
+    """Stand for the law of an object in Python, which only the direct engine evaluates: it binds another function."""
+
+
+def respond(
+    laws: IntArray, constants: FloatArray, cam: FloatArray, k: int, column: int, step: float, local: FloatArray,
+    tangent: FloatArray, states: FloatArray,
+) -> None:  # fmt: skip
+    """Write forces, tangents and energies of all laws at the given penetrations and rates.
+
+    Parameters
+    ----------
+    laws, constants
+        Table of the laws and their constants, shapes (l, 7) and (m,).
+    cam
+        Functions of the cam angle, a row per instant.
+    k, column
+        Row of the instant, and column of the first function.
+    step
+        Length of the step over which internal states advance, s; zero for an instant.
+    local
+        Scalars by row, shape (10, c): reads `PENETRATION` and `RATE`, writes `ANSWER` and `ENERGY`.
+    tangent
+        Derivatives of the force of a scalar by penetration (0) and rate (1) of the scalars of its law, shape
+        (2, c, width).
+    states
+        Internal states by row, shape (6, s).
+    """
+    for law in range(len(laws)):
+        kind, i, b, f = laws[law, KIND], laws[law, FIRST], laws[law, CONSTANTS], column + laws[law, FUNCTIONS]
+        x, v = local[PENETRATION, i], local[RATE, i]
+        N, by_x, by_v, energy = 0.0, 0.0, 0.0, 0.0
+        if kind == ARCH:
+            arch(constants, b, i, laws[law, SCALARS] - 1, local, tangent)
+            continue
+        if kind == LEVER:
+            lever(constants, b, i, local, tangent)
+            continue
+        if kind == CUSTOM:
+            custom(law, cam[k, f], local, tangent)
+            continue
+        if kind == BILATERAL:
+            N, by_x, by_v, energy = bilateral(x, v, constants[b], constants[b + 1])
+        elif kind == STOP:
+            N, by_x, by_v, energy = stop(x, v, constants[b], constants[b + 1], constants[b + 2])
+        elif kind == HUNT_CROSSLEY:
+            N, by_x, by_v, energy = hunt_crossley(x, v, constants[b], constants[b + 1])
+        elif kind == LINE_CONTACT:
+            N, by_x, by_v, energy = line_contact(
+                x, v, cam[k, f + 1], constants[b + 5] * cam[k, f], constants[b], constants[b + 1], constants[b + 2],
+                constants[b + 3], constants[b + 4],
+            )  # fmt: skip
+        elif kind == OIL_COLUMN:
+            z = laws[law, LAW_STATE]
+            stiffness, leak, refill = constants[b], constants[b + 1], constants[b + 2]
+            pressed, share = oil_column(x, states[BEGIN, z], states[STATE, z], step, stiffness, leak, refill)
+            carried = stiffness if pressed > 0.0 else 0.0
+            N, by_x = constants[b + 3] + carried * pressed, carried * share
+            energy = constants[b + 3] * x + 0.5 * carried * pressed * pressed
+            states[NEW_STATE, z] = x - pressed
+            states[FLOW, z] = stiffness / (leak if pressed > 0.0 else refill)
+            states[STATE_RATE, z], states[ENERGY_BY_STATE, z] = states[FLOW, z] * pressed, -carried * pressed
+        else:
+            N, by_x, by_v, energy = bilateral(x, v, constants[b] * cam[k, f], 0.0)
+        local[ANSWER, i], local[ENERGY, i], tangent[0, i, 0], tangent[1, i, 0] = N, energy, by_x, by_v
+        if laws[law, SCALARS] == 2:  # Coulomb friction on the next scalar
+            b = laws[law, FRICTION]
+            direction, slope = coulomb(local[RATE, i + 1], constants[b + 1])
+            share = constants[b] * direction
+            local[ANSWER, i + 1], local[ENERGY, i + 1] = share * N, 0.0
+            tangent[0, i + 1, 0], tangent[1, i + 1, 0] = share * by_x, share * by_v
+            tangent[1, i + 1, 1] = constants[b] * N * slope
+
+
+def respond_rows(
+    laws: IntArray, constants: FloatArray, cam: FloatArray, column: int, penetration: FloatArray, rate: FloatArray,
+    inner: FloatArray, local: FloatArray, tangent: FloatArray, states: FloatArray, force: FloatArray,
+    energy: FloatArray, by_state: FloatArray,
+) -> None:  # fmt: skip
+    """Write forces, energies and derivatives of the energy by the internal states at many instants, a row each."""
+    for k in range(len(penetration)):
+        for i in range(local.shape[1]):
+            local[PENETRATION, i], local[RATE, i] = penetration[k, i], rate[k, i]
+            local[ANSWER, i], local[ENERGY, i] = 0.0, 0.0
+        for law in range(len(laws)):
+            if laws[law, LAW_STATE] >= 0:
+                states[BEGIN, laws[law, LAW_STATE]] = local[PENETRATION, laws[law, FIRST]]
+        for z in range(states.shape[1]):
+            states[STATE, z] = inner[k, z]
+        respond(laws, constants, cam, k, column, 0.0, local, tangent, states)
+        for i in range(local.shape[1]):
+            force[k, i], energy[k, i] = local[ANSWER, i], local[ENERGY, i]
+        for z in range(states.shape[1]):
+            by_state[k, z] = states[ENERGY_BY_STATE, z]
+
+
+FUNCTIONS_OF_LAWS = (
+    bilateral, stop, hunt_crossley, line_load, line_contact, oil_column, lever_motion, coulomb, lever, arch, custom,
+    respond, respond_rows,
+)  # fmt: skip
+"""In the order in which they call each other, for the compiler."""
+
+
+@dataclass(frozen=True)
+class LawKind:
+    """A row of the table of laws.
+
+    Parameters
+    ----------
+    name
+        Of its function.
+    constants
+        Names of its constants.
+    functions
+        Names of its functions of the cam angle.
+    scalars
+        How many scalars it senses, without friction.
+    states
+        How many internal states it has.
+    damping
+        Position of the constant that dissipates; None where it has none.
+    polynomial
+        Whether its force is a polynomial of at most third degree, for which Simpson's rule is exact.
+    """
+
+    name: str
+    constants: tuple[str, ...]
+    functions: tuple[str, ...] = ()
+    scalars: int = 1
+    states: int = 0
+    damping: int | None = None
+    polynomial: bool = False
+
+
+LAWS = {
+    BILATERAL: LawKind("bilateral", ("stiffness", "damping"), damping=1),
+    STOP: LawKind("stop", ("stiffness", "damping", "depth"), damping=1),
+    HUNT_CROSSLEY: LawKind("hunt_crossley", ("stiffness", "dissipation"), damping=1),
+    LINE_CONTACT: LawKind(
+        "line_contact", ("width", "give", "rest", "depth", "dissipation", "limit per radius"),
+        ("relative radius", "cosine"), damping=4,
+    ),
+    OIL_COLUMN: LawKind("oil_column", ("stiffness", "leak", "refill", "plunger force"), states=1),
+    PULSATING: LawKind("bilateral", ("stiffness",), ("pulsation",)),
+    LEVER: LawKind("lever", ("stiffness", "damping", "arm", "driven arm", "angle"), scalars=2, damping=1),
+    ARCH: LawKind("arch", ("axial", "shortening", "bow", "pull of the bow"), scalars=ARCH_SCALARS, polynomial=True),
+    CUSTOM: LawKind("custom", (), ("cam angle",)),
+}  # fmt: skip
+"""The laws by number."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForceLaw:
+    """A force law as data.
+
+    Parameters
+    ----------
+    kind
+        Number of the law, such as `STOP`.
+    constants
+        As `LAWS` names them.
+    functions
+        Of the cam angle, as `LAWS` names them.
+    friction
+        mu and v0 (m/s) of Coulomb friction on a further scalar behind that of the law; None without.
+    """
+
+    kind: int
+    constants: tuple[float, ...]
+    functions: tuple[AngleFunction, ...] = ()
+    friction: tuple[float, float] | None = None
+
+    @property
+    def scalars(self) -> int:
+        """Number of sensed scalars."""
+        return LAWS[self.kind].scalars + (self.friction is not None)
+
+    @property
+    def states(self) -> int:
+        """Number of internal states."""
+        return LAWS[self.kind].states
+
+    @property
+    def lossless(self) -> bool:
+        """Whether it gives back all energy that it takes."""
+        where = LAWS[self.kind].damping
+        return self.friction is None and not self.states and (where is None or self.constants[where] == 0.0)
+
+    def idle_scalars(self) -> tuple[tuple[int, ...], ...]:
+        """Return sets of scalars on which no force acts, and which cause none, while they are zero.
+
+        The scalars of bending of a shallow arch without a bow in that plane: a straight strut stays straight.
+        """
+        if self.kind != ARCH:
+            return ()
+        bow = self.constants[37:43]
+        return tuple((first + 1, first + 2, first + 3) for first in (0, 3) if not any(bow[first : first + 3]))
+
+
+def elastic_stop(stiffness: float, damping: float = 0.0, depth: float = 1e-5) -> ForceLaw:
+    """Return the law `stop`: stiffness, N/m, damping, N s/m, and the depth over which it grows, m."""
+    return ForceLaw(STOP, (stiffness, damping, depth))
+
+
+def spring_damper(stiffness: float, damping: float = 0.0) -> ForceLaw:
+    """Return the law `bilateral`: stiffness, N/m, and damping, N s/m."""
+    return ForceLaw(BILATERAL, (stiffness, damping))
+
+
+def hunt_crossley_contact(stiffness: float, dissipation: float) -> ForceLaw:
+    """Return the law `hunt_crossley`: stiffness, N/m, and dissipation, s/m."""
+    return ForceLaw(HUNT_CROSSLEY, (stiffness, dissipation))
+
+
+def oil_column_law(stiffness: float, leak: float, refill: float, plunger_force: float) -> ForceLaw:
+    """Return the law `oil_column`: stiffness, N/m, leak and refill, N s/m, and the force of the plunger spring, N."""
+    return ForceLaw(OIL_COLUMN, (stiffness, leak, refill, plunger_force))

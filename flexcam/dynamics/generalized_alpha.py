@@ -1,0 +1,275 @@
+"""One-step schemes of the generalized-alpha family: Newmark, HHT-alpha and generalized-alpha are its members.
+
+Balance at a weighted instant, with ``d`` displacement, ``v`` velocity, ``a`` acceleration::
+
+    (1 - am) M a1 + am M a0 + (1 - af) r1 + af r0 = 0,      r = C v + K d - f
+    d1 = d0 + dt v0 + dt^2 ((1/2 - beta) a0 + beta a1)
+    v1 = v0 + dt ((1 - gamma) a0 + gamma a1)
+
+Sources: N. M. Newmark, J. Eng. Mech. Div. ASCE 85 (1959); H. M. Hilber, T. J. R. Hughes, R. L. Taylor, Earthq. Eng.
+Struct. Dyn. 5 (1977); J. Chung, G. M. Hulbert, J. Appl. Mech. 60 (1993), eqs. 17 and 25.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from flexcam.core import FloatArray, LongArray, operator
+from flexcam.core.errors import refuse
+from flexcam.dynamics.implicit_step import ImplicitStage, Prediction
+from flexcam.dynamics.integrator import At, Method, Stepper
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.massless import find_massless_rates
+from flexcam.dynamics.step_state import StepInputs, StepState
+from flexcam.dynamics.system import System
+
+_ROUNDING = 1e-12
+"""Of sums of the parameters, which are of size 1."""
+
+_TRAPEZOIDAL = 1.0 / 12.0
+"""Error of the trapezoidal rule in a step, over h^2 times the change of the slope."""
+
+
+Number = TypeVar("Number", float, FloatArray, LongArray)
+"""A number or one per mode."""
+
+
+def predict(
+    q: Number,
+    v: Number,
+    a: Number,
+    h: float,
+    beta: Any,
+    gamma: Any,  # noqa: ANN401 - a number or one per mode
+) -> tuple[Number, Number]:
+    """Return displacement and velocity at the end of a step without the new acceleration (Newmark's formulas)."""
+    return q + h * v + (0.5 - beta) * h * h * a, v + (1.0 - gamma) * h * a
+
+
+@dataclass(frozen=True)
+class Scheme(Method):
+    """Parameters of a one-step scheme; made by `newmark`, `hht` or `generalized_alpha`.
+
+    Parameters
+    ----------
+    beta, gamma
+        Newmark's parameters.
+    alpha_m, alpha_f
+        Weights of the old instant in the inertia and in the other forces.
+
+    Raises
+    ------
+    InputError
+        If a parameter makes no scheme: beta below zero, gamma below 1/2 (it would gain energy), a weight of 1.
+
+    Examples
+    --------
+    >>> newmark().order
+    2
+    """
+
+    beta: float
+    gamma: float
+    alpha_m: float = 0.0
+    alpha_f: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.beta <= 1.0:
+            raise refuse(
+                "integrator.beta",
+                self.beta,
+                "above 0 and up to 1",
+                "beta = 0 is the explicit rule",
+                "central-difference",
+            )
+        if not 0.5 - _ROUNDING <= self.gamma + self.alpha_m - self.alpha_f <= 1.5:
+            why = "below 1/2 the scheme feeds energy into every mode"
+            raise refuse("integrator.gamma", self.gamma, "gamma + alpha_m - alpha_f of 1/2 or more", why)
+        if not (self.alpha_m < 1.0 and 0.0 <= self.alpha_f < 1.0):
+            raise refuse("integrator.alpha", (self.alpha_m, self.alpha_f), "alpha_m < 1, 0 <= alpha_f < 1")
+
+    @property
+    def order(self) -> int:
+        """Order of accuracy of displacement and velocity."""
+        return 2 if abs(self.gamma + self.alpha_m - self.alpha_f - 0.5) < _ROUNDING else 1
+
+    @property
+    def balances(self) -> bool:
+        """Whether the acceleration balances the forces of its own instant."""
+        return not self.alpha_m and not self.alpha_f
+
+    @property
+    def average(self) -> bool:
+        """Whether it is the average acceleration: a step then depends on the sum of both accelerations alone."""
+        return (self.beta, self.gamma, self.alpha_m, self.alpha_f) == (0.25, 0.5, 0.0, 0.0)
+
+    @property
+    def unseen(self) -> float:
+        """Error of a step in the velocity, that of the trapezoidal rule, where the displacement is better than that.
+
+        At beta = 1/6 the displacement is the very series that it is measured by, while its velocity is not.
+        """
+        return _TRAPEZOIDAL if self.beta < 1.0 / 6.0 + _TRAPEZOIDAL - _ROUNDING else 0.0
+
+    def effective_mass(
+        self, mass: FloatArray, damping: FloatArray, stiffness: FloatArray, step: float
+    ) -> FloatArray:  # fmt: skip
+        """Return what resists the new acceleration of modes: ``(1 - am) m + (1 - af)(gamma h c + beta h^2 k)``."""
+        new = 1.0 - self.alpha_f
+        return (1.0 - self.alpha_m) * mass + new * (self.gamma * step * damping + self.beta * step**2 * stiffness)
+
+    @property
+    def overshoot(self) -> float:
+        """Displacement of a step over dt^2 times its first acceleration, beyond what both of its velocities give.
+
+        With a1 from the rule of the velocity it is ``d1 = d0 + dt v0 + beta/gamma dt (v1 - v0) + o dt^2 a0`` with
+        ``o = 1/2 - beta/gamma``. What dies out within a step, such as a blow against a large damper, leaves the last
+        term, which grows with a0.
+        """
+        return abs(0.5 - self.beta / self.gamma)
+
+    def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
+        """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step, as `Method` says."""
+        weights = (self.beta, self.gamma, self.alpha_m, self.alpha_f)
+        return family_matrix(*weights, omega_dt=omega_dt, damping=damping)
+
+    def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
+        """Return what advances a system by steps of one length, as `Method` says."""
+        return _Stepper(system, forces, self, step)
+
+
+def family_matrix(
+    beta: float, gamma: float, alpha_m: float = 0.0, alpha_f: float = 0.0, *, omega_dt: float, damping: float
+) -> FloatArray:
+    """Return the amplification matrix of a member of the family.
+
+    Parameters
+    ----------
+    beta, gamma, alpha_m, alpha_f
+        As in `Scheme`; beta may be zero here.
+    omega_dt
+        Angular frequency times step.
+    damping
+        Damping ratio.
+
+    Returns
+    -------
+    ndarray
+        Of (d, dt v, dt^2 a), shape (3, 3).
+    """
+    w, x = omega_dt**2, 2.0 * damping * omega_dt
+    new, old = 1.0 - alpha_f, alpha_f
+    unit: FloatArray = np.eye(3)
+    drift, speed = predict(unit[0], unit[1], unit[2], 1.0, beta, gamma)
+    inertia = np.array([0.0, 0.0, alpha_m])
+    past = old * np.array([w, x, 0.0])
+    pull = 1.0 - alpha_m + new * (x * gamma + w * beta)
+    accel = -(inertia + past + new * (x * speed + w * drift)) / pull
+    return np.array([drift + beta * accel, speed + gamma * accel, accel])
+
+
+class _Stepper:
+    """A step of the family; one stage."""
+
+    def __init__(self, system: System, forces: LocalForces, scheme: Scheme, step: float) -> None:
+        self._scheme, self._dt = scheme, step
+        self._M, self._C, self._K = operator(system.mass), operator(system.damping), operator(system.stiffness)
+        new_m, new_f = 1.0 - scheme.alpha_m, 1.0 - scheme.alpha_f
+        self._stage = ImplicitStage(system, forces, scheme.beta * step**2, scheme.gamma * step, step, new_m, new_f)
+        self._led = find_massless_rates(system, average=scheme.average)
+
+    def advance(self, now: StepState, to: StepInputs) -> StepState:
+        """Return the next instant, as `Stepper` says."""
+        s, dt = self._scheme, self._dt
+        d, v = predict(now.d, now.v, now.a, dt, s.beta, s.gamma)
+        new = self._stage.solve(Prediction(d, v, self._old(now)), now, to)
+        return new if self._led is None else self._led.led(now, new, dt)
+
+    def _old(self, now: StepState) -> FloatArray | None:
+        """Return what the scheme weighs of the old instant."""
+        s = self._scheme
+        if not s.alpha_f and not s.alpha_m:
+            return None
+        forces = now.applied - self._K @ now.d - self._C @ now.v
+        return s.alpha_f * forces - s.alpha_m * (self._M @ now.a)
+
+
+def newmark(*, beta: float = 0.25, gamma: float = 0.5) -> Scheme:
+    """Return Newmark's scheme; the default is the average acceleration, stable at any step without damping.
+
+    Parameters
+    ----------
+    beta, gamma
+        Newmark's parameters.
+
+    Returns
+    -------
+    Scheme
+        The scheme.
+
+    Examples
+    --------
+    >>> round(newmark().spectral_radius(10.0), 9)
+    1.0
+    """
+    return Scheme(beta, gamma)
+
+
+def hht(*, alpha: float = -0.05) -> Scheme:
+    """Return the scheme of Hilber, Hughes and Taylor.
+
+    Parameters
+    ----------
+    alpha
+        From -1/3 (most damping of high frequencies) to 0 (Newmark's average acceleration).
+
+    Returns
+    -------
+    Scheme
+        The scheme.
+
+    Raises
+    ------
+    InputError
+        If alpha is out of range.
+
+    Examples
+    --------
+    >>> round(hht(alpha=-0.1).spectral_radius(1e6), 5)
+    0.81818
+    """
+    if not -1.0 / 3.0 <= alpha <= 0.0:
+        raise refuse("integrator.alpha", alpha, "-1/3 to 0", "outside it the scheme is not unconditionally stable")
+    return Scheme((1.0 - alpha) ** 2 / 4.0, 0.5 - alpha, 0.0, -alpha)
+
+
+def generalized_alpha(*, rho_inf: float = 0.9) -> Scheme:
+    """Return the generalized-alpha scheme chosen by its damping of infinitely high frequencies.
+
+    Parameters
+    ----------
+    rho_inf
+        Spectral radius at infinity: 1 keeps every mode, 0 removes the highest in one step.
+
+    Returns
+    -------
+    Scheme
+        The scheme.
+
+    Raises
+    ------
+    InputError
+        If rho_inf is out of range.
+
+    Examples
+    --------
+    >>> round(generalized_alpha(rho_inf=0.8).spectral_radius(1e6), 3)
+    0.8
+    """
+    if not 0.0 <= rho_inf <= 1.0:
+        raise refuse("integrator.rho_inf", rho_inf, "0 to 1", "it is the factor on the highest mode per step")
+    alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
+    return Scheme((1.0 - alpha_m + alpha_f) ** 2 / 4.0, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f)

@@ -1,0 +1,139 @@
+"""An implicit stage, of which every implicit step consists: the new acceleration is the unknown.
+
+One operator ``S = w_m M + w_f (c_v C + c_d K)`` per stage is factorized once for the whole run, because neither the
+step nor the tangent outside the local forces changes. The local forces follow from a small iteration (`local_newton`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.core import Factor, FloatArray, Triplets, factorize, operator
+from flexcam.dynamics.force_laws import (
+    ANSWER,
+    BASE,
+    BEGIN,
+    FREE_PENETRATION,
+    FREE_RATE,
+    NEW_STATE,
+    OWN,
+    PENETRATION,
+    RATE,
+    STATE,
+    TRIAL,
+)
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.step_state import StepInputs, StepState
+from flexcam.dynamics.system import System
+
+
+class NoConvergenceError(ArithmeticError):
+    """The iteration for the local forces did not converge.
+
+    Parameters
+    ----------
+    forces
+        Names of those that did not.
+    """
+
+    def __init__(self, forces: list[str]) -> None:
+        super().__init__(", ".join(forces))
+        self.forces = forces
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Displacement and velocity before the new acceleration, and the weighted forces of the old instant, shape (n,)."""
+
+    d: FloatArray
+    v: FloatArray
+    old: FloatArray | None = None
+
+
+class ImplicitStage:
+    """An implicit stage: ``d = d^ + c_d a``, ``v = v^ + c_v a``, and the balance of a weighted instant for a.
+
+    Parameters
+    ----------
+    system, forces
+        The system and its local forces, stacked.
+    to_d, to_v
+        c_d, s^2, and c_v, s.
+    step
+        Over which internal states advance, s.
+    weight_m, weight_f
+        Of the new instant in the inertia and in the other forces.
+    inverse
+        Makes the factorization of S; the matrix is regular by default.
+
+    Raises
+    ------
+    SingularMatrixError
+        If some motion has neither mass, damping nor stiffness.
+    """
+
+    def __init__(
+        self, system: System, forces: LocalForces, to_d: float, to_v: float, step: float,
+        weight_m: float = 1.0, weight_f: float = 1.0, inverse: Callable[[Triplets], Factor] = factorize,
+    ) -> None:  # fmt: skip
+        self._forces, self._to_d, self._to_v, self._step, self._new = forces, to_d, to_v, step, weight_f
+        self._C, self._K = operator(system.damping), operator(system.stiffness)
+        self._damped = bool(system.damping.values.any())
+        S = system.mass.scaled(weight_m) + system.damping.scaled(weight_f * to_v)
+        self._S = inverse(S + system.stiffness.scaled(weight_f * to_d) if to_d else S)
+        # Response of all unknowns to each acting vector, and what of it is sensed: the low-rank update.
+        self._by_act = self._S.solve(forces.act.vectors.T) * weight_f
+        self._give = np.ascontiguousarray((forces.sense.vectors @ self._by_act).T)
+
+    def solve(self, predicted: Prediction, now: StepState, to: StepInputs) -> StepState:
+        """Return the new instant."""
+        right = self._new * (to.load - self._K @ predicted.d)
+        if self._damped:
+            right = right - self._new * (self._C @ predicted.v)
+        if predicted.old is not None:
+            right = right + predicted.old
+        a = self._S.solve(right)
+        d, v = predicted.d + self._to_d * a, predicted.v + self._to_v * a
+        if self._forces.count == 0:
+            return StepState(to.time, d, v, a, to.load, now.local, now.gap, now.rate, now.inner)
+        iterations = self._find_forces(d, v, now, to)
+        local, states = self._forces.workspace.local, self._forces.workspace.states
+        weights = local[TRIAL] @ to.schedule.acting(to.row)
+        more = self._by_act @ weights
+        applied = to.load + weights @ self._forces.act.vectors
+        return StepState(
+            to.time, d + self._to_d * more, v + self._to_v * more, a + more, applied, local[TRIAL].copy(),
+            local[PENETRATION].copy(), local[RATE].copy(), states[NEW_STATE].copy(), iterations=iterations,
+        )  # fmt: skip
+
+    def _find_forces(self, d: FloatArray, v: FloatArray, now: StepState, to: StepInputs) -> int:
+        """Find the local forces for the motion without them; return the iterations."""
+        forces, work, table = self._forces, self._forces.workspace, self._forces.table
+        schedule, i, local = to.schedule, to.row, self._forces.workspace.local
+        sensing, turning = schedule.sensing(i), schedule.turning(i)
+        on_d, on_v = forces.sense.vectors @ d, forces.sense.vectors @ v
+        local[FREE_PENETRATION] = sensing @ on_d + schedule.offset[i]
+        local[FREE_RATE] = sensing @ on_v + turning @ on_d + schedule.offset_rate[i]
+        local[TRIAL] = local[BASE] = now.local
+        local[OWN] = -1.0
+        answer = self._give.T @ schedule.acting(i).T
+        moved = sensing @ answer
+        work.compliance[0] = self._to_d * moved
+        work.compliance[1] = self._to_v * moved + self._to_d * (turning @ answer)
+        work.states[STATE], work.states[BEGIN] = now.inner, now.gap[table.owners]
+        iterations = forces.functions["solve_local"](
+            table.laws, table.constants, forces.places, self._give, schedule.rows, i, 0, self._step, self._to_d,
+            self._to_v, local, work.tangent, work.states, work.moved, work.active, work.compliance, work.matrix,
+        )  # fmt: skip
+        if iterations == 0:
+            raise NoConvergenceError(unconverged(forces.names, local))
+        return int(iterations)
+
+
+def unconverged(names: list[str], local: FloatArray) -> list[str]:
+    """Return the names of the local forces that differ most from what their laws answer."""
+    missing = np.abs(local[TRIAL] - local[ANSWER])
+    return [name for name, one in zip(names, missing, strict=True) if one > 0.1 * missing.max()]

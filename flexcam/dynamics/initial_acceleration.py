@@ -1,0 +1,110 @@
+"""Where a run begins, or begins again: the acceleration that balances an instant, and what an impact does to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from flexcam.core import Factor, FloatArray, IntArray
+from flexcam.core.errors import Fault, InputError
+from flexcam.dynamics.impact import Impact
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.massless import TOUCHED, Massless
+from flexcam.dynamics.prescribed_inputs import PrescribedInputs
+from flexcam.dynamics.problem import State
+from flexcam.dynamics.step_state import StepInputs, StepState
+from flexcam.dynamics.system import System
+
+
+class InitialAcceleration:
+    """Balances instants of a system: ``M a = f - C v - K d``.
+
+    Parameters
+    ----------
+    system
+        The system.
+    forces
+        Its local forces, stacked.
+    """
+
+    def __init__(self, system: System, forces: LocalForces) -> None:
+        self._system, self._forces = system, forces
+        self._massless = Massless(system)
+        self._factor: Factor | None = None
+        if refusal := light_impacts(forces, self._massless):
+            raise refusal
+
+    def first(self, start: State, to: StepInputs) -> StepState:
+        """Return the first instant.
+
+        Unknowns without mass have no acceleration to start from: their displacement is moved to the balance of the
+        forces on them (of the stiffness and loads; the local forces are those at the given displacement).
+        """
+        d, v = start.displacement, start.velocity
+        inner = self._forces.start_state if start.inner is None else start.inner
+        if start.acceleration is not None:
+            return replace(self.answered(d, v, inner, to), a=start.acceleration)
+        if self._massless.any:
+            d = self._massless.place(d, self.answered(d, v, inner, to).applied)
+        return self.restarted(self.answered(d, v, inner, to))
+
+    def resumed(self, moment: StepState, to: StepInputs) -> StepState:
+        """Return an instant as a run that begins there has it: forces anew from the motion, bit by bit."""
+        same = self.answered(moment.d, moment.v, moment.inner, to)
+        kept = {name: getattr(moment, name) for name in ("a", "impulse", "iterations", "stride")}
+        return replace(same, **kept)
+
+    def restarted(self, moment: StepState) -> StepState:
+        """Return an instant with the acceleration that balances it."""
+        system = self._system
+        right = moment.applied - system.damping.times(moment.v) - system.stiffness.times(moment.d)
+        return replace(moment, a=self._accelerated(right))
+
+    def impact(self, moment: StepState, to: StepInputs, closed: IntArray) -> StepState:
+        """Return the instant after an impact, in which all closed ones of the switching scalars take part."""
+        which = self._forces.switching[closed]
+        struck, impulse = self.struck(to, closed), np.zeros(self._forces.count)
+        impulse[which] = struck.impulse(moment.rate[which])
+        after = self.answered(moment.d, moment.v + struck.gained @ impulse[which], moment.inner, to)
+        return replace(self.restarted(after), impulse=impulse)
+
+    def struck(self, to: StepInputs, closed: IntArray) -> Impact:
+        """Return what an impact at some of the switching scalars depends on."""
+        forces, schedule, i = self._forces, to.schedule, to.row
+        which = forces.switching[closed]
+        sense, turning = (rows[which] @ forces.sense.vectors for rows in (schedule.sensing(i), schedule.turning(i)))
+        act = schedule.acting(i)[which] @ forces.act.vectors
+        return Impact(sense, turning, self._accelerated_all(act.T), forces.restitution[closed])
+
+    def answered(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: StepInputs) -> StepState:
+        """Return an instant with the forces that its motion causes, and no acceleration yet."""
+        forces = self._forces
+        gap, rate, _ = (one[0] for one in forces.sensed(d[None], v[None], _only(to)))
+        answer = forces.respond(gap, rate, inner, to.schedule, to.row)
+        applied = to.load + (answer.force @ to.schedule.acting(to.row)) @ forces.act.vectors
+        return StepState(to.time, d, v, np.zeros(len(d)), applied, answer.force, gap, rate, inner)
+
+    def _accelerated(self, right: FloatArray) -> FloatArray:
+        return self._accelerated_all(right[:, None])[:, 0]
+
+    def _accelerated_all(self, right: FloatArray) -> FloatArray:
+        """Return ``M^-1 f`` for columns f, with no part along the motions without mass."""
+        if self._factor is None:
+            self._factor = self._massless.inverse(self._system.mass)
+        return self._factor.solve(right)
+
+
+def light_impacts(forces: LocalForces, light: Massless) -> InputError | None:
+    """Return the refusal of impacts on what has no mass, all of them by name; None where there are none."""
+    bouncing: list[int] = forces.switching[~np.isnan(forces.restitution)].tolist()
+    pushed = [
+        one for one in bouncing if (light.touched(forces.act.vectors[forces.act.owner[one] > 0.0]) > TOUCHED).any()
+    ]
+    given, allowed = "a restitution where a body has no mass", "a mass on both sides, or ground"
+    why, remedy = "an impact changes the velocity of a mass", "add a mass there, or use dissipation"
+    return InputError(Fault(forces.names[one], given, allowed, why, remedy) for one in pushed) if pushed else None
+
+
+def _only(to: StepInputs) -> PrescribedInputs:
+    return to.schedule.row(to.row)

@@ -1,0 +1,221 @@
+"""What every integrator says of itself, and what `solve` asks of it: one step.
+
+A new integrator is a file with one frozen dataclass of this kind. Its properties follow from the matrix that takes one
+mode over a step: T. J. R. Hughes, The Finite Element Method (1987), ch. 9.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.core.errors import InputError
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.step_state import StepInputs, StepState
+from flexcam.dynamics.system import System
+
+At = Callable[[float], StepInputs]
+"""What is prescribed at a time, s."""
+
+_GROWS = 1.0 + 1e-7
+"""Spectral radius that is growth: a double eigenvalue of 1 keeps half the digits."""
+
+_STEPS = np.geomspace(1e-3, 1e6, 181)
+"""Angular frequency times step, as far as a limit of stability is looked for."""
+
+
+class Stepper(Protocol):
+    """Advances a system by one step."""
+
+    def advance(self, now: StepState, to: StepInputs) -> StepState:
+        """Return the next instant.
+
+        Parameters
+        ----------
+        now
+            The instant before.
+        to
+            What is prescribed at the new one, a step later.
+
+        Returns
+        -------
+        Moment
+            The new instant.
+
+        Raises
+        ------
+        NoConvergenceError
+            If the local forces do not settle.
+        """
+        ...
+
+
+class Method(ABC):
+    """A way to integrate in time; made by `newmark`, `hht`, `generalized_alpha`, `bathe` and their like."""
+
+    @property
+    @abstractmethod
+    def order(self) -> int:
+        """Order of accuracy of displacement and velocity."""
+
+    @property
+    def balances(self) -> bool:
+        """Whether the acceleration balances the forces of its own instant."""
+        return True
+
+    @property
+    def unseen(self) -> float:
+        """Error of a step that its displacement does not show, over h^2 times the change of the acceleration."""
+        return 0.0
+
+    @abstractmethod
+    def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
+        """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step.
+
+        Parameters
+        ----------
+        omega_dt
+            Angular frequency times step.
+        damping
+            Damping ratio.
+
+        Returns
+        -------
+        ndarray
+            Shape (3, 3).
+        """
+
+    @abstractmethod
+    def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
+        """Return what advances a system by steps of one length.
+
+        Parameters
+        ----------
+        system, forces
+            The system and its local forces, stacked.
+        step
+            s.
+        at
+            What is prescribed at a time between the instants, where the method asks.
+
+        Returns
+        -------
+        Stepper
+            For steps of this length.
+
+        Raises
+        ------
+        SingularMatrixError
+            If some motion has neither mass, damping nor stiffness.
+        InputError
+            If the method cannot integrate such a system.
+        """
+
+    def refusal(self, system: System, step: float) -> InputError | None:
+        """Return why the method cannot integrate a system at this step, and what can be done; None where it can.
+
+        Parameters
+        ----------
+        system
+            The system.
+        step
+            s.
+
+        Returns
+        -------
+        InputError or None
+            To be raised before the run begins.
+        """
+        return None
+
+    def spectral_radius(self, omega_dt: float, damping: float = 0.0) -> float:
+        """Return the factor by which a mode grows in a step: the largest modulus of the matrix's eigenvalues.
+
+        Parameters
+        ----------
+        omega_dt
+            Angular frequency times step.
+        damping
+            Damping ratio.
+
+        Returns
+        -------
+        float
+            Above 1 the mode grows.
+        """
+        return float(np.abs(self._eigenvalues(omega_dt, damping)).max())
+
+    def period_error(self, omega_dt: float, damping: float = 0.0) -> float:
+        """Return by how much the period of a mode is too long, as a part of it.
+
+        Parameters
+        ----------
+        omega_dt
+            Angular frequency times step.
+        damping
+            Damping ratio, below 1.
+
+        Returns
+        -------
+        float
+            Infinite where the mode does not swing any more.
+        """
+        turn = float(np.angle(self._swinging(omega_dt, damping)))
+        return omega_dt * math.sqrt(1.0 - damping**2) / turn - 1.0 if turn > 0.0 else math.inf
+
+    def damping_ratio(self, omega_dt: float, damping: float = 0.0) -> float:
+        """Return the damping ratio with which a mode dies out in a run: its own, and what the method adds.
+
+        Parameters
+        ----------
+        omega_dt
+            Angular frequency times step.
+        damping
+            Damping ratio of the mode itself, below 1.
+
+        Returns
+        -------
+        float
+            Decay per radian turned (Hughes, eq. 9.1.30); infinite where the mode does not swing any more.
+        """
+        pair = self._swinging(omega_dt, damping)
+        turn = float(np.angle(pair))
+        return math.log(1.0 / abs(pair)) / turn if turn > 0.0 else math.inf
+
+    def stable_to(self, damping: float = 0.0) -> float:
+        """Return the angular frequency times step up to which no mode grows; infinite where there is no limit.
+
+        Parameters
+        ----------
+        damping
+            Damping ratio.
+
+        Returns
+        -------
+        float
+            By bisection to 1e-12 of it.
+        """
+        beyond = [x for x in _STEPS.tolist() if self.spectral_radius(x, damping) > _GROWS]
+        if not beyond:
+            return math.inf
+        low, high = 0.0, float(beyond[0])
+        while high - low > 1e-12 * high:
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if self.spectral_radius(middle, damping) > _GROWS else (middle, high)
+        return low
+
+    def _swinging(self, omega_dt: float, damping: float) -> complex:
+        """Return the eigenvalue of the oscillating pair: that of most turn."""
+        values = self._eigenvalues(omega_dt, damping)
+        return complex(values[int(np.argmax(values.imag))])
+
+    def _eigenvalues(self, omega_dt: float, damping: float) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
+        # Scaling the acceleration by the frequency keeps the matrix's entries of one size at large omega dt.
+        scale = np.array([1.0, 1.0 / (1.0 + omega_dt), 1.0 / (1.0 + omega_dt) ** 2])
+        matrix = scale[:, None] * self.amplification(omega_dt, damping) / scale
+        return np.asarray(np.linalg.eigvals(matrix), dtype=complex)

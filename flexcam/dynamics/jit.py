@@ -1,0 +1,127 @@
+"""Compile the functions of the kernel with numba, or bind them as Python: both come from the same source text.
+
+Every function is copied with globals in which the functions it calls are the compiled ones. Compiled code is kept in
+numba's on-disk cache, in a folder of the user named after a digest of the source text.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import sys
+import tempfile
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import lru_cache
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+Functions = dict[str, Callable[..., Any]]
+"""Functions by name."""
+
+_OPTIONS: dict[str, Any] = {
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"reassoc", "contract", "nsz"},  # sums in any order; NaN and infinity stay what they are
+    "_nrt": False,  # no array is created in compiled code, so that references need no counting
+}
+
+
+@lru_cache
+def is_available() -> bool:
+    """Return whether numba is installed."""
+    return find_spec("numba") is not None
+
+
+def bind(functions: Sequence[FunctionType], overrides: Mapping[str, Callable[..., Any]] | None = None) -> Functions:
+    """Return the functions as Python, some of the functions that they call replaced by others."""
+    return _bound(functions, dict(overrides or {}), lambda function: function)
+
+
+@lru_cache
+def compile_functions(
+    functions: tuple[FunctionType, ...], entries: tuple[str, ...], *, cached: bool = True
+) -> Functions:
+    """Return the functions as compiled code; numba compiles or loads an entry at its first call.
+
+    Only entries may be called from Python and are cached; the other functions are compiled into them.
+    """
+    numba: Any = import_module("numba")
+    with _cache_folder(_digest(functions)) as writable:
+        keep = cached and writable
+        inner = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
+        entry = numba.njit(cache=keep, **_OPTIONS)
+        found = _bound(functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function))
+    if keep:
+        for name in entries:
+            found[name] = _CachedEntry(
+                found[name], lambda name=name: compile_functions(functions, entries, cached=False)[name]
+            )
+    return found
+
+
+class _CachedEntry:
+    """An entry whose cached code may be damaged or impossible to write: then it is compiled without a cache."""
+
+    def __init__(self, entry: Any, uncached: Callable[[], Callable[..., Any]]) -> None:  # noqa: ANN401 - of numba
+        self._entry, self._uncached, self._called = entry, uncached, False
+
+    def __call__(self, *arguments: object) -> Any:  # noqa: ANN401 - what the entry returns
+        if not self._called:
+            try:  # numba loads or compiles before it runs: a failure has changed nothing
+                self._entry.compile(tuple(map(_typeof(), arguments)))
+            except (OSError, EOFError, ValueError, pickle.UnpicklingError):
+                self._entry = self._uncached()
+            self._called = True
+        return self._entry(*arguments)
+
+
+def _typeof() -> Callable[[object], Any]:
+    numba: Any = import_module("numba")
+    return numba.typeof
+
+
+def _bound(
+    functions: Sequence[FunctionType], namespace: Functions, wrap: Callable[[FunctionType], Callable[..., Any]]
+) -> Functions:
+    for function in functions:
+        if function.__name__ not in namespace:
+            copy = FunctionType(function.__code__, {**function.__globals__, **namespace}, function.__name__)
+            copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
+            namespace[function.__name__] = wrap(copy)
+    return namespace
+
+
+def _digest(functions: Sequence[FunctionType]) -> str:
+    sources = dict.fromkeys(sys.modules[function.__module__].__file__ or "" for function in functions)
+    text = b"".join(Path(path).read_bytes() for path in sources)
+    return hashlib.sha256(text).hexdigest()[:16]
+
+
+def cache_root() -> Path:
+    """Return the folder of the user under which compiled code is kept."""
+    given = os.environ.get("FLEXCAM_CACHE") or os.environ.get("XDG_CACHE_HOME")
+    return (Path(given) if given else Path.home() / ".cache") / "flexcam"
+
+
+@contextmanager
+def _cache_folder(name: str) -> Generator[bool]:
+    """Let numba cache what is declared meanwhile in a folder of its own; yield whether it can be written."""
+    settings: Any = import_module("numba.core.config")
+    before = settings.CACHE_DIR
+    try:
+        folder = cache_root() / name
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with tempfile.TemporaryFile(dir=folder):
+            settings.CACHE_DIR = str(folder)
+    except (OSError, RuntimeError):
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        settings.CACHE_DIR = before

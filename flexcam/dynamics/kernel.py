@@ -1,0 +1,211 @@
+"""The kernel: many steps of a system in modal coordinates with local forces, in one call of compiled code.
+
+Arrays, a row per quantity: `state` holds q, v, a, the forces on the modes and work rows; `operator` mass, damping,
+stiffness, the inverse of the effective mass, and the response to each acting vector; `vectors` the sensing vectors and
+then the acting ones; `given` a row per step of loads, prescribed inputs and time.
+"""
+# Elements of arrays are numbers to the compiler and arrays to the type checker.
+# pyright: reportArgumentType=false, reportAssignmentType=false
+
+from __future__ import annotations
+
+import math
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.force_laws import (
+    BASE,
+    BEGIN,
+    FREE_PENETRATION,
+    FREE_RATE,
+    FUNCTIONS_OF_LAWS,
+    NEW_STATE,
+    OWN,
+    PENETRATION,
+    RATE,
+    STATE,
+    TRIAL,
+)
+from flexcam.dynamics.generalized_alpha import predict
+from flexcam.dynamics.local_newton import FUNCTIONS_OF_NEWTON, solve_local
+from flexcam.dynamics.massless import massless_rates
+
+DONE, SWITCHED, UNSETTLED = 0, 1, 2
+"""Results of `march`."""
+
+Q, V, A, LOAD, Q_FREE, V_FREE, PUSH, ACCELERATION, Q_TRIAL, V_TRIAL = range(10)
+"""Rows of the state: the instant; the prediction; what accelerates it; the acceleration without local forces."""
+STATE_SIZE = 10
+LAST_FORCE, LAST_PENETRATION, LAST_RATE, TREND, LAST_CHANGE = range(5)
+"""Rows of the local forces of the last instant: force, penetration, rate, extrapolated and last change of the force."""
+FORCE_SIZE = 5
+STEP, BETA, GAMMA, ALPHA_M, ALPHA_F = range(5)
+"""Entries of the scheme."""
+MASS, DAMPING, STIFFNESS, INVERSE = range(4)
+"""Rows of the operator before the responses to the acting vectors."""
+OPERATOR_SIZE = 4
+
+VANISHED = 1e-150
+"""Motion below which a mode is at rest: denormal numbers are very slow."""
+
+
+def predict_modes(
+    scheme: FloatArray, operator: FloatArray, coupled: FloatArray, inverse: FloatArray, loads: FloatArray,
+    state: FloatArray,
+) -> None:  # fmt: skip
+    """Write the prediction of the step and the acceleration without local forces."""
+    h, new, n = scheme[STEP], 1.0 - scheme[ALPHA_F], state.shape[1]
+    for i in range(n):
+        there, moving = predict(state[Q, i], state[V, i], state[A, i], h, scheme[BETA], scheme[GAMMA])
+        push = new * (loads[i] - operator[STIFFNESS, i] * there - operator[DAMPING, i] * moving)
+        if scheme[ALPHA_F] != 0.0 or scheme[ALPHA_M] != 0.0:
+            old = state[LOAD, i] - operator[STIFFNESS, i] * state[Q, i] - operator[DAMPING, i] * state[V, i]
+            push += scheme[ALPHA_F] * old - scheme[ALPHA_M] * operator[MASS, i] * state[A, i]
+        state[Q_FREE, i], state[V_FREE, i], state[PUSH, i] = there, moving, push
+        state[ACCELERATION, i] = operator[INVERSE, i] * push
+    if len(coupled) > 0:
+        for i in range(n):
+            state[ACCELERATION, i] = new * state[V_FREE, i] + scheme[ALPHA_F] * state[V, i]
+        for i in range(n):
+            slowed = 0.0
+            for j in range(n):
+                slowed += coupled[i, j] * state[ACCELERATION, j]
+            state[PUSH, i] -= slowed
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += inverse[i, j] * state[PUSH, j]
+            state[ACCELERATION, i] = total
+
+
+def find_forces(
+    k: int, scheme: FloatArray, give: FloatArray, vectors: FloatArray, given: FloatArray, laws: IntArray,
+    constants: FloatArray, places: IntArray, varying: IntArray, state: FloatArray, forces: FloatArray,
+    states: FloatArray, local: FloatArray, tangent: FloatArray, moved: FloatArray, active: IntArray, W: FloatArray,
+    matrix: FloatArray,
+) -> int:  # fmt: skip
+    """Find the local forces at the end of a step; return the iterations, 0 without convergence."""
+    to_d, to_v = scheme[BETA] * scheme[STEP] * scheme[STEP], scheme[GAMMA] * scheme[STEP]
+    n, c, senses = state.shape[1], local.shape[1], give.shape[1]
+    offset = n + 2 * senses + give.shape[0]
+    for i in range(n):
+        state[Q_TRIAL, i] = state[Q_FREE, i] + to_d * state[ACCELERATION, i]
+        state[V_TRIAL, i] = state[V_FREE, i] + to_v * state[ACCELERATION, i]
+    for i in range(c):
+        gap, rate = given[k, offset + i], given[k, offset + c + i]
+        for b in range(places[0, i], places[0, i + 1]):
+            on_d, on_v = 0.0, 0.0
+            for m in range(n):
+                on_d += vectors[b, m] * state[Q_TRIAL, m]
+                on_v += vectors[b, m] * state[V_TRIAL, m]
+            gap += given[k, n + b] * on_d
+            rate += given[k, n + b] * on_v + given[k, n + senses + b] * on_d
+        local[FREE_PENETRATION, i], local[FREE_RATE, i] = gap, rate
+        local[TRIAL, i], local[BASE, i] = forces[LAST_FORCE, i] + forces[TREND, i], forces[LAST_FORCE, i]
+    for at in range(len(varying)):
+        i = varying[at]
+        local[OWN, i] = -1.0
+        for j in range(c):
+            W[0, i, j], W[0, j, i] = math.nan, math.nan
+    return solve_local(
+        laws, constants, places, give, given, k, n, scheme[STEP], to_d, to_v, local, tangent, states, moved, active, W,
+        matrix,
+    )  # fmt: skip
+
+
+def add_forces(
+    k: int, act: int, places: IntArray, vectors: FloatArray, first: int, given: FloatArray, local: FloatArray,
+    state: FloatArray, row: int,
+) -> None:  # fmt: skip
+    """Add the effect of the local forces along vectors, from the first of them on, to a row of the state."""
+    for j in range(local.shape[1]):
+        if local[TRIAL, j] != 0.0:
+            for b in range(places[1, j], places[1, j + 1]):
+                weight = local[TRIAL, j] * given[k, act + b]
+                for i in range(state.shape[1]):
+                    state[row, i] += weight * vectors[first + b, i]
+
+
+def correct_modes(scheme: FloatArray, operator: FloatArray, loads: FloatArray, state: FloatArray) -> None:
+    """Advance the modes to the end of the step."""
+    h, beta, gamma = scheme[STEP], scheme[BETA], scheme[GAMMA]
+    average = beta == 0.25 and gamma == 0.5 and scheme[ALPHA_M] == 0.0 and scheme[ALPHA_F] == 0.0
+    for i in range(state.shape[1]):
+        a = state[ACCELERATION, i]
+        q, v = state[Q_FREE, i] + beta * h * h * a, state[V_FREE, i] + gamma * h * a
+        if operator[MASS, i] == 0.0 and operator[DAMPING, i] == 0.0:
+            v, a = massless_rates(q - state[Q, i], state[V, i], state[A, i], h)
+        elif operator[MASS, i] == 0.0 and average:
+            a = (v - state[V, i]) / h
+        if abs(q) < VANISHED and abs(v) < VANISHED and abs(a) < VANISHED:
+            q, v, a = 0.0, 0.0, 0.0
+        state[Q, i], state[V, i], state[A, i], state[LOAD, i] = q, v, a, loads[i]
+
+
+def has_switched(local: FloatArray, switching: IntArray) -> bool:
+    """Return whether a switching scalar (row 0) is on another side of zero than before (row 1)."""
+    for at in range(switching.shape[1]):
+        if (local[PENETRATION, switching[0, at]] > 0.0) != (switching[1, at] == 1):
+            return True
+    return False
+
+
+def accept(
+    k: int, scheme: FloatArray, operator: FloatArray, vectors: FloatArray, given: FloatArray, places: IntArray,
+    state: FloatArray, forces: FloatArray, states: FloatArray, local: FloatArray, row: FloatArray,
+) -> None:  # fmt: skip
+    """Advance everything to the end of the step and write a row of results."""
+    n, c, senses = state.shape[1], local.shape[1], len(vectors) + OPERATOR_SIZE - len(operator)
+    act = n + 2 * senses
+    add_forces(k, act, places, operator, OPERATOR_SIZE, given, local, state, ACCELERATION)
+    for j in range(c):
+        change = local[TRIAL, j] - forces[LAST_FORCE, j]
+        forces[TREND, j] = change if forces[LAST_CHANGE, j] == 0.0 else 2.0 * change - forces[LAST_CHANGE, j]
+        forces[LAST_CHANGE, j] = change
+        forces[LAST_FORCE, j], forces[LAST_PENETRATION, j] = local[TRIAL, j], local[PENETRATION, j]
+        forces[LAST_RATE, j] = local[RATE, j]
+        row[3 * n + j] = local[TRIAL, j]
+    for z in range(states.shape[1]):
+        states[STATE, z] = states[NEW_STATE, z]
+        row[3 * n + c + z] = states[STATE, z]
+    correct_modes(scheme, operator, given[k], state)
+    add_forces(k, act, places, vectors, senses, given, local, state, LOAD)
+    for i in range(n):
+        row[i], row[n + i], row[2 * n + i] = state[Q, i], state[V, i], state[A, i]
+
+
+def march(
+    begin: int, end: int, scheme: FloatArray, operator: FloatArray, give: FloatArray, inverse: FloatArray,
+    coupled: FloatArray, vectors: FloatArray, given: FloatArray, laws: IntArray, constants: FloatArray,
+    places: IntArray, owners: IntArray, varying: IntArray, state: FloatArray, forces: FloatArray, states: FloatArray,
+    local: FloatArray, tangent: FloatArray, moved: FloatArray, active: IntArray, W: FloatArray, matrix: FloatArray,
+    switching: IntArray, found: FloatArray, count: IntArray,
+) -> int:  # fmt: skip
+    """Advance over rows of the prescribed inputs; return how it ended.
+
+    The state, the local forces and the internal states advance; `count` receives the row reached and the iterations.
+    The march ends before a step in which a switching scalar changes sides or the local forces do not converge.
+    """
+    for k in range(begin, end):
+        count[0] = k
+        predict_modes(scheme, operator, coupled, inverse, given[k], state)
+        for z in range(states.shape[1]):
+            states[BEGIN, z] = forces[LAST_PENETRATION, owners[z]]
+        iterations = find_forces(
+            k, scheme, give, vectors, given, laws, constants, places, varying, state, forces, states, local, tangent,
+            moved, active, W, matrix,
+        )  # fmt: skip
+        if iterations == 0:
+            return UNSETTLED
+        count[1] += iterations
+        if has_switched(local, switching):
+            return SWITCHED
+        accept(k, scheme, operator, vectors, given, places, state, forces, states, local, found[k])
+    count[0] = end
+    return DONE
+
+
+FUNCTIONS_OF_KERNEL = (
+    predict, massless_rates, *FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON, predict_modes, find_forces, add_forces,
+    correct_modes, has_switched, accept, march,
+)  # fmt: skip
+"""In the order in which they call each other, for the compiler."""

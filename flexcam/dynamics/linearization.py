@@ -1,0 +1,243 @@
+"""A system linearized about a motion: what small disturbances of it obey, instant by instant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.dynamics.cam_motion import CamMotion
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.massless import Massless, find_massless_rates
+from flexcam.dynamics.prescribed_inputs import PrescribedInputs
+from flexcam.dynamics.system import Reaction, System
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """What small disturbances of displacement d, velocity v and internal states z obey at an instant.
+
+    ``M d'' + C d' + K d = P z`` and ``z' = Z_d d + Z_v v + Z_z z``.
+
+    Parameters
+    ----------
+    damping, stiffness
+        C and K, shape (n, n).
+    by_state
+        P, shape (n, s).
+    state_by_d, state_by_v, state_by_state
+        Z_d and Z_v, shape (s, n), and Z_z, shape (s, s).
+    """
+
+    damping: FloatArray
+    stiffness: FloatArray
+    by_state: FloatArray
+    state_by_d: FloatArray
+    state_by_v: FloatArray
+    state_by_state: FloatArray
+
+
+class Linearization:
+    """Linearizes a system whose local forces are given by their laws.
+
+    Parameters
+    ----------
+    system
+        The system.
+    forces
+        Its local forces, stacked.
+
+    Attributes
+    ----------
+    mass
+        Shape (n, n), the same at all instants.
+    """
+
+    def __init__(self, system: System, forces: LocalForces) -> None:
+        self.mass, self._C, self._K = (m.dense() for m in (system.mass, system.damping, system.stiffness))
+        self._forces = forces
+        n, s = system.size, len(forces.start_state)
+        nothing = np.zeros((s, n))
+        self._plain = Linear(self._C, self._K, nothing.T, nothing, nothing, np.zeros((s, s)))
+        self._last, self._told = self._plain, b""
+
+    def at(self, schedule: PrescribedInputs, i: int, gap: FloatArray, rate: FloatArray, state: FloatArray) -> Linear:
+        """Return the linear system at a row of a schedule; the one of the last call where nothing has changed."""
+        if not self._forces.count:
+            return self._plain
+        answer = self._forces.respond(gap, rate, state, schedule, i)
+        weights = schedule.sensed[i], schedule.sensed_rates[i], schedule.acted[i]
+        told = b"".join(one.tobytes() for one in (*weights, *_derivatives(answer)))
+        if told != self._told:
+            self._last, self._told = self._with(answer, *directions(self._forces, schedule, i)), told
+        return self._last
+
+    def _with(self, answer: Reaction, act: FloatArray, sense: FloatArray, turning: FloatArray) -> Linear:
+        by_rate = act.T @ answer.by_rate
+        C = self._C - by_rate @ sense
+        K = self._K - act.T @ answer.by_gap @ sense - by_rate @ turning
+        if not len(answer.state_rate):
+            plain = self._plain
+            return Linear(C, K, plain.by_state, plain.state_by_d, plain.state_by_v, plain.state_by_state)
+        by_d = answer.state_rate_by_gap @ sense + answer.state_rate_by_rate @ turning
+        return Linear(
+            C, K, act.T @ answer.by_state, by_d, answer.state_rate_by_rate @ sense, answer.state_rate_by_state
+        )
+
+
+def directions(forces: LocalForces, schedule: PrescribedInputs, i: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return along which rows the forces act and sense, and how fast the latter turn, shape (c, n) each."""
+    act, sense, turning = schedule.acting(i), schedule.sensing(i), schedule.turning(i)
+    return act @ forces.act.vectors, sense @ forces.sense.vectors, turning @ forces.sense.vectors
+
+
+def _derivatives(answer: Reaction) -> tuple[FloatArray, ...]:
+    own = answer.by_gap, answer.by_rate
+    if not len(answer.state_rate):
+        return own
+    of_state = answer.state_rate_by_gap, answer.state_rate_by_rate, answer.state_rate_by_state
+    return (*own, answer.by_state, *of_state)
+
+
+class Tangents:
+    """Damping and stiffness of small disturbances about a motion.
+
+    Local forces give their derivatives, which change with the cam angle, with what is pressed and what is not, and
+    with the axial force of a pushrod; their internal states stand still.
+
+    Parameters
+    ----------
+    system
+        The system.
+    motion
+        Cam angle and speed at m instants.
+    displacement, velocity
+        The motion at these instants, shape (m, n).
+    inner
+        Internal states at these instants, shape (m, s); None for those at rest.
+
+    Attributes
+    ----------
+    mass
+        Shape (n, n), the same at all instants.
+    """
+
+    def __init__(
+        self, system: System, motion: CamMotion, displacement: FloatArray, velocity: FloatArray,
+        inner: FloatArray | None = None,
+    ) -> None:  # fmt: skip
+        self._forces = LocalForces(system)
+        self._linear = Linearization(system, self._forces)
+        self.mass = self._linear.mass
+        self._schedule = self._forces.schedule(motion)
+        self._gap, self._rate, _ = self._forces.sensed(displacement, velocity, self._schedule)
+        self._inner = inner
+
+    def at(self, i: int) -> tuple[FloatArray, FloatArray]:
+        """Return damping and stiffness at an instant, shape (n, n) each."""
+        found = self._linear.at(self._schedule, i, self._gap[i], self._rate[i], self._state(i))
+        return found.damping, found.stiffness
+
+    def parts(self, i: int) -> Iterator[tuple[str, FloatArray]]:
+        """Yield the name of each local force and the stiffness it adds at an instant, shape (n, n)."""
+        if not self._forces.count:
+            return
+        answer = self._forces.respond(self._gap[i], self._rate[i], self._state(i), self._schedule, i)
+        act, sense, turning = directions(self._forces, self._schedule, i)
+        for _, own, _ in self._forces.parts:
+            by_gap = answer.by_gap[own, own] @ sense[own] + answer.by_rate[own, own] @ turning[own]
+            yield self._forces.names[own.start], -act[own].T @ by_gap
+
+    def _state(self, i: int) -> FloatArray:
+        return self._forces.start_state if self._inner is None else self._inner[i]
+
+
+class LinearStep:
+    """A step of the average acceleration, linearized: accelerations balance the forces at both of its ends.
+
+    Motions without mass balance their forces at the new end; what the old one leaves on them is passed on by their
+    springs, and the velocity of those that no damper slows is that over the step.
+
+    Parameters
+    ----------
+    system
+        The system.
+    """
+
+    def __init__(self, system: System) -> None:
+        self._M, self._C, self._K = (one.dense() for one in (system.mass, system.damping, system.stiffness))
+        self._light = Massless(system)
+        found = find_massless_rates(system, average=True) if self._light.any else None
+        self._free = None if found is None else found.free @ found.amounts[: found.free.shape[1]]
+
+    def begun(self, at: Linear, given: FloatArray) -> FloatArray:
+        """Return disturbances of a given start as a run begins with them: what has no mass is placed by its springs."""
+        if not self._light.any:
+            return given
+        n = len(self._M)
+        d, v, z = parts(given, n)
+        push = at.by_state @ z - (at.damping - self._C) @ v - (at.stiffness - self._K) @ d
+        return np.vstack([self._light.place(d, push), v, z])
+
+    def carried(
+        self, old: Linear, new: Linear, h: float, before: FloatArray, more: FloatArray | None = None
+    ) -> FloatArray:  # fmt: skip
+        """Return disturbances, shape (2n + s, m), after a step of length h.
+
+        With ``d = d_free + A v``, ``z = z_free + F_d d + F_v v`` and ``M v + h/2 (C v + K d - P z) = p`` at the new
+        end, v is the only unknown. `more` is what comes to d_free, p and z_free from elsewhere.
+        """
+        n = len(self._M)
+        d, v, z = parts(before, n)
+        push = self._M @ v - 0.5 * h * self._balanced(old.damping @ v + old.stiffness @ d - old.by_state @ z)
+        d, whole = d + 0.5 * h * v, 0.5 * h * np.eye(n)
+        if self._free is not None:
+            d, whole = d - 0.5 * h * (self._free @ v), whole + 0.5 * h * self._free
+        own = np.zeros((len(before) - 2 * n, 1))
+        if more is not None:
+            d, push, own = d + more[:n], push + more[n : 2 * n], more[2 * n :]
+        z, by_d, by_v = _states(old, new, h, before, own)
+        C, K = new.damping - new.by_state @ by_v, new.stiffness - new.by_state @ by_d
+        right = push - 0.5 * h * (K @ d - new.by_state @ z)
+        v = np.asarray(np.linalg.solve(self._M + 0.5 * h * (C + K @ whole), right), dtype=float)
+        d = d + whole @ v
+        return np.vstack([d, v, z + by_d @ d + by_v @ v])
+
+    def impulse(self, old: FloatArray, new: FloatArray) -> FloatArray:
+        """Return what a longer step adds to d, the momentum and z, per second, by the flows at both ends, (2n + s,)."""
+        n, mean = len(self._M), 0.5 * (old + new)
+        return np.concatenate([mean[:n], self._M @ mean[n : 2 * n], mean[2 * n :]])
+
+    def passed(self, more: FloatArray) -> FloatArray:
+        """Return what comes from the old end, without what it leaves on motions without mass."""
+        n = len(self._M)
+        return np.concatenate([more[:n], self._balanced(more[n : 2 * n]), more[2 * n :]])
+
+    def _balanced(self, forces: FloatArray) -> FloatArray:
+        return self._light.passed_on(forces) if self._light.any else forces
+
+
+def _states(
+    old: Linear, new: Linear, h: float, before: FloatArray, more: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return internal states after a step without the new motion, and their derivatives by its d and v.
+
+    By the rule of `flexcam.dynamics.force_laws.oil_column`: with ``z' = a (x - z)`` and x linear over the step,
+    ``z1 = (1 - S) x1 + (S - E) x0 + E z0``, ``E = exp(-a h)`` and ``S = (1 - E)/(a h)``.
+    """
+    n = new.state_by_d.shape[1]
+    d, _, z = parts(before, n)
+    if not len(z):
+        return z, new.state_by_d, new.state_by_v
+    rate, begun = -np.diag(new.state_by_state)[:, None], -np.diag(old.state_by_state)[:, None]
+    kept = np.exp(-rate * h)
+    share = -np.expm1(-rate * h) / (rate * h)
+    free = kept * z + (share - kept) * (old.state_by_d @ d) / begun + more
+    return free, (1.0 - share) / rate * new.state_by_d, np.zeros_like(new.state_by_v)
+
+
+def parts(state: FloatArray, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return displacements, velocities and internal states of n unknowns."""
+    return state[:n], state[n : 2 * n], state[2 * n :]

@@ -1,0 +1,436 @@
+"""Energies stored by the local forces that act against what they sense."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.angle_functions import ONE, AngleFunction, AngleVector, CamFunctionCache, Constant
+from flexcam.dynamics.cam_motion import CamMotion
+from flexcam.dynamics.force_laws import (
+    ANSWER,
+    ARCH,
+    BEGIN,
+    CUSTOM,
+    FIRST,
+    FLOW,
+    FUNCTIONS_OF_LAWS,
+    KIND,
+    LAW_STATE,
+    LAWS,
+    LOCAL_ROWS,
+    OWN,
+    PENETRATION,
+    RATE,
+    SCALARS,
+    STATE,
+    STATE_RATE,
+    STATE_ROWS,
+    ForceLaw,
+)
+from flexcam.dynamics.jit import Functions, bind
+from flexcam.dynamics.local_newton import FUNCTIONS_OF_NEWTON, NUMPY
+from flexcam.dynamics.prescribed_inputs import PrescribedInputs
+from flexcam.dynamics.system import CustomLaw, LocalForce, Reaction, System
+
+
+class StoredEnergy:
+    """Energy of some conservative local forces at m instants.
+
+    Parameters
+    ----------
+    forces
+        The local forces of a system.
+    scalars
+        Which of the sensed scalars, ascending, shape (r,); None for all. Laws are taken whole.
+
+    Attributes
+    ----------
+    lossy
+        Positions, among these scalars, of those whose laws may dissipate energy.
+    """
+
+    def __init__(self, forces: LocalForces, scalars: IntArray | None = None) -> None:
+        self._forces = forces
+        self._scalars = np.arange(forces.count) if scalars is None else scalars
+        table = forces.table.laws
+        stores = np.isin(table[:, FIRST], self._scalars) & (forces.storing[table[:, FIRST]] > 0.0)
+        self._laws = table[stores & (table[:, KIND] != CUSTOM)]
+        varies = [bool(LAWS[kind].functions) for kind in self._laws[:, KIND].tolist()]
+        self._varying = self._laws[varies]
+        lossy = np.zeros(forces.count, dtype=bool)
+        for force, part, _ in forces.parts:
+            lossy[part] = isinstance(force.law, ForceLaw) and not force.law.lossless
+        self.lossy: IntArray = np.flatnonzero(lossy[self._scalars] & (forces.storing[self._scalars] > 0.0))
+
+    def at(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the energy, J, (m,), its derivatives by the scalars, (m, r), and by all internal states, (m, s)."""
+        energy, force, by_state = self._forces.energies(
+            self._all(gap), state, self._forces.function_values(angle), self._laws
+        )
+        return energy.sum(axis=1), force[:, self._scalars], by_state
+
+    def varying(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
+        """Return the energy of the laws that depend on the cam angle, J, shape (m,)."""
+        if not len(self._varying):
+            return np.zeros(len(gap))
+        functions = self._forces.function_values(angle)
+        return self._forces.energies(self._all(gap), state, functions, self._varying)[0].sum(axis=1)
+
+    def _all(self, gap: FloatArray) -> FloatArray:
+        """Return the scalars among all of the system, zero for the others."""
+        if len(self._scalars) == self._forces.count:
+            return gap
+        whole = np.zeros((len(gap), self._forces.count))
+        whole[:, self._scalars] = gap
+        return whole
+
+
+def _cam_angle(angle: FloatArray, order: int) -> FloatArray:
+    """Return the cam angle itself, as the function of a custom law."""
+    return angle if order == 0 else np.ones_like(angle)
+
+
+@dataclass(frozen=True, eq=False)
+class VectorStack:
+    """All vectors of one side (sensing or acting) under each other.
+
+    Parameters
+    ----------
+    vectors
+        Shape (k, n).
+    owner
+        1 where a vector belongs to a scalar, shape (c, k).
+    fixed
+        Weights that are constant, zero for the others, shape (k,).
+    varying
+        Place and weight function of the others.
+    rows
+        The constant part of every scalar, then the vectors whose weights vary, shape (c + varying, n).
+    """
+
+    vectors: FloatArray
+    owner: FloatArray
+    fixed: FloatArray
+    varying: tuple[tuple[int, AngleFunction], ...]
+    rows: FloatArray
+
+    @classmethod
+    def of(cls, terms: Sequence[AngleVector], size: int) -> VectorStack:
+        """Return the stack of some angle-dependent vectors; vectors that are zero are left out."""
+        vectors = np.concatenate([np.zeros((0, size)), *(term.vectors for term in terms)])
+        owner = np.repeat(np.eye(len(terms)), [len(term.vectors) for term in terms], axis=1)
+        functions = [function for term in terms for function in term.functions or (ONE,) * len(term.vectors)]
+        kept = np.flatnonzero(vectors.any(axis=1))
+        vectors, owner = vectors[kept], owner[:, kept]
+        fixed, varying = _separate([functions[i] for i in kept.tolist()])
+        rows = np.concatenate([(owner * fixed) @ vectors, vectors[[i for i, _ in varying]]])
+        return cls(vectors, owner, fixed, varying, rows)
+
+    @property
+    def places(self) -> IntArray:
+        """Where the vectors of each scalar begin, shape (c + 1,)."""
+        return np.concatenate([[0], np.cumsum(self.owner.sum(axis=1))]).astype(np.intp)
+
+    @property
+    def varying_scalars(self) -> list[int]:
+        """Scalar of every vector whose weight varies."""
+        return [int(self.owner[:, i].argmax()) for i, _ in self.varying]
+
+
+def _separate(functions: Sequence[AngleFunction]) -> tuple[FloatArray, tuple[tuple[int, AngleFunction], ...]]:
+    """Return the values of the constant functions, zero for others, and the others with their places."""
+    fixed = np.array([one.value if isinstance(one, Constant) else 0.0 for one in functions], dtype=float)
+    return fixed, tuple((i, one) for i, one in enumerate(functions) if not isinstance(one, Constant))
+
+
+@dataclass(frozen=True, eq=False)
+class LawTable:
+    """The laws of all local forces as arrays, see `flexcam.dynamics.force_laws`.
+
+    Parameters
+    ----------
+    laws
+        Shape (l, 7).
+    constants
+        Of all laws, one after the other.
+    functions
+        Of the cam angle, of all laws.
+    owners
+        First scalar of the law of every internal state, shape (s,).
+    custom
+        Laws as Python objects by row of the table.
+    """
+
+    laws: IntArray
+    constants: FloatArray
+    functions: tuple[AngleFunction, ...]
+    owners: IntArray
+    custom: dict[int, CustomLaw]
+
+    @classmethod
+    def of(cls, forces: Sequence[LocalForce], moved: Callable[[int], bool]) -> LawTable:
+        """Return the table of some local forces; `moved` tells whether anything moves a scalar of an arch."""
+        rows: list[tuple[int, ...]] = []
+        constants: list[float] = []
+        functions: list[AngleFunction] = []
+        owners: list[int] = []
+        custom: dict[int, CustomLaw] = {}
+        first = 0
+        for force in forces:
+            law, count = force.law, len(force.sense)
+            if not isinstance(law, ForceLaw):
+                custom[len(rows)] = law
+                rows.append((CUSTOM, first, count, 0, len(functions), -1, 0))
+                functions.append(_cam_angle)
+                first += count
+                continue
+            for _ in range(count // law.scalars):
+                friction = len(constants) + len(law.constants)
+                scalars = _needed(first, moved) if law.kind == ARCH else law.scalars
+                state = len(owners) if law.states else -1
+                rows.append((law.kind, first, scalars, len(constants), len(functions), state, friction))
+                constants += [*law.constants, *(law.friction or ())]
+                functions += law.functions
+                owners += [first] * law.states
+                first += law.scalars
+        table = np.array(rows, dtype=np.intp).reshape(-1, 7)
+        return cls(table, np.array(constants), tuple(functions), np.array(owners, dtype=np.intp), custom)
+
+
+def _needed(first: int, moved: Callable[[int], bool]) -> int:
+    """Return how many scalars of an arch are needed: planes in which nothing can move are left out."""
+    planes = [plane for plane in (1, 2) if any(moved(first + 3 * plane - 2 + i) for i in range(3))]
+    return 1 + 3 * max(planes, default=0)
+
+
+class Workspace:
+    """Work arrays of `flexcam.dynamics.local_newton` for some local forces."""
+
+    def __init__(self, table: LawTable, count: int, senses: int) -> None:
+        width = int(table.laws[:, SCALARS].max(initial=1))
+        self.local = np.zeros((LOCAL_ROWS, count))
+        self.local[OWN] = -1.0
+        self.tangent = np.zeros((2, count, width))
+        self.states = np.zeros((STATE_ROWS, len(table.owners)))
+        self.moved = np.zeros(senses)
+        self.active = np.zeros((2, count), dtype=np.intp)
+        self.compliance = np.full((2, count, count), np.nan)
+        self.matrix = np.zeros((count, count + 1))
+
+
+class LocalForces:
+    """The local forces of a system, stacked.
+
+    Parameters
+    ----------
+    system
+        The system.
+    compiled
+        Compiled functions for the energies of many instants; None to evaluate them in Python.
+    """
+
+    def __init__(self, system: System, compiled: Functions | None = None) -> None:
+        forces = system.local_forces
+        self.names = [force.name for force in forces for _ in force.sense]
+        self.sense = VectorStack.of([term for force in forces for term in force.sense], system.size)
+        self.act = VectorStack.of([term for force in forces for term in force.act], system.size)
+        self._offsets = _separate([offset for force in forces for offset in force.offset])
+        self.count = len(self._offsets[0])
+        self.places = np.vstack([self.sense.places, self.act.places])
+        self.table = LawTable.of(forces, lambda i: bool((np.diff(self.places)[:, i] > 0).any()))
+        scalars, states = _slices([len(force.sense) for force in forces]), _slices([force.states for force in forces])
+        self.parts = list(zip(forces, scalars, states, strict=True))
+        switches = [(part.start + i, force.restitution) for force, part, _ in self.parts for i in force.switching]
+        self.switching: IntArray = np.array([i for i, _ in switches], dtype=np.intp)
+        self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
+        self.functions = bind((*FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON), self._overrides())
+        self.respond_rows = (compiled or self.functions)["respond_rows"]
+        self.workspace = Workspace(self.table, self.count, len(self.sense.vectors))
+        self.storing = np.zeros(self.count)
+        for force, part, _ in self.parts:
+            self.storing[part] = force.conservative
+        self.opposed = self._opposed()
+
+    def _overrides(self) -> Functions:
+        custom, laws = self.table.custom, self.table.laws
+
+        def evaluate(law: int, angle: float, local: FloatArray, tangent: FloatArray) -> None:
+            first, size = int(laws[law, FIRST]), int(laws[law, SCALARS])
+            part = slice(first, first + size)
+            answer = custom[law].respond(local[PENETRATION, part], local[RATE, part], float(angle))
+            local[ANSWER, part] = answer.force
+            tangent[0, part, :size], tangent[1, part, :size] = answer.by_gap, answer.by_rate
+
+        return {**NUMPY, "custom": evaluate} if custom else dict(NUMPY)
+
+    @property
+    def start_state(self) -> FloatArray:
+        """Internal states at rest, shape (s,)."""
+        return np.zeros(len(self.table.owners))
+
+    @property
+    def varying(self) -> IntArray:
+        """Scalars whose sensing or acting vectors change with the cam angle, shape (v,)."""
+        return np.unique(np.array([*self.sense.varying_scalars, *self.act.varying_scalars], dtype=np.intp))
+
+    def _opposed(self) -> NDArray[np.bool_]:
+        """Return which forces act against exactly what they sense whatever the cam does, shape (c,)."""
+        found = self.storing > 0.0
+        found[[*self.sense.varying_scalars, *self.act.varying_scalars, *(i for i, _ in self._offsets[1])]] = False
+        return found
+
+    @property
+    def polynomial(self) -> NDArray[np.bool_]:
+        """Which scalars belong to opposed laws whose force is a polynomial of at most third degree, shape (c,)."""
+        found = np.zeros(self.count, dtype=bool)
+        for force, part, _ in self.parts:
+            found[part] = isinstance(force.law, ForceLaw) and LAWS[force.law.kind].polynomial
+        return found & self.opposed
+
+    def stored_energy(self, scalars: IntArray | None = None) -> StoredEnergy:
+        """Return the energy of the conservative forces on some scalars; None for all."""
+        return StoredEnergy(self, scalars)
+
+    def schedule(self, motion: CamMotion) -> PrescribedInputs:
+        """Return the prescribed inputs for the cam motion at some instants."""
+        cam, speed = motion.cam, motion.speed[:, None]
+        senses, acts, c = len(self.sense.vectors), len(self.act.vectors), self.count
+        cuts = np.cumsum([0, senses, senses, acts, c, c, len(self.table.functions)])
+        rows = np.empty((len(motion.angle), int(cuts[-1])))
+        sensed, sensed_rates, acted, offset, offset_rate, functions = (rows[:, a:b] for a, b in pairwise(cuts.tolist()))
+        _put(sensed, self.sense.fixed, self.sense.varying, cam, 0)
+        _put(sensed_rates, 0.0 * self.sense.fixed, self.sense.varying, cam, 1, speed)
+        _put(acted, self.act.fixed, self.act.varying, cam, 0)
+        _put(offset, *self._offsets, cam, 0)
+        _put(offset_rate, 0.0 * self._offsets[0], self._offsets[1], cam, 1, speed)
+        for i, function in enumerate(self.table.functions):
+            functions[:, i] = cam(function, 0)
+        return PrescribedInputs(motion.angle, rows, self.sense.owner, self.act.owner, cam)
+
+    def function_values(self, angle: FloatArray) -> FloatArray:
+        """Return the functions of the laws at some cam angles, shape (m, f)."""
+        found = np.empty((len(angle), len(self.table.functions)))
+        cam = CamFunctionCache(angle)
+        for i, function in enumerate(self.table.functions):
+            found[:, i] = cam(function, 0)
+        return found
+
+    def sensed(
+        self, d: FloatArray, v: FloatArray, schedule: PrescribedInputs
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the sensed scalars, their rates, and the part of the rates that the cam alone causes.
+
+        Parameters
+        ----------
+        d, v
+            Displacements and velocities at the instants of the schedule, shape (m, n).
+        schedule
+            The instants.
+
+        Returns
+        -------
+        tuple
+            Shape (m, c) each.
+        """
+        rows, c = self.sense.rows, self.count
+        on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # histories of a scalar lie together in memory
+        gap, rate, carried = on_d[:, :c], on_v[:, :c], np.zeros((len(d), c), order="F")
+        gap += schedule.offset
+        carried += schedule.offset_rate
+        for j, ((place, _), scalar) in enumerate(zip(self.sense.varying, self.sense.varying_scalars, strict=True)):
+            gap[:, scalar] += schedule.sensed[:, place] * on_d[:, c + j]
+            carried[:, scalar] += schedule.sensed_rates[:, place] * on_d[:, c + j]
+            rate[:, scalar] += schedule.sensed[:, place] * on_v[:, c + j]
+        rate += carried
+        return gap, rate, carried
+
+    def respond(
+        self, gap: FloatArray, rate: FloatArray, state: FloatArray, schedule: PrescribedInputs, i: int = 0
+    ) -> Reaction:
+        """Return the forces for sensed scalars and rates, shape (c,), and states, (s,), at an instant of a schedule."""
+        work, table = self.workspace, self.table
+        local, tangent, states = work.local, work.tangent, work.states
+        local[PENETRATION], local[RATE], local[ANSWER] = gap, rate, 0.0
+        tangent[:] = 0.0
+        states[STATE], states[BEGIN] = state, gap[table.owners]
+        self.functions["respond"](
+            table.laws, table.constants, schedule.rows, i, schedule.functions, 0.0, local, tangent, states
+        )
+        return self._reaction()
+
+    def state_rates(self, gap: FloatArray, state: FloatArray) -> FloatArray:
+        """Return the rates of the internal states, shape (s,), for all sensed scalars and states at an instant."""
+        work, table = self.workspace, self.table
+        rows = table.laws[table.laws[:, LAW_STATE] >= 0]
+        work.local[PENETRATION], work.states[STATE], work.states[BEGIN] = gap, state, gap[table.owners]
+        none = np.zeros((1, len(table.functions)))
+        self.functions["respond"](rows, table.constants, none, 0, 0, 0.0, work.local, work.tangent, work.states)
+        return work.states[STATE_RATE].copy()
+
+    def _reaction(self) -> Reaction:
+        """Return what `respond` wrote, as matrices of all scalars."""
+        work, c = self.workspace, self.count
+        by_gap, by_rate = np.zeros((2, c, c))
+        for first, size in self.table.laws[:, [FIRST, SCALARS]].tolist():
+            part = slice(first, first + size)
+            by_gap[part, part], by_rate[part, part] = work.tangent[:, part, :size]
+        force, owners = work.local[ANSWER].copy(), self.table.owners
+        if not len(owners):
+            return Reaction(force, by_gap, by_rate)
+        of_gap, at, flow = np.zeros((len(owners), c)), np.arange(len(owners)), work.states[FLOW]
+        of_gap[at, owners] = flow  # a state follows the scalar of its law: z' = a (x - z), and the force knows x - z
+        by_state = -by_gap[:, owners]
+        rate = work.states[STATE_RATE].copy()
+        return Reaction(force, by_gap, by_rate, rate, by_state, of_gap, 0.0 * of_gap, -np.diag(flow))
+
+    def pressed(self, gap: FloatArray) -> NDArray[np.bool_]:
+        """Return on which side of zero the switching scalars are."""
+        return gap[self.switching] > 0.0
+
+    def energies(
+        self, gap: FloatArray, state: FloatArray, functions: FloatArray, laws: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return stored energies, J, elastic forces, N, and derivatives of the energy by the states at m instants.
+
+        Parameters
+        ----------
+        gap, state
+            Sensed scalars and internal states, shape (m, c) and (m, s).
+        functions
+            Functions of the laws, shape (m, f).
+        laws
+            Rows of the table of laws; None for all.
+
+        Returns
+        -------
+        tuple
+            Shapes (m, c), (m, c) and (m, s).
+        """
+        work, table = Workspace(self.table, self.count, 0), self.table
+        force, energy = np.empty_like(gap, order="C"), np.empty_like(gap, order="C")
+        by_state, rows = np.zeros_like(state, order="C"), table.laws if laws is None else laws
+        self.respond_rows(
+            rows, table.constants, functions, 0, np.ascontiguousarray(gap), np.zeros(gap.shape),
+            np.ascontiguousarray(state), work.local, work.tangent, work.states, force, energy, by_state,
+        )  # fmt: skip
+        return energy, force, by_state
+
+
+def _put(
+    into: FloatArray, fixed: FloatArray, varying: tuple[tuple[int, AngleFunction], ...], cam: CamFunctionCache,
+    order: int, speed: FloatArray | None = None,
+) -> None:  # fmt: skip
+    """Write functions of the cam angle side by side, or their derivatives by the angle times a speed."""
+    into[:] = fixed
+    for i, function in varying:
+        into[:, i] = cam(function, order) if speed is None else cam(function, order) * speed[:, 0]
+
+
+def _slices(sizes: Sequence[int]) -> list[slice]:
+    return [slice(a, b) for a, b in pairwise(np.cumsum([0, *sizes]).tolist())]

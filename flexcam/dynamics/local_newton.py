@@ -1,0 +1,322 @@
+"""The local forces of a time step: a semismooth Newton iteration on the few sensed scalars.
+
+With the constant operator of a step, the sensed scalars are affine in the local forces: ``x = x_free + W f``. The
+unknowns are the forces; `solve_local` finds those that agree with the force laws. Forces that hardly react to their own
+effect within a step are taken as the laws give them; Newton's matrix holds the others. The compliance W is filled on
+demand, and stays valid for scalars whose weights do not change with the cam angle.
+
+The functions use numbers and array elements only; the direct engine runs them as Python with the two linear-algebra
+functions `eliminate` and `sense` replaced by numpy (`NUMPY`), the kernel engine compiles them.
+"""
+# Elements of arrays are numbers to the compiler and arrays to the type checker.
+# pyright: reportArgumentType=false, reportAssignmentType=false
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.force_laws import (
+    ANSWER,
+    BASE,
+    CHANGE,
+    FIRST,
+    FREE_PENETRATION,
+    FREE_RATE,
+    OWN,
+    PENETRATION,
+    RATE,
+    SCALARS,
+    TRIAL,
+    respond,
+)
+
+TOLERANCE = 1e-12
+"""Relative residual of the forces: three digits above rounding, so that the last quadratic step reaches it."""
+ROUNDING = 16.0 * 2.220446049250313e-16
+"""Relative rounding of the terms that a stiff law multiplies."""
+MAX_ITERATIONS = 60
+FULL_STEPS = 8
+"""Iterations after which a Newton step must reduce the residual or is halved: contacts that open and close in turn."""
+SMALLEST_PART = 1.0 / 64.0
+"""Part of a Newton step below which it is taken as it is."""
+WEAK = 2e-3
+"""Relative change of a force by its own effect within a step below which it is weak."""
+EXTRAPOLATED = 12
+"""Iterations from extrapolated forces with weak forces taken as they come. After them the iteration starts again from
+the forces of the last instant, and no force counts as weak."""
+
+
+def eliminate(matrix: FloatArray, n: int, end: int) -> bool:
+    """Solve a linear system whose right sides are columns n to `end`, in place; return whether it is regular.
+
+    Gauss elimination with column pivots. Inner loops count from zero, so that the compiler vectorizes them.
+    """
+    for i in range(n):
+        p = i
+        for r in range(i + 1, n):
+            if abs(matrix[r, i]) > abs(matrix[p, i]):
+                p = r
+        if matrix[p, i] == 0.0:
+            return False
+        if p != i:
+            for j in range(end - i):
+                swapped = matrix[i, i + j]
+                matrix[i, i + j] = matrix[p, i + j]
+                matrix[p, i + j] = swapped
+        for r in range(i + 1, n):
+            part = matrix[r, i] / matrix[i, i]
+            if part != 0.0:
+                for j in range(end - i):
+                    matrix[r, i + j] -= part * matrix[i, i + j]
+    for back in range(n):
+        i = n - 1 - back
+        for j in range(end - n):
+            matrix[i, n + j] /= matrix[i, i]
+        for r in range(i):
+            part = matrix[r, i]
+            for j in range(end - n):
+                matrix[r, n + j] -= part * matrix[i, n + j]
+    return True
+
+
+def fill_compliance(
+    i: int, j: int, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, to_d: float,
+    to_v: float, W: FloatArray,
+) -> None:  # fmt: skip
+    """Write the effect of a unit of force j on scalar i (0) and on its rate (1), unless it is known."""
+    if W[0, i, j] == W[0, i, j]:
+        return
+    rate_at, act_at = sense_at + give.shape[1], sense_at + 2 * give.shape[1]
+    moved, turned = 0.0, 0.0
+    for b in range(places[1, j], places[1, j + 1]):
+        for s in range(places[0, i], places[0, i + 1]):
+            answer = give[b, s] * given[k, act_at + b]
+            moved += given[k, sense_at + s] * answer
+            turned += given[k, rate_at + s] * answer
+    W[0, i, j], W[1, i, j] = to_d * moved, to_v * moved + to_d * turned
+
+
+def sense(
+    places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, to_d: float, to_v: float,
+    local: FloatArray, moved: FloatArray, W: FloatArray,
+) -> None:  # fmt: skip
+    """Write the sensed scalars and their rates under the trial forces."""
+    senses = give.shape[1]
+    rate_at, act_at = sense_at + senses, sense_at + 2 * senses
+    for s in range(senses):
+        moved[s] = 0.0
+    for j in range(local.shape[1]):
+        if local[TRIAL, j] != 0.0:
+            for b in range(places[1, j], places[1, j + 1]):
+                weight = local[TRIAL, j] * given[k, act_at + b]
+                for s in range(senses):
+                    moved[s] += give[b, s] * weight
+    for i in range(local.shape[1]):
+        by_d, by_v = 0.0, 0.0
+        for s in range(places[0, i], places[0, i + 1]):
+            by_d += to_d * given[k, sense_at + s] * moved[s]
+            by_v += (to_v * given[k, sense_at + s] + to_d * given[k, rate_at + s]) * moved[s]
+        local[PENETRATION, i] = local[FREE_PENETRATION, i] + by_d
+        local[RATE, i] = local[FREE_RATE, i] + by_v
+
+
+def residual(laws: IntArray, local: FloatArray, tangent: FloatArray, usual: float) -> float:
+    """Return the largest difference of trial forces and answers; zero where that is rounding, or not a number."""
+    worst, size, rounding, total = 0.0, usual, 0.0, 0.0
+    for law in range(len(laws)):
+        first = laws[law, FIRST]
+        for i in range(first, first + laws[law, SCALARS]):
+            by_gap, by_rate = abs(tangent[0, i, i - first]), abs(tangent[1, i, i - first])
+            gap, rate = local[FREE_PENETRATION, i], local[FREE_RATE, i]
+            own = by_gap * (abs(gap) + abs(local[PENETRATION, i] - gap))
+            own += by_rate * (abs(rate) + abs(local[RATE, i] - rate))
+            off, force = abs(local[TRIAL, i] - local[ANSWER, i]), abs(local[ANSWER, i])
+            total += force + off
+            worst, size, rounding = max(worst, off), max(size, force), max(rounding, own)
+    if worst <= TOLERANCE * size + ROUNDING * rounding or not math.isfinite(total):
+        return 0.0
+    return worst
+
+
+def is_rounding(
+    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, to_d: float,
+    to_v: float, local: FloatArray, tangent: FloatArray, W: FloatArray, off: float,
+) -> bool:  # fmt: skip
+    """Return whether the residual changes the scalars by rounding only, or is the rounding of their sums."""
+    still, rounding = True, 0.0
+    for law in range(len(laws)):
+        first = laws[law, FIRST]
+        for i in range(first, first + laws[law, SCALARS]):
+            gap, rate, by_gap, by_rate = abs(local[FREE_PENETRATION, i]), abs(local[FREE_RATE, i]), 0.0, 0.0
+            for j in range(local.shape[1]):
+                fill_compliance(i, j, places, give, given, k, sense_at, to_d, to_v, W)
+                on_gap, on_rate = abs(W[0, i, j]), abs(W[1, i, j])
+                missing = abs(local[TRIAL, j] - local[ANSWER, j])
+                gap += on_gap * abs(local[TRIAL, j])
+                rate += on_rate * abs(local[TRIAL, j])
+                by_gap += on_gap * missing
+                by_rate += on_rate * missing
+            if by_gap > ROUNDING * gap or by_rate > ROUNDING * rate:
+                still = False
+            rounding = max(rounding, abs(tangent[0, i, i - first]) * gap + abs(tangent[1, i, i - first]) * rate)
+    return still or off <= ROUNDING * rounding
+
+
+def find_active(
+    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, to_d: float,
+    to_v: float, weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
+) -> int:  # fmt: skip
+    """Write the scalars of laws that react to their own effect (row 0, their law in row 1) and return their number.
+
+    Trial forces of all others become the answers of their laws.
+    """
+    n = sense_at - sense_at  # zero as a variable: a literal would be compiled apart
+    for law in range(len(laws)):
+        first, size = laws[law, FIRST], laws[law, SCALARS]
+        reacts, strong = False, weak < 0.0
+        for i in range(first, first + size):
+            for r in range(size):
+                reacts = reacts or tangent[0, i, r] != 0.0 or tangent[1, i, r] != 0.0
+        if reacts and local[OWN, first] < 0.0:
+            for i in range(first, first + size):
+                fill_compliance(i, i, places, give, given, k, sense_at, to_d, to_v, W)
+                local[OWN, i] = math.sqrt(abs(W[0, i, i]) / to_d)
+        for i in range(first, first + size):
+            reaction = 0.0
+            for r in range(size if reacts else 0):
+                reaction += (to_d * abs(tangent[0, i, r]) + to_v * abs(tangent[1, i, r])) * local[OWN, first + r]
+            strong = strong or reaction * local[OWN, i] > weak
+        for i in range(first, first + size):
+            if strong:
+                active[0, n], active[1, n] = i, law
+                n += 1
+            else:
+                local[TRIAL, i] = local[ANSWER, i]
+    return n
+
+
+def correct(
+    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, to_d: float,
+    to_v: float, weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
+    matrix: FloatArray,
+) -> bool:  # fmt: skip
+    """Correct the trial forces by a Newton step on the active scalars; return whether its matrix is regular."""
+    n = find_active(laws, places, give, given, k, sense_at, to_d, to_v, weak, local, tangent, active, W)
+    for row in range(n):
+        i = active[0, row]
+        first, size = laws[active[1, row], FIRST], laws[active[1, row], SCALARS]
+        begin = row - (i - first)  # scalars of one law stand together
+        for column in range(n):
+            matrix[row, column] = 0.0
+        for r in range(size):
+            by_gap, by_rate = tangent[0, i, r], tangent[1, i, r]
+            if by_gap != 0.0 or by_rate != 0.0:
+                sensed = active[0, begin + r]
+                for column in range(n):
+                    j = active[0, column]
+                    fill_compliance(sensed, j, places, give, given, k, sense_at, to_d, to_v, W)
+                    matrix[row, column] -= by_gap * W[0, sensed, j] + by_rate * W[1, sensed, j]
+        matrix[row, row] += 1.0
+        matrix[row, n] = local[TRIAL, i] - local[ANSWER, i]
+    if not eliminate(matrix, n, n + 1):
+        return False
+    for row in range(n):
+        local[TRIAL, active[0, row]] -= matrix[row, n]
+    return True
+
+
+def solve_local(
+    laws: IntArray, constants: FloatArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
+    step: float, to_d: float, to_v: float, local: FloatArray, tangent: FloatArray, states: FloatArray,
+    moved: FloatArray, active: IntArray, W: FloatArray, matrix: FloatArray,
+) -> int:  # fmt: skip
+    """Find the local forces that agree with the motion they cause; return the iterations, 0 without convergence.
+
+    Parameters
+    ----------
+    laws, constants
+        Table of the laws and their constants.
+    places
+        Where the sensing (0) and acting (1) vectors of each scalar begin, shape (2, c + 1).
+    give
+        Sensed motion per unit along each acting vector and unit of ``to_d``, shape (acting, sensing).
+    given, k, sense_at
+        Prescribed inputs, a row per instant; the row; the column where the weights of the sensing vectors begin, before
+        their rates, the weights of the acting vectors, offsets, their rates and the functions of the laws.
+    step, to_d, to_v
+        Step over which internal states advance, s; displacement, s^2, and velocity, s, per acceleration.
+    local
+        Shape (10, c): reads the trial forces, the free scalars and, in `BASE`, the forces of the last instant; the
+        solution is in `TRIAL`, `PENETRATION`, `RATE`.
+    tangent, states, moved, active, W, matrix
+        Work arrays; W holds NaN where it is not known.
+    """
+    c, part, last, usual = local.shape[1], 1.0, math.inf, 0.0
+    for i in range(c):
+        usual = max(usual, abs(local[BASE, i]))
+    functions = sense_at + 2 * give.shape[1] + give.shape[0] + 2 * c
+    for iteration in range(1, EXTRAPOLATED + MAX_ITERATIONS + 1):
+        late = iteration > EXTRAPOLATED
+        if iteration == EXTRAPOLATED + 1:
+            for i in range(c):
+                local[TRIAL, i] = local[BASE, i]
+        sense(places, give, given, k, sense_at, to_d, to_v, local, moved, W)
+        respond(laws, constants, given, k, functions, step, local, tangent, states)
+        off = residual(laws, local, tangent, usual if late else 0.0)
+        if off == 0.0 or (
+            late and is_rounding(laws, places, give, given, k, sense_at, to_d, to_v, local, tangent, W, off)
+        ):
+            for i in range(c):
+                if not math.isfinite(local[ANSWER, i]):
+                    local[TRIAL, i] = local[ANSWER, i]  # is reported by the engine
+            return iteration
+        if late and iteration > EXTRAPOLATED + FULL_STEPS and off > last and part > SMALLEST_PART:
+            part *= 0.5
+            for i in range(c):
+                local[TRIAL, i] = local[BASE, i] - part * local[CHANGE, i]
+            continue
+        part, last = 1.0, off
+        if late:
+            for i in range(c):
+                local[BASE, i] = local[TRIAL, i]
+        weak = -1.0 if late else WEAK
+        regular = correct(
+            laws, places, give, given, k, sense_at, to_d, to_v, weak, local, tangent, active, W, matrix
+        )  # fmt: skip
+        if late:
+            if not regular:
+                return 0
+            for i in range(c):
+                local[CHANGE, i] = local[BASE, i] - local[TRIAL, i]
+    return 0
+
+
+FUNCTIONS_OF_NEWTON = (
+    eliminate, fill_compliance, sense, residual, is_rounding, find_active, correct, solve_local,
+)  # fmt: skip
+"""In the order in which they call each other, for the compiler."""
+
+
+def eliminate_numpy(matrix: FloatArray, n: int, end: int) -> bool:
+    """Do what `eliminate` does."""
+    try:
+        matrix[:n, n:end] = np.linalg.solve(matrix[:n, :n], matrix[:n, n:end])
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def sense_numpy(
+    places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, to_d: float, to_v: float,
+    local: FloatArray, moved: FloatArray, W: FloatArray,
+) -> None:  # fmt: skip
+    """Do what `sense` does, from a compliance that is known everywhere."""
+    local[PENETRATION] = local[FREE_PENETRATION] + W[0] @ local[TRIAL]
+    local[RATE] = local[FREE_RATE] + W[1] @ local[TRIAL]
+
+
+NUMPY = {"eliminate": eliminate_numpy, "sense": sense_numpy}
+"""Linear algebra of the iteration where it runs as Python."""

@@ -1,0 +1,229 @@
+"""Motions without mass: no acceleration of their own, they follow the springs they touch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import TypeVar
+
+import numpy as np
+
+from flexcam.core import (
+    DENSE_LIMIT,
+    Factor,
+    FloatArray,
+    IntArray,
+    SingularMatrixError,
+    Triplets,
+    component_members,
+    factorize,
+    null_space,
+    operator,
+    pins,
+)
+from flexcam.core.errors import InputError, refuse
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.step_state import StepState
+from flexcam.dynamics.system import System
+
+TOUCHED = 1e-9
+"""Share of a push (of size 1) along a motion without mass that is rounding."""
+
+
+class Massless:
+    """The motions without mass of a system.
+
+    Parameters
+    ----------
+    system
+        The system.
+
+    Attributes
+    ----------
+    motions
+        As columns, shape (n, k).
+    kept
+        Unknowns that place all others: those with mass of their own.
+    """
+
+    def __init__(self, system: System) -> None:
+        self._system, self._K = system, operator(system.stiffness)
+        self.motions = massless(system)
+        self.kept: IntArray = np.setdiff1d(np.arange(system.size), pins(self.motions) if self.any else [])
+
+    @property
+    def any(self) -> bool:
+        """Whether there are some."""
+        return self.motions.shape[1] > 0
+
+    def place(self, motion: FloatArray, push: FloatArray) -> FloatArray:
+        """Return a motion, its massless part moved to where the springs balance a push, shape (n,) or (n, k) each."""
+        if not self.any:
+            return motion
+        missing = self.motions.T @ (push - self._K @ motion)
+        return motion + self.motions @ self._factor.solve(missing)
+
+    def spread(self, kept: FloatArray) -> FloatArray:
+        """Return the motion of all unknowns, shape (n, ...), that no push disturbs, from that of the kept ones."""
+        motion = np.zeros((self._system.size, *kept.shape[1:]))
+        motion[self.kept] = kept
+        return self.place(motion, np.zeros(motion.shape))
+
+    def passed_on(self, push: FloatArray) -> FloatArray:
+        """Return a push, shape (n, ...), with what the massless motions pass on by their springs, and none on them."""
+        return push - self._K @ self.place(np.zeros(push.shape), push)
+
+    def inverse(self, matrix: Triplets) -> Factor:
+        """Return what solves with a matrix that leaves the massless motions alone.
+
+        They follow their springs in the answer, and what pushes on them pushes by the same springs on the others: the
+        answer does not depend on which unknowns are kept.
+        """
+        return _Following(factorize(matrix.part(self.kept)), self) if self.any else factorize(matrix)
+
+    def touched(self, vectors: FloatArray) -> FloatArray:
+        """Return by how much a unit of each vector, shape (m, n), pushes on them, shape (m,)."""
+        if not self.any or not len(vectors):
+            return np.zeros(len(vectors))
+        size = np.abs(vectors).max(axis=1)
+        return np.abs(vectors @ self.motions).max(axis=1) / np.where(size > 0.0, size, 1.0)
+
+    def pushed(self, method: str) -> InputError | None:
+        """Return the refusal of contacts and dampers on motions without mass, by name; None where there are none."""
+        if not self.any:
+            return None
+        why, remedy = "what has no mass is placed by springs alone", "give it a mass, or use newmark"
+        forces = LocalForces(self._system)
+        on = np.zeros(forces.count, dtype=bool)
+        for stack in (forces.sense, forces.act):
+            on |= (stack.owner[:, self.touched(stack.vectors) > TOUCHED] > 0.0).any(axis=1)
+        names = list(dict.fromkeys(forces.names[i] for i in np.flatnonzero(on).tolist()))
+        if names:
+            return refuse("run.integrator", method, f"a method that takes {', '.join(names)} without mass", why, remedy)
+        slowed = np.abs(self._system.damping.times_all(self.motions))
+        damped = np.flatnonzero(slowed.max(axis=0) > TOUCHED * np.abs(self._system.damping.values).max(initial=0.0))
+        if not len(damped):
+            return None
+        rows: list[int] = np.abs(self.motions[:, damped]).argmax(axis=0).tolist()
+        names = list(dict.fromkeys(self._system.names[i] for i in rows))[:6]
+        given = f"a method that takes dampers on {', '.join(names)} without mass"
+        return refuse("run.integrator", method, given, why, f"{remedy}, or mass-proportional damping")
+
+    @cached_property
+    def _factor(self) -> Factor:
+        return factorize(Triplets.from_dense(self.motions.T @ (self._K @ self.motions)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Following:
+    """Solves with the kept part of a matrix; the massless motions follow."""
+
+    factor: Factor
+    light: Massless
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        return self.light.spread(self.factor.solve(self.light.passed_on(right)[self.light.kept]))
+
+
+def massless(system: System) -> FloatArray:
+    """Return the motions without mass as columns.
+
+    Above the dense limit they are sought within the unknowns that mass couples: a massive member is one such group,
+    and regular; a body on an arm at a node is a small one.
+    """
+    if system.size <= 2 * DENSE_LIMIT:
+        return null_space(system.mass)
+    from scipy.sparse.csgraph import connected_components
+
+    light = [_unit(system.size, np.flatnonzero(system.mass.diagonal() <= 0.0))]
+    labels = connected_components(system.mass.csr(), directed=False)[1].astype(np.intp)
+    for group in component_members(labels):
+        if 1 < len(group) <= DENSE_LIMIT:
+            within = null_space(system.mass.part(group))
+            spread = np.zeros((system.size, within.shape[1]))
+            spread[group] = within
+            light.append(spread)
+    return np.hstack(light)
+
+
+def _unit(size: int, places: IntArray) -> FloatArray:
+    """Return the columns of the identity at some places, shape (size, k)."""
+    columns = np.zeros((size, len(places)))
+    columns[places, np.arange(len(places))] = 1.0
+    return columns
+
+
+BETA, GAMMA = 1.0, 1.5
+"""Newmark's parameters of these motions: the velocity is that of the parabola through the last three instants, the
+acceleration their second difference, so that a start or a kink is forgotten after two steps."""
+
+Number = TypeVar("Number", float, FloatArray)
+"""A number or one per motion."""
+
+
+def massless_rates(change: Number, v: Number, a: Number, h: float) -> tuple[Number, Number]:
+    """Return velocity and acceleration of a motion without mass from its change of displacement over a step."""
+    new = (change / h - v - (0.5 - BETA) * h * a) / (BETA * h)
+    return v + h * ((1.0 - GAMMA) * a + GAMMA * new), new
+
+
+@dataclass(frozen=True, eq=False)
+class MasslessRates:
+    """Motions without mass, of unit stiffness.
+
+    Parameters
+    ----------
+    free
+        Those that no damper slows, as columns, shape (n, k).
+    slow
+        Those that one does and whose acceleration leads to nothing, shape (n, l).
+    amounts
+        Of all of them in a displacement, shape (k + l, n).
+    """
+
+    free: FloatArray
+    slow: FloatArray
+    amounts: FloatArray
+
+    def led(self, now: StepState, new: StepState, step: float) -> StepState:
+        """Return an instant with their rates by its displacements, velocities and the instant a step before."""
+        k = self.free.shape[1]
+        change, v, a, v1, a1 = (self.amounts @ np.column_stack([new.d - now.d, now.v, now.a, new.v, new.a])).T
+        pushed = (v1 - v) / step
+        moving, pushed[:k] = massless_rates(change[:k], v[:k], a[:k], step)
+        more = self.free @ (pushed - a1)[:k] + self.slow @ (pushed - a1)[k:]
+        return replace(new, v=new.v + self.free @ (moving - v1[:k]), a=new.a + more)
+
+
+@lru_cache(maxsize=1)
+def find_massless_rates(system: System, *, average: bool) -> MasslessRates | None:
+    """Return the motions of a system whose rates are led; None where there are none."""
+    found = massless(system)
+    if not found.shape[1]:
+        return None
+    unit = normalize_stiffness(found, system.stiffness)
+    times, turned = relaxation_times(unit, system.damping)
+    free, slow = unit @ turned[:, times == 0.0], unit @ turned[:, (times != 0.0) & average]
+    both = np.hstack([free, slow])
+    return MasslessRates(free, slow, system.stiffness.times_all(both).T) if both.shape[1] else None
+
+
+def normalize_stiffness(motions: FloatArray, stiffness: Triplets) -> FloatArray:
+    """Return motions mixed so that the stiffness is 1 for each and couples none."""
+    try:
+        L = np.linalg.cholesky(motions.T @ stiffness.times_all(motions))
+    except np.linalg.LinAlgError:
+        raise SingularMatrixError(tuple(np.abs(motions).argmax(axis=0).tolist())) from None
+    return np.asarray(np.linalg.solve(L, motions.T).T, dtype=float)
+
+
+def relaxation_times(unit: FloatArray, damping: Triplets) -> tuple[FloatArray, FloatArray]:
+    """Return by how much dampers slow motions of unit stiffness."""
+    within = unit.T @ damping.times_all(unit)
+    size = np.abs(unit).T @ replace(damping, values=np.abs(damping.values)).times_all(np.abs(unit))
+    if not (within - np.diag(np.diag(within))).any():
+        times, turned = np.diag(within), np.eye(len(within))
+    else:
+        times, turned = np.linalg.eigh(0.5 * (within + within.T))
+    rounding = 64.0 * np.finfo(float).eps * np.abs(size).max(initial=0.0)
+    return np.where(np.abs(times) <= rounding, 0.0, times), turned

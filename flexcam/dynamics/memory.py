@@ -1,0 +1,261 @@
+"""What of a run stays in memory: everything, or no more than a summary needs, however long the run.
+
+`solve` hands its blocks to one of these and returns the response that it makes.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.dynamics.blocks import Block, Series, Sink
+from flexcam.dynamics.response import Outline, Response, turning_points
+from flexcam.dynamics.status import Stats, Status
+
+
+class Keeper(Sink, Protocol):
+    """A sink that makes a response of what it kept."""
+
+    def response(self) -> Response:
+        """Return what was kept."""
+        ...
+
+
+class Memory:
+    """The sink that keeps everything and makes the `Response`.
+
+    Parameters
+    ----------
+    outline
+        Names of what will come.
+    instants, fields
+        How many are expected: room for them costs nothing until they come, and nothing is copied twice then.
+    """
+
+    def __init__(self, outline: Outline, instants: int = 0, fields: int = 0) -> None:
+        self.outline = outline
+        self._kept = [_Rows(room) for room in (instants, instants, instants, fields, fields)]
+        self._end = (Status(), Stats())
+
+    def write(self, block: Block) -> None:
+        """Keep a block."""
+        for rows, more in zip(self._kept, _parts(block), strict=True):
+            rows.add(more)
+
+    def close(self, status: Status, stats: Stats) -> None:
+        """Keep the end."""
+        self._end = (status, stats)
+
+    def response(self) -> Response:
+        """Return everything that was kept; arrays of no instants if nothing came."""
+        if not self._kept[0].count:
+            self.write(_empty(self.outline))
+        (time, angle), (channels,), probes, (field_time, field_angle), fields = (rows.kept for rows in self._kept)
+        moved = Series(*probes), Series(*fields)
+        whole = Block(time, angle, moved[0], channels, field_time, field_angle, moved[1])
+        return _response(self.outline, whole, self._end)
+
+
+class _Rows:
+    """Arrays of as many rows each, as they come, in one piece of memory: a large one costs less than several."""
+
+    def __init__(self, expected: int) -> None:
+        self.count = 0
+        self._expected, self._all = expected, np.zeros((0, 0))
+
+    @property
+    def kept(self) -> FloatArray:
+        return self._all[:, : self.count]
+
+    def add(self, arrays: tuple[FloatArray, ...]) -> None:
+        end = self.count + len(arrays[0])
+        if not self.count or end > self._all.shape[1]:
+            room = self._room(end, (len(arrays), *arrays[0].shape[1:]))
+            if self.count:
+                room[:, : self.count] = self.kept
+            self._all = room
+        for kept, array in zip(self._all, arrays, strict=True):
+            kept[self.count : end] = array
+        self.count = end
+
+    def _room(self, least: int, shape: tuple[int, ...]) -> FloatArray:
+        count, *columns = shape
+        least = max(least, 2 * self.count)
+        try:
+            return np.empty((count, max(self._expected, least), *columns))
+        except MemoryError:  # of a run that may be ended long before its last step
+            return np.empty((count, least, *columns))
+
+
+def _parts(block: Block) -> tuple[tuple[FloatArray, ...], ...]:
+    """Return the arrays of a block, those together that have as many rows and columns."""
+    probes, fields = _arrays(block.probes), _arrays(block.fields)
+    return (block.time, block.angle), (block.channels,), probes, (block.field_time, block.field_angle), fields
+
+
+def _response(outline: Outline, whole: Block, end: tuple[Status, Stats]) -> Response:
+    """Return a response of one block that holds everything."""
+    return Response(
+        outline=outline, time=whole.time, angle=whole.angle, probes=whole.probes,
+        channels={name: whole.channels[:, i] for i, (name, _) in enumerate(outline.channels)},
+        field_time=whole.field_time, field_angle=whole.field_angle, fields=whole.fields, status=end[0], stats=end[1],
+    )  # fmt: skip
+
+
+class Recent(Memory):
+    """The sink that keeps the latest histories and the last field, however long the run.
+
+    Parameters
+    ----------
+    outline
+        Names of what will come.
+    span
+        How far back from the last instant histories are kept, s: whole blocks, at least that long together.
+    """
+
+    def __init__(self, outline: Outline, span: float) -> None:
+        super().__init__(outline)
+        self._blocks: deque[Block] = deque()
+        self._span = span
+        self._without = _empty(outline)
+        self._field = self._without
+
+    def write(self, block: Block) -> None:
+        """Keep a block, and drop what is too old by then."""
+        if len(block.field_time):
+            last = Series(*(np.array(one[-1:]) for one in _arrays(block.fields)))
+            time, angle = block.field_time[-1:].copy(), block.field_angle[-1:].copy()
+            self._field = replace(self._without, field_time=time, field_angle=angle, fields=last)
+        nothing = self._without
+        self._blocks.append(replace(block, field_time=nothing.time, field_angle=nothing.angle, fields=nothing.fields))
+        oldest = block.time[-1] - self._span * (1.0 + _SLACK)
+        while self._blocks[0].time[-1] < oldest:
+            self._blocks.popleft()
+
+    def response(self) -> Response:
+        """Return what was kept."""
+        field = self._field
+        kept = Block.joined([*self._blocks] or [self._without])
+        whole = replace(kept, field_time=field.field_time, field_angle=field.field_angle, fields=field.fields)
+        return _response(self.outline, whole, self._end)
+
+
+class Extremes:
+    """The sink that follows the least and the largest of everything over a run, and keeps no history.
+
+    Probes are those of the dense output: they may be least and largest between two instants.
+
+    Parameters
+    ----------
+    outline
+        Names of what will come.
+
+    Attributes
+    ----------
+    steps
+        Instants seen.
+    most_bent
+        Displacement of all unknowns at the saved instant where its largest is largest, shape (n,).
+    """
+
+    def __init__(self, outline: Outline) -> None:
+        self.outline = outline
+        self.steps = 0
+        self.most_bent: FloatArray = np.zeros(len(outline.unknowns))
+        self._channel = {name: i for i, (name, _) in enumerate(outline.channels)}
+        self._probes = _Bounds(sum(len(components) for _, components in outline.probes))
+        self._channels = _Bounds(len(outline.channels))
+        self._before = _empty(outline)
+
+    @classmethod
+    def of(cls, response: Response) -> Extremes:
+        """Return those of a response, as of one that was read."""
+        seen = cls(response.outline)
+        channels = [response.channels[name] for name, _ in response.outline.channels]
+        rows = np.column_stack(channels) if channels else np.zeros((len(response.time), 0))
+        seen.write(
+            Block(
+                response.time, response.angle, response.probes, rows, response.field_time, response.field_angle,
+                response.fields,
+            )
+        )  # fmt: skip
+        return seen
+
+    def write(self, block: Block) -> None:
+        """Take a block."""
+        if len(block.time):
+            self.steps += len(block.time)
+            self._probes.widen(block.probes.displacement)
+            self._probes.widen(self._turns(block))
+            self._channels.widen(block.channels)
+        if block.fields.displacement.size:
+            largest = np.abs(block.fields.displacement).max(axis=1)
+            row = int(np.argmax(largest))
+            if largest[row] > np.abs(self.most_bent).max(initial=0.0):
+                self.most_bent = block.fields.displacement[row].copy()
+
+    def close(self, status: Status, stats: Stats) -> None:
+        """Do nothing: the figures are asked for."""
+
+    def _turns(self, block: Block) -> FloatArray:
+        """Return where probes turn between the instants of a block, and before its first one."""
+        before, now = self._before, block.probes
+        self._before = replace(
+            before, time=block.time[-1:].copy(), probes=Series(*(x[-1:].copy() for x in _arrays(now)))
+        )
+        whole = Series.joined([before.probes, now])
+        return turning_points(np.append(before.time, block.time), whole.displacement, whole.velocity)[1]
+
+    def probe(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """Return least and largest displacement of a probe, or of one component of it, shape (components,)."""
+        columns = self.outline.columns(name)
+        return self._probes.least[columns], self._probes.largest[columns]
+
+    @property
+    def energies(self) -> bool:
+        """Whether the run kept account of its energy."""
+        return any(name.startswith("energy.") for name in self._channel)
+
+    def channel(self, name: str) -> tuple[float, float]:
+        """Return least and largest value of a channel; zeros where it was not saved."""
+        at = self._channel.get(name)
+        return (0.0, 0.0) if at is None else (float(self._channels.least[at]), float(self._channels.largest[at]))
+
+
+class _Bounds:
+    """Least and largest of some columns; zeros before anything came."""
+
+    def __init__(self, width: int) -> None:
+        self.least: FloatArray = np.zeros(width)
+        self.largest: FloatArray = np.zeros(width)
+        self._begun = False
+
+    def widen(self, rows: FloatArray) -> None:
+        if not len(rows):
+            return
+        least, largest = rows.min(axis=0), rows.max(axis=0)
+        self.least = np.minimum(self.least, least) if self._begun else least
+        self.largest = np.maximum(self.largest, largest) if self._begun else largest
+        self._begun = True
+
+
+_SLACK = 1e-6
+"""Part of a span by which it is kept longer: instants at its beginning are rounded."""
+
+
+def _arrays(series: Series) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return series.displacement, series.velocity, series.acceleration
+
+
+def _empty(outline: Outline) -> Block:
+    nothing = np.zeros(0)
+    probes = np.zeros((0, sum(len(components) for _, components in outline.probes)))
+    fields = np.zeros((0, len(outline.unknowns)))
+    channels = np.zeros((0, len(outline.channels)))
+    return Block(
+        nothing, nothing, Series(probes, probes, probes), channels, nothing, nothing, Series(fields, fields, fields)
+    )

@@ -1,0 +1,205 @@
+"""A problem in its natural motions, where mass and stiffness couple nothing: a step then costs a few flops per motion.
+
+Motions without mass follow their springs: they are natural motions of mass zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from flexcam.core import FloatArray, SingularMatrixError, Triplets, natural
+from flexcam.dynamics.basis import ModeBasis
+from flexcam.dynamics.massless import Massless, normalize_stiffness, relaxation_times
+from flexcam.dynamics.problem import Problem
+from flexcam.dynamics.reduced_problem import reduce_problem
+from flexcam.dynamics.system import System
+
+_COUPLED = 1e-9
+"""Damping between two motions, as a part of their own, that counts as none."""
+
+_SYMMETRIC = 1e-12
+"""Difference across the diagonal, as a part of it, that is rounding of what was added up."""
+
+_ROUNDING = 64.0 * np.finfo(float).eps
+"""Of a stiffness's own entries and their sums: an energy as far below zero is none."""
+
+_CLEAN = 1e-9
+"""What two natural motions may have in common."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModalCoordinates:
+    """Amounts of the natural motions of a system; a `Basis`.
+
+    Parameters
+    ----------
+    vectors
+        Motions as columns, shape (n, n).
+    back
+        Amounts per unit of each unknown, shape (n, n).
+    mass, stiffness
+        Of the motions, shape (n,): 1 and the angular frequency squared, or 0 and 1 without mass.
+    exactly
+        Whether motions to be saved are spread one by one: each then has the same bits as if it were alone.
+    """
+
+    vectors: FloatArray
+    back: FloatArray
+    mass: FloatArray
+    stiffness: FloatArray
+    exactly: bool = False
+
+    @property
+    def held(self) -> FloatArray:
+        """Zero: nothing is left out."""
+        return np.zeros(len(self.vectors))
+
+    @property
+    def size(self) -> int:
+        """Number of motions."""
+        return len(self.mass)
+
+    def named(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Return the unknown that moves most, per motion."""
+        leading: list[int] = np.abs(self.vectors).argmax(axis=0).tolist() if self.size else []
+        return tuple(names[i] for i in leading)
+
+    def matrix(self, full: Triplets) -> Triplets:
+        """Return what a matrix is between the motions."""
+        return ModeBasis(self.vectors).matrix(full)
+
+    def rows(self, full: FloatArray) -> FloatArray:
+        """Return what rows make of the motions."""
+        return full @ self.vectors
+
+    def spread(self, motion: FloatArray) -> FloatArray:
+        """Return the motion of all unknowns."""
+        return motion @ self.vectors.T
+
+    def saved(self, motions: FloatArray) -> FloatArray:
+        """Return the motions of all unknowns that are saved."""
+        if not self.exactly:
+            return self.spread(motions)
+        return np.matmul(self.vectors, motions[:, :, None])[:, :, 0]
+
+    def taken_anew(self, motions: FloatArray) -> FloatArray:
+        """Return amounts, shape (m, n), as they follow from the unknowns that are saved."""
+        return np.matmul(self.back, self.saved(motions)[:, :, None])[:, :, 0]
+
+    def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
+        """Return the amounts of a motion."""
+        return self.back @ motion
+
+    def free(self, motions: FloatArray | None) -> FloatArray | None:
+        """Return the free motions in these amounts."""
+        return None if motions is None else self.back @ motions
+
+
+def find_modal_coordinates(system: System) -> ModalCoordinates | None:
+    """Return the natural motions of a system."""
+    found = _motions(_Pair(system.mass, system.stiffness))
+    return None if found is None else _apart(found, system.damping)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """Mass and stiffness as a key: equal where all entries are, so that runs of one mechanism share its motions."""
+
+    mass: Triplets
+    stiffness: Triplets
+
+    @cached_property
+    def _content(self) -> tuple[bytes, ...]:
+        entries = [(one.rows, one.cols, one.values) for one in (self.mass, self.stiffness)]
+        return tuple(part.tobytes() for each in entries for part in each)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Pair) and self.mass.size == other.mass.size and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash(self._content)
+
+
+@lru_cache(maxsize=8)
+def _motions(pair: _Pair) -> ModalCoordinates | None:
+    n = pair.mass.size
+    system = System(pair.mass, Triplets.zeros(n), pair.stiffness, ("",) * n)
+    if not (_symmetric(system.mass) and _symmetric(system.stiffness)):
+        return None
+    light = Massless(system)
+    try:
+        kept = light.spread(np.eye(system.size)[:, light.kept][light.kept])
+        M, K = (kept.T @ matrix.times_all(kept) for matrix in (system.mass, system.stiffness))
+        values, shapes = natural(0.5 * (M + M.T), 0.5 * (K + K.T))
+        soft = normalize_stiffness(light.motions, system.stiffness)
+    except (np.linalg.LinAlgError, SingularMatrixError):  # a mass or a stiffness that is not positive
+        return None
+    moving = kept @ shapes
+    if _pushes(moving, system.stiffness):
+        return None
+    back = np.vstack([system.mass.times_all(moving).T, system.stiffness.times_all(soft).T])
+    few, whole = soft.shape[1], np.hstack([moving, soft])
+    if not np.abs(back @ whole - np.eye(len(whole))).max(initial=0.0) <= _CLEAN:
+        return None
+    heavy = np.concatenate([np.ones(len(values)), np.zeros(few)])
+    return ModalCoordinates(whole, back, heavy, np.concatenate([values, np.ones(few)]))
+
+
+def _symmetric(matrix: Triplets) -> bool:
+    full = matrix.dense()
+    size = np.sqrt(np.abs(np.diag(full)))
+    return bool((np.abs(full - full.T) <= _SYMMETRIC * np.outer(size, size)).all())
+
+
+def _pushes(motions: FloatArray, stiffness: Triplets) -> bool:
+    """Tell whether a stiffness drives a motion instead of holding it back, as beyond buckling."""
+    energy = np.sum(motions * stiffness.times_all(motions), axis=0)
+    every = replace(stiffness, values=np.abs(stiffness.values))
+    sizes = np.sum(np.abs(motions) * every.times_all(np.abs(motions)), axis=0)
+    return bool((energy < -_ROUNDING * sizes).any())
+
+
+def _apart(found: ModalCoordinates, damping: Triplets) -> ModalCoordinates:
+    """Return natural motions of which those without mass are mixed so that no damper couples two of them."""
+    light = found.mass == 0.0
+    if not light.any() or not damping.values.any():
+        return found
+    turned = relaxation_times(found.vectors[:, light], damping)[1]
+    vectors, back = found.vectors.copy(), found.back.copy()
+    vectors[:, light], back[light] = vectors[:, light] @ turned, turned.T @ back[light]
+    return replace(found, vectors=vectors, back=back)
+
+
+def modal_problem(problem: Problem, motions: ModalCoordinates) -> Problem:
+    """Return a problem in its natural motions."""
+    none = Triplets.zeros(problem.system.size)  # mass and stiffness are known already
+    inside = reduce_problem(replace(problem, system=replace(problem.system, mass=none, stiffness=none)), motions)
+    mass, stiffness = (Triplets.from_dense(np.diag(one)) for one in (motions.mass, motions.stiffness))
+    damping = _cleaned(_undamped(inside.system.damping, problem.system.damping, motions))
+    return replace(inside, system=replace(inside.system, mass=mass, stiffness=stiffness, damping=damping))
+
+
+def _undamped(inside: Triplets, damping: Triplets, motions: ModalCoordinates) -> Triplets:
+    """Return a damping of the motions with exactly none of those without mass that no damper slows."""
+    light = np.flatnonzero(motions.mass == 0.0)
+    free = light[relaxation_times(motions.vectors[:, light], damping)[0] == 0.0]
+    gone = np.isin(inside.rows, free) | np.isin(inside.cols, free)
+    return replace(inside, values=np.where(gone, 0.0, inside.values))
+
+
+def _cleaned(damping: Triplets) -> Triplets:
+    """Return a damping without what couples hardly any two motions."""
+    full = damping.dense()
+    own = np.sqrt(np.abs(np.diag(full)))
+    coupled = np.abs(full) > _COUPLED * np.outer(own, own)
+    np.fill_diagonal(coupled, True)
+    return damping if (coupled & ~np.eye(len(full), dtype=bool)).any() else Triplets.from_dense(np.diag(np.diag(full)))
+
+
+def diagonal(matrix: Triplets) -> FloatArray | None:
+    """Return the diagonal of a matrix that has nothing else, shape (n,); None of one that has."""
+    return matrix.diagonal() if (matrix.rows == matrix.cols).all() else None

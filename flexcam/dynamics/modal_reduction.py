@@ -1,0 +1,109 @@
+"""Bases of few shapes for a linear system: modes with static correction, and Craig-Bampton's.
+
+Modes alone miss what a load does beyond them, which is its static answer as long as it is slow; with it, displacements
+under loads at the given places are exact in statics. R. R. Craig and A. J. Kurdila, Fundamentals of Structural
+Dynamics, 2nd ed. (2006), ch. 17; R. R. Craig and M. C. C. Bampton, Coupling of substructures for dynamic analyses,
+AIAA J. 6 (1968).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray, SingularMatrixError, Triplets, diagonal_scale, factorize, pins
+from flexcam.core.errors import refuse
+from flexcam.dynamics.modes import Modes, modes
+
+_DEPENDENT = 1e-10
+"""Part of a static answer's strain energy below which what others leave of it is rounding."""
+
+_STILL = 1e-12
+"""Part of a shape's size, as the root of its strain energy, that is rounding."""
+
+
+def corrected_modes(
+    mass: Triplets, stiffness: Triplets, places: FloatArray, count: int, *, free: FloatArray | None = None
+) -> FloatArray:
+    """Return the lowest modes with the static answers that they miss."""
+    rigid = modes(mass, stiffness, 1, free=free).rigid if free is None else free.shape[1]
+    found = modes(mass, stiffness, rigid + count, free=free)
+    shapes = found.shapes
+    missed = places.T - mass.times_all(shapes) @ (shapes.T @ places.T)
+    answers = _held(stiffness, missed, shapes[:, : found.rigid])
+    answers -= shapes @ (shapes.T @ mass.times_all(answers))
+    known = (places @ shapes[:, found.rigid :]) ** 2 @ found.omegas[found.rigid :] ** -2.0
+    return np.hstack([shapes, _independent(mass, stiffness, answers, known)])
+
+
+def _held(stiffness: Triplets, loads: FloatArray, rigid: FloatArray) -> FloatArray:
+    """Return the static answers to loads that do no work on the free motions, shape (n, k)."""
+    held = pins(rigid / diagonal_scale(stiffness)[:, None])
+    kept = np.setdiff1d(np.arange(stiffness.size), held)
+    answers = np.zeros(loads.shape)
+    answers[kept] = factorize(stiffness.part(kept)).solve(loads[kept])
+    return answers
+
+
+def _independent(mass: Triplets, stiffness: Triplets, shapes: FloatArray, known: FloatArray) -> FloatArray:
+    """Return shapes of the same span, of unit stiffness, whose mass and stiffness are diagonal; the lightest last.
+
+    A shape counts where its energy adds something to what is known of it.
+    """
+    energy = np.maximum(np.einsum("ik,ik->k", shapes, stiffness.times_all(shapes)), 0.0)
+    kept = energy > _DEPENDENT * (known + energy)
+    shapes = shapes[:, kept] / np.sqrt(energy[kept])
+    values, vectors = np.linalg.eigh(shapes.T @ stiffness.times_all(shapes))
+    good = values > _DEPENDENT
+    unit = shapes @ (vectors[:, good] / np.sqrt(values[good]))
+    _, turned = np.linalg.eigh(unit.T @ mass.times_all(unit))
+    found = unit @ turned[:, ::-1]
+    # What moves only an unknown without mass would else have the mass of rounding, and a frequency beyond all.
+    return np.where(np.abs(found) > _STILL * diagonal_scale(stiffness)[:, None], found, 0.0)
+
+
+def craig_bampton(
+    mass: Triplets, stiffness: Triplets, boundary: IntArray, interiors: Sequence[IntArray], count: int
+) -> FloatArray:
+    """Return the basis that keeps some unknowns as they are, and of the others their static answers and some modes."""
+    inner = np.concatenate([np.zeros(0, np.intp), *interiors])
+    if not np.array_equal(np.sort(np.concatenate([boundary, inner])), np.arange(stiffness.size)):
+        raise refuse("boundary and interiors", f"{len(boundary)} + {len(inner)} unknowns", "every unknown once")
+    unit = np.zeros((stiffness.size, len(boundary)))
+    unit[boundary, np.arange(len(boundary))] = 1.0
+    try:
+        unit[inner] = -factorize(stiffness.part(inner)).solve(stiffness.times_all(unit)[inner])
+    except SingularMatrixError as fault:
+        which = ", ".join(str(inner[i]) for i in fault.unknowns[:6]) or "some"
+        why = "a group that moves freely has no static answer"
+        raise refuse("boundary", f"unknowns {which} free while it is held", "one that holds every group", why) from None
+    return np.hstack([unit, *(_fixed(mass, stiffness, group, count) for group in interiors)])
+
+
+def _fixed(mass: Triplets, stiffness: Triplets, group: IntArray, count: int) -> FloatArray:
+    """Return the modes of a group while all others are held, among all unknowns."""
+    own = modes(mass.part(group), stiffness.part(group), count, free=np.zeros((len(group), 0)))
+    shapes = np.zeros((stiffness.size, own.shapes.shape[1]))
+    shapes[group] = own.shapes
+    return shapes
+
+
+def effective_masses(modes: Modes, mass: Triplets, motions: FloatArray) -> FloatArray:
+    """Return the effective modal masses ``(phi^T M r)^2`` of mass-orthonormal modes.
+
+    Source: R. W. Clough and J. Penzien, Dynamics of Structures, 3rd ed. (2003), sec. 26-2. Over all modes they sum
+    to ``r^T M r``, the mass of the free components along r.
+    """
+    pulled = np.array([mass.times(motion) for motion in motions]).reshape(len(motions), mass.size)
+    return (modes.shapes.T @ pulled.T) ** 2
+
+
+def mac(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the modal assurance criterion of two sets of shapes on the same components.
+
+    ``|a^T b|^2/((a^T a)(b^T b))``: 1 for shapes that agree up to a factor, 0 for orthogonal ones. Source: R. J.
+    Allemang, The modal assurance criterion - twenty years of use and abuse, Sound and Vibration 37 (2003), eq. 1.
+    """
+    sizes = np.outer(np.sum(one**2, axis=0), np.sum(other**2, axis=0))
+    return np.divide((one.T @ other) ** 2, sizes, out=np.zeros(sizes.shape), where=sizes > 0.0)

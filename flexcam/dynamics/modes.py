@@ -1,0 +1,366 @@
+"""One mass on a spring and a damper under a harmonic force.
+
+How many harmonics of a cam stay below a resonance says `flexcam.cams.harmonics_below`.
+
+Source: C. Li, Cam motion simulation and optimization (2014), eqs. 1-4; W. T. Thomson, Theory of Vibration with
+Applications, ch. 3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.core import (
+    DENSE_LIMIT,
+    TOO_MUCH,
+    FloatArray,
+    IntArray,
+    SingularMatrixError,
+    Triplets,
+    diagonal_scale,
+    energy_rounding,
+    factorize,
+    null_space,
+    pins,
+)
+from flexcam.core.errors import positive
+from flexcam.dynamics.status import TOO_FINE, Cause, NotPositiveError, RunFailedError, Status
+
+ComplexArray = NDArray[np.complex128]
+
+
+def frequency_response(mass: float, damping: float, stiffness: float, omega: FloatArray) -> ComplexArray:
+    """Return H of ``m y'' + c y' + k y = F0 exp(i w t)``, y = H F0 exp(i w t): ``1/(k - m w^2 + i c w)``, eq. 3."""
+    natural = math.sqrt(positive("stiffness", stiffness, "N/m") / positive("mass", mass, "kg"))
+    ratio = positive("damping", damping, "N s/m", zero=True) / (2.0 * math.sqrt(stiffness * mass))
+    return normalized_response(np.asarray(omega) / natural, ratio) / stiffness
+
+
+def normalized_response(frequency_ratio: FloatArray, damping_ratio: float) -> ComplexArray:
+    """Return y/B of ``y'' + 2 xi w0 y' + w0^2 y = B w0^2 exp(i w t)``, eq. 4: ``1/(1 - r^2 + 2 i xi r)``, r = w/w0."""
+    xi = positive("damping_ratio", damping_ratio, "", zero=True)
+    r = np.asarray(frequency_ratio, dtype=float)
+    below = 1.0 - r**2 + 2j * xi * r
+    return np.divide(1.0, below, out=np.full(below.shape, complex(math.inf, 0.0)), where=below != 0.0)
+
+
+LOST = 1e-6
+"""Relative error of an eigenvalue above which a mode is left out rather than shown wrong."""
+
+_DEFAULT_COUNT = 20
+
+
+def lanczos(
+    mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | None
+) -> tuple[FloatArray, FloatArray, int]:
+    """Return the lowest modes with stiffness."""
+    wanted = min(max((count or _DEFAULT_COUNT) - rigid.shape[1], 1), mass.size - 2)
+    solve = _flexibility(stiffness, rigid, mass.times_all(rigid))
+    massive = np.flatnonzero(mass.diagonal() > 0.0)
+    if len(massive) <= DENSE_LIMIT:
+        inverse_squares, shapes = _condensed(mass.part(massive).dense(), massive, solve, mass.size)
+    else:
+        inverse_squares, shapes = _iterated(mass, stiffness, solve, wanted)
+    largest = float(np.abs(inverse_squares).max(initial=0.0))
+    rounding = np.sqrt(mass.size) * np.finfo(float).eps * largest
+    if inverse_squares.min(initial=0.0) < -rounding / LOST:
+        raise NotPositiveError(shapes[:, int(np.argmin(inverse_squares))])
+    # Fewer masses than modes asked for leave zeros, that is rounding of either sign.
+    good = min(int(np.argmax(np.append(inverse_squares * LOST <= rounding, True))), wanted)
+    lost = min(int(np.count_nonzero(inverse_squares > rounding)), wanted) - good
+    return 1.0 / inverse_squares[:good], shapes[:, :good], max(lost, 0)
+
+
+Solve = Callable[[FloatArray], FloatArray]
+
+
+def _iterated(mass: Triplets, stiffness: Triplets, solve: Solve, wanted: int) -> tuple[FloatArray, FloatArray]:
+    """Return 1/omega^2, descending, and shapes by Lanczos iteration."""
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
+
+    K, M = stiffness.csr(), mass.csr()
+    start = solve(M @ np.random.default_rng(0).standard_normal(mass.size))
+    inverse = LinearOperator(K.shape, matvec=solve, dtype=np.float64)
+    try:
+        values, shapes = eigsh(K, k=wanted, M=M, sigma=0.0, OPinv=inverse, v0=start)
+    except ArpackError as fault:
+        text = f"the search for {wanted} modes did not converge: {fault}"
+        raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, "ask for fewer modes")) from None
+    order = np.argsort(-1.0 / values)
+    return 1.0 / values[order], shapes[:, order]
+
+
+def _condensed(M: FloatArray, massive: IntArray, solve: Solve, size: int) -> tuple[FloatArray, FloatArray]:
+    """Return 1/omega^2, descending, and shapes from the flexibility of the few unknowns with mass.
+
+    With M = W W^T and F the flexibility, ``W^T F W`` has the eigenvalues of ``F M``; its vectors v give x = F W v.
+    """
+    values, vectors = np.linalg.eigh(M)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    loads = np.zeros((size, len(massive)))
+    loads[massive] = root
+    answers = np.column_stack([solve(column) for column in loads.T])
+    inverse_squares, inner = np.linalg.eigh(root.T @ answers[massive])
+    order = np.argsort(-inverse_squares)
+    inverse_squares, inner = inverse_squares[order], inner[:, order]
+    safe = np.where(inverse_squares > 0.0, inverse_squares, 1.0)
+    return inverse_squares, answers @ inner / safe
+
+
+def _flexibility(stiffness: Triplets, rigid: FloatArray, heavy: FloatArray) -> Solve:
+    """Return the solve with K on the complement of the free motions: loads and answers have no part along them."""
+    scale = diagonal_scale(stiffness)
+    held = pins(np.linalg.qr(rigid / scale[:, None])[0])
+    kept = np.setdiff1d(np.arange(stiffness.size), held)
+    try:
+        factor = factorize(stiffness.part(kept))
+    except SingularMatrixError:
+        raise NotPositiveError from None
+
+    def solve(load: FloatArray) -> FloatArray:
+        load = np.asarray(load, dtype=float).ravel()
+        x = np.zeros_like(load)
+        x[kept] = factor.solve((load - heavy @ (rigid.T @ load))[kept])
+        return x - rigid @ (heavy.T @ x)
+
+    return solve
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Natural modes, from the lowest.
+
+    Parameters
+    ----------
+    omegas
+        Angular frequencies, rad/s, shape (k,); zero for motions without stiffness.
+    shapes
+        Mass-orthonormal shapes, shape (n, k).
+    rigid
+        How many of them (the first ones) have no stiffness.
+    lost
+        How many higher modes were left out because rounding would have spoilt them.
+    rounding
+        Share of each frequency that rounding in the stiffness may have taken, shape (k,): a bound, some ten times above
+        the error.
+    """
+
+    omegas: FloatArray
+    shapes: FloatArray
+    rigid: int
+    lost: int = 0
+    rounding: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def frequencies(self) -> FloatArray:
+        """Frequencies, Hz, shape (k,)."""
+        return self.omegas / (2.0 * np.pi)
+
+    def doubt(self) -> str:
+        """Return in words what rounding in the stiffness may have taken; empty where that is not worth telling."""
+        share = float(self.rounding.max(initial=0.0))
+        if share <= _WORTH_TELLING:
+            return ""
+        at = f"{self.frequencies[int(np.argmax(self.rounding))]:.4g} Hz"
+        return f"Warning: rounding in the stiffness may have taken up to {100.0 * share:.1g} % of the frequency {at}"
+
+
+_WORTH_TELLING = 1e-4
+"""Share of a frequency: four digits are what tables show."""
+
+
+def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free: FloatArray | None = None) -> Modes:
+    """Return the lowest natural modes.
+
+    Parameters
+    ----------
+    mass
+        Symmetric, positive semi-definite, n unknowns; unknowns without mass take part in no mode of their own.
+    stiffness
+        Symmetric, positive semi-definite; singular where a motion is free.
+    count
+        How many modes, the ones without stiffness included; None for all that can be computed (up to a few
+        hundred unknowns) or twenty (above).
+    free
+        Motions the stiffness leaves free, shape (n, k), where they are known exactly (`flexcam.fem.free_motions`);
+        None to find them numerically.
+
+    Returns
+    -------
+    Modes
+        Mass-orthonormal, ascending.
+
+    Raises
+    ------
+    RunFailedError
+        If a free motion has no mass, rounding in the stiffness spoils a mode, or the search for the modes of a large
+        model does not converge.
+    NotPositiveError
+        If the stiffness drives a motion, as of a member beyond buckling.
+
+    Examples
+    --------
+    >>> pair = modes(Triplets.from_dense([[1.0, 0.0], [0.0, 1.0]]), Triplets.from_dense([[4.0, 0.0], [0.0, 9.0]]))
+    >>> pair.omegas
+    array([2., 3.])
+    """
+    rigid = _mass_orthonormal(_sought(stiffness) if free is None else free, mass)
+    solver = _dense if mass.size <= 2 * DENSE_LIMIT else lanczos
+    squares, shapes, lost = solver(mass, stiffness, rigid, count)
+    shapes = _orthonormalized(shapes, rigid, mass)
+    shares = energy_rounding(stiffness, shapes) / squares
+    if (shares > TOO_MUCH).any():
+        raise RunFailedError(_too_fine(float(shares.max())))
+    omegas = np.concatenate([np.zeros(rigid.shape[1]), np.sqrt(squares)])
+    shapes = np.concatenate([rigid, shapes], axis=1)
+    wanted = len(omegas) if count is None else min(count, len(omegas))
+    taken = np.concatenate([np.zeros(rigid.shape[1]), 0.5 * shares])  # omega is the root of what is rounded
+    return Modes(
+        omegas[:wanted], _signed(shapes[:, :wanted]), int(min(rigid.shape[1], wanted)), int(lost), taken[:wanted]
+    )
+
+
+def _sought(stiffness: Triplets) -> FloatArray:
+    """Return the motions that bare matrices leave free; one with more energy than rounding can make is a soft one."""
+    found = null_space(stiffness)
+    energy = np.abs(np.sum(found * stiffness.times_all(found), axis=0))
+    taken = energy_rounding(stiffness, found)
+    if (soft := energy > taken).any():
+        raise RunFailedError(_too_fine(float((taken[soft] / energy[soft]).max())))
+    return found
+
+
+def _too_fine(share: float) -> Status:
+    text = f"{TOO_FINE.text} (up to {100.0 * share:.3g} % of a mode's energy)"
+    return replace(TOO_FINE, text=text)
+
+
+def _mass_orthonormal(motions: FloatArray, mass: Triplets) -> FloatArray:
+    if not motions.shape[1]:
+        return motions
+    values, vectors = np.linalg.eigh(motions.T @ mass.times_all(motions))
+    if values[0] <= 1e-13 * values[-1]:
+        text = "a motion of the model has neither stiffness nor mass"
+        raise RunFailedError(Status(Cause.SINGULAR, text, "support it or give it a mass"))
+    return motions @ (vectors / np.sqrt(values))
+
+
+def _orthonormalized(shapes: FloatArray, rigid: FloatArray, mass: Triplets) -> FloatArray:
+    """Return nearly mass-orthonormal shapes made so: first to the free motions, then among themselves.
+
+    Two steps of Newton's iteration for the nearest orthonormal set square the error twice and favour no shape.
+    """
+    shapes = shapes - rigid @ (rigid.T @ mass.times_all(shapes))
+    for _ in range(2):
+        shapes = shapes @ (1.5 * np.eye(shapes.shape[1]) - 0.5 * shapes.T @ mass.times_all(shapes))
+    return shapes
+
+
+def _dense(
+    mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | None
+) -> tuple[FloatArray, FloatArray, int]:
+    """Take each mode from the side that keeps its digits: low ones from ``K^-1 M``, high ones from ``M^-1 K``."""
+    M, K = mass.dense(), stiffness.dense()
+    squares, shapes, errors = _by_stiffness(M, K, diagonal_scale(stiffness), rigid)
+    if (errors > LOST).any() and (high := _by_mass(mass, K)) is not None:
+        high = tuple(values[..., rigid.shape[1] :] for values in high)
+        squares, shapes, errors = (one[..., : len(high[0])] for one in (squares, shapes, errors))
+        switch = _switch(squares, errors, high[2])
+        squares, shapes, errors = (
+            np.concatenate([a[..., :switch], b[..., switch:]], axis=-1)
+            for a, b in zip((squares, shapes, errors), high, strict=True)
+        )
+    wanted = len(squares) if count is None else max(count - rigid.shape[1], 0)
+    good = int(np.argmax(np.append(errors > LOST, True)))
+    shown = min(good, wanted)
+    massive = np.count_nonzero(mass.diagonal() > 0.0) - rigid.shape[1]
+    return squares[:shown], shapes[:, :shown], max(min(massive, wanted) - good, 0)
+
+
+def _switch(squares: FloatArray, low: FloatArray, high: FloatArray) -> int:
+    """Return the first mode to take from the other side, without parting a group of equal frequencies."""
+    switch = int(np.argmax(np.append(high < low, True)))
+    while 0 < switch < len(squares) and squares[switch] <= (1.0 + 1e-6) * squares[switch - 1]:
+        switch -= 1
+    return switch
+
+
+def _by_stiffness(
+    M: FloatArray, K: FloatArray, scale: FloatArray, rigid: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return omega^2, shapes and relative errors from ``L^-1 M L^-T``, K = L L^T, without the rigid motions.
+
+    A stiffness on the rigid motions alone, felt through M, makes K regular; as every other mode is M-orthogonal to
+    them it changes none. They are then projected out, which leaves zeros (infinite frequency) at the end.
+    """
+    M, K = scale[:, None] * M * scale, scale[:, None] * K * scale
+    free = rigid / scale[:, None]
+    held = M @ free
+    L = _cholesky(K + held @ held.T / max(1.0, float(np.abs(held).max(initial=0.0)) ** 2), scale)
+    inverse = np.linalg.solve(L, np.linalg.solve(L, M).T)
+    known = np.linalg.qr(L.T @ free)[0]
+    inverse -= known @ (known.T @ inverse)
+    inverse -= (inverse @ known) @ known.T
+    values, vectors = np.linalg.eigh(0.5 * (inverse + inverse.T))
+    kept = slice(None, None, -1) if not rigid.shape[1] else slice(None, rigid.shape[1] - 1, -1)
+    values, vectors = values[kept], vectors[:, kept]
+    positive, errors = _with_errors(values)
+    return 1.0 / positive, scale[:, None] * np.linalg.solve(L.T, vectors) / np.sqrt(positive), errors
+
+
+def _by_mass(mass: Triplets, K: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Return omega^2, shapes and relative errors from ``L^-1 K L^-T``, L L^T the mass of what has one.
+
+    Motions without mass are none of these modes: they follow the others by their springs. None where rounding leaves
+    the mass without a factor.
+    """
+    light = null_space(mass)
+    kept = np.setdiff1d(np.arange(mass.size), np.array(pins(light), dtype=np.intp))
+    all_of = _following(K, light)[:, kept]
+    massive = mass.part(kept)
+    scale = diagonal_scale(massive)
+    try:
+        L = np.linalg.cholesky(scale[:, None] * massive.dense() * scale)
+    except np.linalg.LinAlgError:
+        return None
+    stiff = scale[:, None] * (all_of.T @ K @ all_of) * scale
+    forward = np.linalg.solve(L, np.linalg.solve(L, stiff).T)
+    values, vectors = np.linalg.eigh(0.5 * (forward + forward.T))
+    positive, errors = _with_errors(values)
+    return positive, all_of @ (scale[:, None] * np.linalg.solve(L.T, vectors)), errors
+
+
+def _following(K: FloatArray, light: FloatArray) -> FloatArray:
+    """Return what moves every unknown by one, and motions without mass, shape (n, k), to where springs hold them."""
+    everything = np.eye(len(K))
+    if not light.shape[1]:
+        return everything
+    held = light.T @ K
+    return everything - light @ factorize(Triplets.from_dense(held @ light)).solve(held)
+
+
+def _with_errors(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return eigenvalues kept above rounding, and the relative error each has: that of the largest, in its own size."""
+    eps, largest = np.finfo(float).eps, float(values.max(initial=0.0))
+    positive = np.maximum(values, max(eps**2 * largest, np.finfo(float).tiny))
+    return positive, len(values) * eps * largest / positive
+
+
+def _cholesky(K: FloatArray, scale: FloatArray) -> FloatArray:
+    try:
+        return np.linalg.cholesky(K).astype(float, copy=False)
+    except np.linalg.LinAlgError:
+        raise NotPositiveError(scale * np.linalg.eigh(K)[1][:, 0]) from None
+
+
+def _signed(shapes: FloatArray) -> FloatArray:
+    """Return the shapes with their largest entry positive, so that a rerun on another machine draws the same."""
+    if not shapes.size:
+        return shapes
+    largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(shapes.shape[1])]
+    return shapes * np.where(largest < 0.0, -1.0, 1.0)

@@ -1,0 +1,233 @@
+"""The steady periodic state without a long transient: shooting.
+
+The state after one revolution is a function of the state before it; its fixed point is sought by Newton's method with
+the derivative of that function (`monodromy`): one revolution for a linear train, few for one with contacts. A. H.
+Nayfeh and B. Balachandran, Applied Nonlinear Dynamics (1995), sec. 5.2. Systems of too many unknowns go by Anderson's
+method, which takes as many revolutions as motions that have not died out: J. ACM 12 (1965); H. F. Walker and P. Ni,
+SIAM J. Numer. Anal. 49 (2011).
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.dynamics.blocks import SaveAt
+from flexcam.dynamics.floquet import LARGEST, period_map
+from flexcam.dynamics.integrator import Method
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.problem import Problem, State
+from flexcam.dynamics.reduced_problem import basis_of, reduce_problem
+from flexcam.dynamics.solve import solve
+from flexcam.dynamics.status import Cause, RunFailedError, Status
+
+_NOTHING = 1e-6
+"""Part of the first guess's motion below which the periodic state is rest."""
+
+_LATE = Status(
+    Cause.TIME_LIMIT, "the time given to the run was over while its periodic start was sought", "allow more time"
+)
+"""How a run ends that never began."""
+
+_MEMORY = 40
+_MOST_REVOLUTIONS = 100
+_USUAL_REVOLUTIONS = 10
+"""Revolutions of a search, by which its engine is chosen."""
+
+_PATIENCE, _PATIENCE_OF_NEWTON = 12, 8
+"""Revolutions without halving the miss after which the search ends: contacts that open and close leave a floor."""
+
+_GOOD = 0.1
+"""Part of the miss to which a step of Newton's lessens it while its derivative is good enough for the next one."""
+
+_FREE = 1e-10
+"""Part of the largest by which a motion must change in a revolution to be sought."""
+
+
+def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9, until: float | None = None) -> State:
+    """Return the state that comes back after one revolution.
+
+    Parameters
+    ----------
+    problem
+        One revolution, from a first guess.
+    scheme
+        By which it is integrated.
+    tolerance
+        By how much the state may miss, as a part of the motion, in the energy norm.
+    until
+        When the search ends at the latest, s of `time.monotonic`; None for no limit.
+
+    Returns
+    -------
+    State
+        The one that misses least, with its miss as `periodicity`.
+
+    Raises
+    ------
+    RunFailedError
+        If the time was over.
+    """
+    start = problem.start or State.rest(problem.system.size)
+    basis = basis_of(problem)
+    inside = problem if basis is None else reduce_problem(problem, basis)
+    if not 0 < inside.system.size <= LARGEST:
+        return replace(_fixed_point(problem, _Anderson(problem, scheme, until), tolerance), time=start.time)
+    found = _fixed_point(inside, _Newton(inside, scheme, until), tolerance)
+    if basis is not None:
+        moved = basis.spread(found.displacement) + basis.held
+        found = replace(found, displacement=moved, velocity=basis.spread(found.velocity))
+    return replace(found, time=start.time)
+
+
+@dataclass(frozen=True, eq=False)
+class _Turn:
+    """A revolution: the state behind it, displacements and velocities within, shape (m, 2n)."""
+
+    end: FloatArray
+    fields: FloatArray
+
+
+class _Search(Protocol):
+    """A way to the state that returns."""
+
+    patience: int
+
+    def turn(self, x: FloatArray) -> _Turn | None:
+        """Return a revolution from a state; None where it breaks off."""
+        ...
+
+    def next(self, x: FloatArray, turn: _Turn | None, error: float) -> FloatArray | None:
+        """Return the next state to try behind one that misses by some error; None to give up."""
+        ...
+
+
+def _fixed_point(problem: Problem, search: _Search, tolerance: float) -> State:
+    """Return the state that misses least, in the unknowns of the problem."""
+    weights = _weights(problem)
+    x: FloatArray | None = _packed(problem, problem.start or State.rest(problem.system.size))
+    best, least, level, since, first = x, np.inf, np.inf, 0, 0.0
+    for _ in range(_MOST_REVOLUTIONS):
+        turn, error = search.turn(x), np.inf
+        if turn is not None:
+            largest = float(np.linalg.norm(weights * (turn.fields - x[: len(weights)]), axis=1).max(initial=0.0))
+            first = first or largest
+            size = max(largest, _NOTHING * first)
+            error = float(np.linalg.norm(weights * (turn.end - x)[: len(weights)])) / size if size > 0.0 else 0.0
+        if error < least:
+            least, best = error, x
+        level, since = (error, 0) if error < 0.5 * level else (level, since + 1)
+        x = search.next(x, turn, error) if error > tolerance and since <= search.patience else None
+        if x is None:
+            break
+    return replace(_unpacked(problem, best), periodicity=float(least))
+
+
+class _Newton:
+    """Newton's method: ``(I - Phi) dx = P(x) - x``, with a plain revolution where a step misses by more.
+
+    Phi is kept while it serves. Motions that die out make the plain revolution come nearer in any case; half a step
+    does so less where contacts open and close.
+    """
+
+    def __init__(self, problem: Problem, scheme: Method, until: float | None) -> None:
+        self._problem, self._scheme, self._until = problem, scheme, until
+        weights = _weights(problem)
+        inner = np.full(len(LocalForces(problem.system).start_state), weights.max())
+        self._weights = np.concatenate([np.where(weights > 0.0, weights, 1.0), inner])
+        self._derivative: FloatArray | None = None
+        self._end: FloatArray | None = None
+        self._least, self.patience = np.inf, _PATIENCE_OF_NEWTON
+
+    def turn(self, x: FloatArray) -> _Turn | None:
+        """Return a revolution, as `_Search` says."""
+        one = replace(self._problem, start=_unpacked(self._problem, x))
+        try:
+            found = period_map(one, self._scheme, self._late, derived=self._derivative is None)
+        except RunFailedError:
+            if self._late():
+                raise RunFailedError(_LATE) from None
+            return None
+        if found.derivative.size:
+            self._derivative = found.derivative
+        return _Turn(found.end, found.fields)
+
+    def next(self, x: FloatArray, turn: _Turn | None, error: float) -> FloatArray | None:
+        """Return the next state, as `_Search` says."""
+        if turn is None or error >= self._least or self._derivative is None:
+            end, self._end, self._derivative, self._least = self._end, None, None, np.inf
+            return end
+        new = x + self._newton(self._derivative, turn.end - x)
+        if error > _GOOD * self._least:
+            self._derivative = None
+        self._end, self._least = turn.end, error
+        return new
+
+    def _newton(self, derivative: FloatArray, miss: FloatArray) -> FloatArray:
+        """Return the step; motions that return from anywhere stay where they are."""
+        w = self._weights
+        change = np.eye(len(w)) - w[:, None] * derivative / w
+        if not np.isfinite(change).all():
+            return miss
+        return np.asarray(np.linalg.lstsq(change, w * miss, rcond=_FREE)[0] / w, dtype=float)
+
+    def _late(self) -> bool:
+        return self._until is not None and time.monotonic() >= self._until
+
+
+class _Anderson:
+    """Anderson's method: the combination of the states behind which the least is missing, moved by what is."""
+
+    def __init__(self, problem: Problem, scheme: Method, until: float | None) -> None:
+        self._problem = replace(problem, runs=problem.runs * _USUAL_REVOLUTIONS)
+        self._scheme, self._until = scheme, until
+        self._weights, self.patience = _weights(problem), _PATIENCE
+        self._points: list[FloatArray] = []
+        self._misses: list[FloatArray] = []
+
+    def turn(self, x: FloatArray) -> _Turn | None:
+        """Return a revolution, as `_Search` says."""
+        one = replace(self._problem, start=_unpacked(self._problem, x))
+        save = SaveAt(field_every=max(one.steps // 64, 1))
+        response = solve(one, self._scheme, save=save, until=self._until)
+        if response.status.cause is Cause.TIME_LIMIT:
+            raise RunFailedError(_LATE)
+        if not response.status.ok:
+            return None
+        self.patience = max(_PATIENCE, 0 if response.stats.events else len(x))
+        fields = np.concatenate([response.fields.displacement, response.fields.velocity], axis=1)
+        return _Turn(np.concatenate([fields[-1], response.inner]), fields)
+
+    def next(self, x: FloatArray, turn: _Turn | None, error: float) -> FloatArray | None:
+        """Return the next state, as `_Search` says."""
+        if turn is None:
+            return None
+        points = self._points = [*self._points, x][-_MEMORY:]
+        misses = self._misses = [*self._misses, turn.end - x][-_MEMORY:]
+        if len(points) == 1:
+            return points[0] + misses[0]
+        dx, df = np.diff(points, axis=0), np.diff(misses, axis=0)
+        weighed = df[:, : len(self._weights)] * self._weights
+        share = np.linalg.lstsq(weighed.T, misses[-1][: len(self._weights)] * self._weights, rcond=1e-12)[0]
+        return points[-1] + misses[-1] - share @ (dx + df)
+
+
+def _packed(problem: Problem, state: State) -> FloatArray:
+    inner = LocalForces(problem.system).start_state if state.inner is None else state.inner
+    return np.concatenate([state.displacement, state.velocity, inner])
+
+
+def _unpacked(problem: Problem, x: FloatArray) -> State:
+    n = problem.system.size
+    begin = problem.start.time if problem.start else 0.0
+    return State(x[:n], x[n : 2 * n], begin, x[2 * n :] if len(x) > 2 * n else None)
+
+
+def _weights(problem: Problem) -> FloatArray:
+    """Return what makes displacements and velocities roots of energies, shape (2n,)."""
+    stiff, mass = (np.sqrt(np.abs(one.diagonal())) for one in (problem.system.stiffness, problem.system.mass))
+    return np.concatenate([stiff, mass])

@@ -1,0 +1,171 @@
+"""Integrators of scipy as a check from outside: another order, another step control, another author.
+
+The unknowns are written as a first-order system: displacement, velocity and the internal states of the local forces.
+E. Hairer and G. Wanner, Solving Ordinary Differential Equations II (1996), for Radau IIA; E. Hairer, S. P. Norsett and
+G. Wanner, Solving Ordinary Differential Equations I (1993), for the eighth-order rule of Dormand and Prince.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.core.errors import InputError, positive, refuse
+from flexcam.dynamics.exact_modes import exact
+from flexcam.dynamics.implicit_step import NoConvergenceError
+from flexcam.dynamics.initial_acceleration import InitialAcceleration
+from flexcam.dynamics.integrator import At, Method, Stepper
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.massless import Massless
+from flexcam.dynamics.step_state import StepInputs, StepState
+from flexcam.dynamics.system import System
+
+_ORDERS = {"Radau": 5, "DOP853": 8}
+_MOST = 200
+"""Unknowns up to which a check is worth its time."""
+
+_STILL = 1e-15
+"""Size of a motion, m, rad or of a state, below which errors do not count."""
+
+
+@dataclass(frozen=True)
+class ScipyIntegrator(Method):
+    """One of scipy's integrators over every step, as exact as its tolerance.
+
+    Parameters
+    ----------
+    name
+        ``"Radau"`` for stiff systems, ``"DOP853"`` for smooth ones.
+    tolerance
+        Relative local error.
+
+    Examples
+    --------
+    >>> ScipyIntegrator("Radau").order
+    5
+    """
+
+    name: Literal["Radau", "DOP853"]
+    tolerance: float = 1e-9
+
+    def __post_init__(self) -> None:
+        if self.name not in _ORDERS:
+            raise refuse("integrator", self.name, " or ".join(_ORDERS))
+        positive("integrator.tolerance", self.tolerance, "")
+        if not 1e-13 <= self.tolerance <= 1e-2:
+            raise refuse("integrator.tolerance", self.tolerance, "1e-13 to 0.01")
+
+    @property
+    def order(self) -> int:
+        """Order of the rule; the error itself is bound by the tolerance."""
+        return _ORDERS[self.name]
+
+    def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
+        """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step: the exact one."""
+        return exact().amplification(omega_dt, damping)
+
+    def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
+        """Return what advances a system by steps of one length, as `Method` says."""
+        return _Stepper(system, forces, self, at)
+
+    def refusal(self, system: System, step: float) -> InputError | None:
+        """Return the refusal of contacts and dampers without mass, and of large systems."""
+        if system.size > _MOST:
+            why, remedy = "it is a check, and slow", "use bathe, or newmark with smaller steps"
+            return refuse("run.integrator", f"{self.name} with {system.size} unknowns", f"at most {_MOST}", why, remedy)
+        return Massless(system).pushed(self.name)
+
+
+class _Stepper:
+    """A call of scipy's integrator per step, which begins with the length of its last one."""
+
+    def __init__(self, system: System, forces: LocalForces, method: ScipyIntegrator, at: At) -> None:
+        self._forces, self._method, self._at = forces, method, at
+        self._light, self._starter, self._n = Massless(system), InitialAcceleration(system, forces), system.size
+
+    def advance(self, now: StepState, to: StepInputs) -> StepState:
+        """Return the next instant, as `Stepper` says."""
+        from scipy.integrate import solve_ivp
+
+        length = to.time - now.time
+        first = None if now.stride is None else min(now.stride, length)
+        found = solve_ivp(
+            self._rate, (now.time, to.time), np.concatenate([now.d, now.v, now.inner]),
+            method=self._method.name, rtol=self._method.tolerance, atol=self._sizes(now, length), first_step=first,
+        )  # fmt: skip
+        if not found.success:
+            raise NoConvergenceError(list(dict.fromkeys(self._forces.names)) or ["the motion"])
+        # The last of a call is cut by its end.
+        stride = float(np.diff(found.t)[:-1].max()) if len(found.t) > 2 else now.stride
+        moment = self._moment(found.y[:, -1], to)
+        if self._light.any:
+            v = self._light.place(moment.v, (moment.applied - now.applied) / length)
+            moment = replace(moment, v=v, a=self._light.place(moment.a, np.zeros(self._n)))
+        return replace(moment, iterations=int(found.nfev), stride=stride)
+
+    def _moment(self, y: FloatArray, to: StepInputs) -> StepState:
+        n = self._n
+        d = self._light.place(y[:n], to.load)
+        return self._starter.restarted(self._starter.answered(d, y[n : 2 * n], y[2 * n :], to))
+
+    def _rate(self, time: float, y: FloatArray) -> FloatArray:
+        to = self._at(time)
+        moment = self._moment(y, to)
+        return np.concatenate([moment.v, moment.a, self._state_rate(moment, to)])
+
+    def _state_rate(self, moment: StepState, to: StepInputs) -> FloatArray:
+        answer = self._forces.respond(moment.gap, moment.rate, moment.inner, to.schedule, to.row)
+        return answer.state_rate
+
+    def _sizes(self, now: StepState, length: float) -> FloatArray:
+        """Return the absolute tolerance of every entry: of the largest motion, as the step sees it."""
+        largest = (float(np.abs(one).max(initial=0.0)) * length**i for i, one in enumerate((now.d, now.v, now.a)))
+        size = max(*largest, _STILL)
+        inner = np.maximum(np.abs(now.inner), np.abs(now.gap[self._forces.table.owners])) + _STILL
+        parts = [np.full(self._n, size), np.full(self._n, size / length), inner]
+        return self._method.tolerance * np.concatenate(parts)
+
+
+def radau(*, tolerance: float = 1e-9) -> ScipyIntegrator:
+    """Return scipy's implicit rule Radau IIA of fifth order.
+
+    Parameters
+    ----------
+    tolerance
+        Relative local error.
+
+    Returns
+    -------
+    Outside
+        For stiff systems.
+
+    Examples
+    --------
+    >>> radau().name
+    'Radau'
+    """
+    return ScipyIntegrator("Radau", tolerance)
+
+
+def dop853(*, tolerance: float = 1e-9) -> ScipyIntegrator:
+    """Return scipy's explicit rule of Dormand and Prince of eighth order.
+
+    Parameters
+    ----------
+    tolerance
+        Relative local error.
+
+    Returns
+    -------
+    Outside
+        For smooth systems whose frequencies are low.
+
+    Examples
+    --------
+    >>> dop853().order
+    8
+    """
+    return ScipyIntegrator("DOP853", tolerance)

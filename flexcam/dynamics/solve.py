@@ -1,0 +1,382 @@
+"""Whether two problems are the same, told by a digest: a run goes on only with the one it began with."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import reduce
+from hashlib import sha256
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray, SingularMatrixError
+from flexcam.core.errors import refuse
+from flexcam.dynamics.blocks import Block, SaveAt, Series, Sink
+from flexcam.dynamics.cam_motion import CamMotion
+from flexcam.dynamics.checkpoint import Arrays, Checkpoint, CheckpointSink, Earlier
+from flexcam.dynamics.energy import PARTS, EnergyAccount, EquilibriumResidual
+from flexcam.dynamics.engine import STOPPED, Engine
+from flexcam.dynamics.engine_selection import create_engine, forces_of, select_engine
+from flexcam.dynamics.generalized_alpha import newmark
+from flexcam.dynamics.integrator import Method
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.memory import Keeper, Memory
+from flexcam.dynamics.modal_engine import ProbeEngine
+from flexcam.dynamics.prescribed_inputs import PrescribedInputs
+from flexcam.dynamics.problem import Problem
+from flexcam.dynamics.reduced_problem import expand_block
+from flexcam.dynamics.response import STATE, Outline, Response
+from flexcam.dynamics.status import Cause, RunFailedError, Stats, Status
+from flexcam.dynamics.step_state import ProbeTrajectory, Trajectory
+from flexcam.dynamics.system import FullMotion, Observation, Probe, System
+
+_INSTANTS = 64
+"""Of the run, at which loads and what the local forces sense are looked at."""
+
+_BEGINNING, _APART = 8192, 13
+"""Steps of its beginning, and every which of them is looked at too: those of the whole may stand at one cam angle."""
+
+
+def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
+    """Return a digest of a problem: matrices, loads, prescribed motion, steps, method, and what is kept.
+
+    The start is left out: it may come from iterations that another number of threads rounds otherwise, and a run that
+    goes on does not begin there.
+    """
+    system = problem.system
+    forces = LocalForces(system)
+    spread = np.linspace(0, problem.steps, _INSTANTS).round().astype(np.intp)
+    steps = np.union1d(spread, np.arange(0, min(problem.steps, _BEGINNING) + 1, _APART))
+    motion = problem.drive.at(problem.times(steps))
+    schedule = forces.schedule(motion)
+    parts = [motion.angle, motion.speed, system.load_vectors(), system.load_histories(motion), forces.act.vectors]
+    parts += [forces.sense.vectors, schedule.rows, forces.table.laws, forces.table.constants]
+    for matrix in (system.mass, system.damping, system.stiffness):
+        parts += [matrix.rows, matrix.cols, matrix.values]
+    parts += [probe.rows for probe in system.probes]
+    told = (method, save, problem.step, problem.steps, problem.adaptive, problem.prune, problem.engine, system.names)
+    digest = sha256(repr((*told, forces.names)).encode())
+    for part in parts:
+        digest.update(repr(part.shape).encode() + np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()
+
+
+def outline(system: System, *, channels: bool = True) -> Outline:
+    """Return the names of what a run of a system saves."""
+    probes = tuple((p.name, p.components) for p in system.probes)
+    names = system.carried.names if system.carried else system.names
+    if not channels:
+        return Outline(names, probes, ())
+    energies = () if system.carried else tuple((f"energy.{part}", "J") for part in PARTS)
+    states = [(f"{STATE}{force.name}.{i}", "1") for force in system.local_forces for i in range(force.states)]
+    return Outline(names, probes, (*((c.name, c.unit) for c in system.channels), *energies, *states))
+
+
+def solve(
+    problem: Problem,
+    scheme: Method,
+    *,
+    save: SaveAt | None = None,
+    sinks: Sequence[Sink] = (),
+    stop: Callable[[], bool] | None = None,
+    until: float | None = None,
+    memory: Keeper | None = None,
+    resume: Earlier | None = None,
+) -> Response:
+    """Integrate a problem in time.
+
+    Parameters
+    ----------
+    problem
+        System, drive, step and start; it is not changed.
+    scheme
+        From `newmark`, `bathe`, `central_difference`, `exact`, `radau` or their like.
+    save
+        What to keep; None for the defaults of `SaveAt`.
+    sinks
+        Further takers of the results, beside the returned response.
+    stop
+        Asked before every step; the run ends, keeping what it has, when it says so.
+    until
+        When the run ends at the latest, keeping what it has, s of `time.monotonic`; None for no limit.
+    memory
+        What the returned response is made of; None for everything, which a long run may have no room for.
+    resume
+        The finished part of a run of this problem that broke off: it goes on from there, and all takers get the earlier
+        results first. None to begin at the start.
+
+    Returns
+    -------
+    Response
+        With a status: a run that breaks off keeps what it has and says why.
+
+    Raises
+    ------
+    RunFailedError
+        If not even the first instant can be computed: some motion has neither mass nor stiffness.
+
+    Examples
+    --------
+    A mass on a spring, started from rest under a constant force:
+
+    >>> from flexcam.dynamics import Problem, newmark, solve
+    >>> from flexcam.core import Triplets
+    >>> from flexcam.dynamics import ConstantSpeed, Load, Probe, System
+    >>> one = Triplets.from_dense([[1.0]])
+    >>> push = Load("push", np.ones(1), lambda motion: np.ones_like(motion.angle))
+    >>> system = System(one, Triplets.zeros(1), one, ("x",), (push,), probes=(Probe("x", ("x",), np.eye(1), (None,)),))
+    >>> response = solve(Problem(system, ConstantSpeed(1.0), step=0.01, steps=315), newmark())
+    >>> bool(abs(response["x"].displacement.max() - 2.0) < 1e-4)
+    True
+    """
+    keep = save or SaveAt()
+    names = outline(problem.system, channels=keep.channels)
+    memory = memory or Memory(names, problem.steps + 1, problem.steps // keep.field_every + 2)
+    takers = (memory, *sinks)
+    clock = _Clock(stop or _never, until)
+    keepers = [sink for sink in sinks if isinstance(sink, CheckpointSink)]
+    problem_told = fingerprint(problem, scheme, keep) if keepers or resume else ""
+    if resume and resume.checkpoint.problem != problem_told:
+        why = "a run goes on only with the problem it began with"
+        allowed = "what a run of this problem left"
+        raise refuse("resume", "what another problem left", allowed, why, "run it from its start")
+    started = time.perf_counter()
+    returns = problem.start.periodicity if problem.start else None
+    way = select_engine(problem, scheme, keep)
+    inside = way.problem
+    sizes = len(names.unknowns), inside.system.size
+    stats = Stats(engine=way.engine, size=sizes[0], unknowns=sizes[1], periodicity=-1.0 if returns is None else returns)
+    status = Status()
+    try:
+        forces = forces_of(way)
+        engine = create_engine(way, scheme, forces, keep, clock.stopped, pilot)
+        run = _Run(inside, engine, forces, keep)
+        if resume is not None:
+            for block in resume.blocks():
+                _hand_out(block, takers)
+            run.restore(resume.checkpoint.arrays)
+            stats = run.counted(replace(stats, steps=resume.checkpoint.steps))
+        for block in run.blocks(stats.steps):
+            _hand_out(reduce(expand_block, way.bases, block), takers)
+            stats = run.counted(replace(stats, steps=stats.steps + len(block.time)))
+            if keepers and run.status.ok:
+                reached = Checkpoint(stats.steps, problem_told, run.state())
+                for sink in keepers:
+                    sink.keep(reached)
+        status = TIME_UP if clock.late and run.status is STOPPED else run.status
+    except KeyboardInterrupt:
+        status = STOPPED
+    except SingularMatrixError as fault:
+        status = singular(fault, inside.system)
+    except OSError as fault:  # of a sink: the numbers computed so far are still in memory
+        status = _not_saved(fault)
+    stats = replace(stats, steps=max(stats.steps - 1, 0), seconds=time.perf_counter() - started)
+    status = _close(sinks, status, stats)
+    memory.close(status, stats)
+    if status.cause is Cause.SINGULAR:
+        raise RunFailedError(status)
+    return memory.response()
+
+
+def _hand_out(block: Block, takers: Sequence[Sink]) -> None:
+    for sink in takers:
+        sink.write(block)
+
+
+def _close(sinks: Sequence[Sink], status: Status, stats: Stats) -> Status:
+    """Tell all sinks how the run ended, and return how it ended after all: the last of a result may not be saved."""
+    for sink in sinks:
+        try:
+            sink.close(status, stats)
+        except OSError as fault:
+            status = _not_saved(fault)
+    return status
+
+
+def _not_saved(fault: OSError) -> Status:
+    text = f"the result could not be written: {fault}"
+    remedy = "free space or name another folder; --resume goes on from what was saved, if anything was"
+    return Status(Cause.NOT_SAVED, text, remedy)
+
+
+def singular(fault: SingularMatrixError, system: System) -> Status:
+    """Return the status of a motion that nothing determines."""
+    where = ", ".join(system.names[i] for i in fault.unknowns[:6]) or "an unknown"
+    text = f"nothing determines the motion of {where}: no mass, and no stiffness to place it"
+    return Status(Cause.SINGULAR, text, "support it, or give it a mass or a spring")
+
+
+class _Run:
+    """One run: the blocks of an engine, with everything that is observed."""
+
+    def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt) -> None:
+        self._problem, self._engine, self._system, self._save = problem, engine, problem.system, save
+        self._forces = forces
+        width = 1 if isinstance(engine, ProbeEngine) else max(problem.system.size, 1)
+        self._at_once = max(AT_ONCE // width, LEAST_AT_ONCE)
+        self._account = EnergyAccount(problem.system, forces)
+        self._imbalance = EquilibriumResidual(problem.system, forces, problem.step)
+        self.status = Status()
+
+    def state(self) -> Arrays:
+        """Return everything the next block depends on and the problem does not tell."""
+        return {**self._engine.state(), **self._account.state(), **self._imbalance.state()}
+
+    def restore(self, state: Arrays) -> None:
+        """Go on from what `state` returned."""
+        self._engine.restore(state)
+        self._account.restore(state)
+        self._imbalance.restore(state)
+
+    def blocks(self, done: int = 0) -> Iterator[Block]:
+        """Yield the results block by block, the start in the first, behind so many instants that are done.
+
+        A block is cut before the first instant that is not finite or did not settle, and is then the last one;
+        `status` says why.
+        """
+        size, end = self._save.block, self._problem.steps + 1
+        for first in range(done, end, size):
+            parts = list(self._parts(first, min(first + size, end)))
+            if parts:
+                yield Block.joined(parts)
+            if not self.status.ok:
+                return
+
+    def _parts(self, first: int, end: int) -> Iterator[Block]:
+        """Yield the parts of a block, of which only what is saved stays: a large system has few steps in memory."""
+        for begin in range(first, end, self._at_once):
+            steps = np.arange(begin, min(begin + self._at_once, end))
+            with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
+                block = self._part(steps)
+            if block is not None:
+                yield block
+            if not self.status.ok:
+                return
+
+    def _part(self, steps: IntArray) -> Block | None:
+        """Return the block of some steps, or None where not even the first could be taken; `status` tells why."""
+        if isinstance(self._engine, ProbeEngine):
+            glance, self.status = self._engine.glance(steps)
+            return self._glanced(steps[: len(glance.time)], glance) if len(glance.time) else None
+        track, self.status = self._engine.advance(steps)
+        return self._block(steps[: len(track.ends)], track) if len(track.ends) else None
+
+    def _glanced(self, steps: IntArray, glance: ProbeTrajectory) -> Block:
+        motion, saved = self._problem.drive.at(glance.time), self._save.fields(steps, self._problem.steps)
+        return Block(
+            time=glance.time, angle=motion.angle, probes=_offset(self._system.probes, glance.probes, motion),
+            channels=np.zeros((len(steps), 0)), field_time=glance.time[saved], field_angle=motion.angle[saved],
+            fields=glance.fields,
+        )  # fmt: skip
+
+    def _block(self, steps: IntArray, track: Trajectory) -> Block:
+        motion, time = replace(self._problem.drive.at(track.time), known=track.cam), track.time
+        ends = track.ends if len(track.ends) < len(time) else slice(None)
+        fields, series = track.ends[self._save.fields(steps, self._problem.steps)], Series(track.d, track.v, track.a)
+        probes = _probe_series(self._system.probes, series, motion)
+        shown = Series(*self._system.carried.at(motion)) if self._system.carried else series
+        return Block(
+            time=time[ends], angle=motion.angle[ends], probes=probes.at(ends),
+            channels=self._channels(steps, track, motion) if self._save.channels else np.zeros((len(steps), 0)),
+            field_time=time[fields], field_angle=motion.angle[fields],
+            fields=shown if len(fields) == len(time) else shown.at(fields),
+        )  # fmt: skip
+
+    def counted(self, stats: Stats) -> Stats:
+        """Return figures of the run with those counted here."""
+        stats = self._engine.counted(stats)
+        return replace(stats, imbalance=self._imbalance.share) if self._save.channels else stats
+
+    def _channels(self, steps: IntArray, track: Trajectory, motion: CamMotion) -> FloatArray:
+        """Return channels, energies and internal states at the ends of steps."""
+        schedule = self._forces.schedule(motion)
+        seen, carried = self._observed(track, motion, schedule)
+        last = steps == self._problem.steps  # of a short run nothing else may be looked at
+        between = (steps + 1) % self._save.field_every == 0  # at saved fields some ways take their state anew
+        self._imbalance.look(track, seen, schedule, track.ends[between | last])
+        each = [channel.value(seen) for channel in self._system.channels]
+        if not self._system.carried:
+            each.append(self._account.block(track, seen, carried, schedule))
+        found = np.column_stack([*each, seen.states])
+        return found[track.ends] if len(steps) < len(found) else found
+
+    def _observed(
+        self, track: Trajectory, motion: CamMotion, schedule: PrescribedInputs
+    ) -> tuple[Observation, FloatArray]:
+        """Return what is observed, and the part of the sensed rates that the cam alone causes."""
+        gaps, rates, carried = self._forces.sensed(track.d, track.v, schedule)
+        histories, moved = self._system.load_histories(motion), FullMotion(track.d, track.v, track.a)
+        forces = np.asfortranarray(track.local)  # scalar by scalar, as what is sensed
+        return Observation(motion, schedule.cam, moved, histories, forces, gaps, rates, track.state), carried
+
+
+def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -> Series:
+    rows = np.concatenate([p.rows for p in probes]) if probes else np.zeros((0, moved.displacement.shape[1]))
+    picked = (one @ rows.T for one in (moved.displacement, moved.velocity, moved.acceleration))
+    return _offset(probes, Series(*picked), motion)
+
+
+def _offset(probes: tuple[Probe, ...], picked: Series, motion: CamMotion) -> Series:
+    """Return what rows pick of a motion with what the cam prescribes beside it."""
+    d, v, a = (np.array(one) for one in (picked.displacement, picked.velocity, picked.acceleration))
+    cam, speed = motion.cam, motion.speed
+    for column, offset in enumerate(o for p in probes for o in p.offset):
+        if offset is not None:
+            slope = cam(offset, 1)
+            d[:, column] += cam(offset, 0)
+            v[:, column] += slope * speed
+            a[:, column] += cam(offset, 2) * speed**2 + slope * motion.rate
+    return Series(d, v, a)
+
+
+def prescribed_probes(system: System, motion: CamMotion) -> Series:
+    """Return the motion of the probes of a system without unknowns: that which the cam gives them."""
+    nothing = np.zeros((len(motion.angle), system.size))
+    return _probe_series(system.probes, Series(nothing, nothing, nothing), motion)
+
+
+def _never() -> bool:
+    return False
+
+
+TIME_UP = Status(
+    Cause.TIME_LIMIT,
+    "the time given to the run was over before its end",
+    "what was finished is kept; --resume goes on from there",
+)
+"""How a run ends that was given too little time."""
+
+
+class _Clock:
+    """Tells an engine when to stop: when asked to, or when the time is over."""
+
+    def __init__(self, stop: Callable[[], bool], until: float | None) -> None:
+        self._stop, self._until = stop, until
+        self.late = False
+
+    def stopped(self) -> bool:
+        self.late = self._until is not None and time.monotonic() >= self._until
+        return self.late or self._stop()
+
+
+def pilot(problem: Problem, method: Method) -> Series:
+    """Return the motion of the first revolution by the steps as given: errors are measured against its size.
+
+    Steps as given may be beyond what the method stands: what grows without bound would be no measure.
+    """
+    sound = method if method.stable_to() == math.inf else newmark()
+    begin = problem.start.time if problem.start else 0.0
+    times: FloatArray = begin + problem.step * np.arange(problem.steps + 1, dtype=float)
+    angle = problem.drive.at(times).angle
+    steps = max(int(np.count_nonzero(angle < angle[0] + 2.0 * np.pi)), 1)
+    first = replace(problem, steps=min(steps, problem.steps), adaptive=None)
+    return solve(first, sound, save=SaveAt(field_every=max(first.steps // _LOOKS, 1))).fields
+
+
+AT_ONCE, LEAST_AT_ONCE = 50_000, 8
+"""Unknowns times steps whose motion is in memory together, so that its dozen arrays stay near the processor; steps."""
+
+_LOOKS = 200
+"""Fields of the pilot run that are looked at."""

@@ -1,0 +1,330 @@
+"""Static balance of a system whose local forces may be all that holds it: a train resting on its cam and its seat.
+
+The balance is the least of the potential energy: strain, contacts, less the work of the loads. With contacts that only
+push it is convex, so that Newton's method with a line search on it arrives from anywhere, whichever contacts open and
+close on the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.core import (
+    DENSE_LIMIT,
+    TOO_MUCH,
+    FloatArray,
+    IntArray,
+    SingularMatrixError,
+    Triplets,
+    diagonal_scale,
+    energy_rounding,
+    factorize,
+    factorize_held,
+    null_space,
+    pins,
+    share_lost,
+)
+from flexcam.dynamics.cam_motion import CamMotion, Drive
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.prescribed_inputs import PrescribedInputs
+from flexcam.dynamics.problem import State
+from flexcam.dynamics.status import TOO_FINE, Cause, RunFailedError, Status, instability_status
+from flexcam.dynamics.system import Load, Reaction, System
+
+_MOST_ITERATIONS = 300
+_TOLERANCE = 1e-9
+"""Of the largest force, by which forces may miss their balance."""
+
+_SHARP = 1e-12
+"""The same of a balance that is compared with one nearby: their difference has few of the digits."""
+
+_SUMS = 4.0
+"""Roundings of a sum of a dozen parts, a few of which are large."""
+
+_NEGATIVE = 1e-9
+"""Eigenvalue of the scaled stiffness, of size 1, that is negative beyond rounding."""
+
+_DECREASE, _HALVINGS = 1e-4, 40
+_FALL = 0.01
+"""Distance, m, that a part which nothing holds may fall in one iteration."""
+
+
+def solve_equilibrium(
+    system: System, forces: LocalForces, load: FloatArray, motion: CamMotion, near: FloatArray | None = None
+) -> FloatArray:
+    """Return the displacement at which loads, stiffness and local forces balance, at rest."""
+    free = null_space(system.stiffness) if system.free is None else system.free
+    free = np.linalg.qr(free)[0] if free.shape[1] else free
+    potential = _Potential.of(system, forces, forces.schedule(motion), load)
+    u = np.zeros(system.size) if near is None else near
+    # A soft hold of the free motions limits a step along them and vanishes with the step.
+    hold = max(float(np.abs(free.T @ load).max(initial=0.0)) / _FALL, 1.0)
+    before, energy = np.inf, None
+    for _ in range(_MOST_ITERATIONS):
+        missing, size, tangent = potential.at(u)
+        most = float(np.abs(missing).max(initial=0.0))
+        stalled, close = 0.5 * before <= most, most <= _TOLERANCE * size
+        done = close and (near is None or stalled or most <= _SHARP * size)
+        if done or (stalled and most <= potential.rounding(u)):  # gets no better
+            if not close and share_lost(system.stiffness, u) > TOO_MUCH:
+                raise RunFailedError(TOO_FINE)
+            _refuse_unstable(potential, u, tangent)
+            return u
+        step = _step(tangent, free, hold, missing)
+        part, energy = potential.shortened(u, step, missing, energy)
+        u, before = u + part * step, most
+    missing, _, tangent = potential.at(u)
+    _refuse_unstable(potential, u, tangent)
+    raise _unbalanced(system, missing, free)
+
+
+def _step(tangent: Triplets, free: FloatArray, hold: float, missing: FloatArray) -> FloatArray:
+    """Return the step of Newton: where the free motions are held, a tangent is singular by rounding alone."""
+    try:
+        return factorize_held(tangent, free, hold).solve(missing)
+    except SingularMatrixError:
+        raise RunFailedError(TOO_FINE) from None
+
+
+def _refuse_unstable(potential: _Potential, u: FloatArray, tangent: Triplets) -> None:
+    """Refuse a balance from which the smallest push leads away: the least of the energy lies elsewhere."""
+    system = potential.system
+    if system.size > 2 * DENSE_LIMIT or not system.local_forces:
+        return
+    scale = diagonal_scale(tangent)
+    scaled = scale[:, None] * tangent.dense() * scale
+    symmetric = 0.5 * (scaled + scaled.T)
+    try:
+        np.linalg.cholesky(symmetric + _NEGATIVE * np.eye(len(symmetric)))
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(symmetric)
+    else:
+        return
+    if values[0] >= -_NEGATIVE:
+        return
+    raise RunFailedError(instability_status(system.names, scale * vectors[:, 0], potential.parts(u)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Touching:
+    """What one local law does to the unknowns that it touches, at a cam angle.
+
+    Parameters
+    ----------
+    name
+        Of the local force.
+    scalars
+        Its place among the sensed scalars.
+    touched
+        The unknowns, shape (t,).
+    act, sense
+        Derivatives by them of what it acts along and of what it senses, shape (c, t).
+    """
+
+    name: str
+    scalars: slice
+    touched: IntArray
+    act: FloatArray
+    sense: FloatArray
+
+    def tangent(self, by_gap: FloatArray, size: int) -> Triplets:
+        """Return the stiffness of the law, n x n, from how all forces follow what is sensed, shape (c, c)."""
+        own = Triplets.from_dense(-self.act.T @ by_gap[self.scalars, self.scalars] @ self.sense)
+        return Triplets(size, self.touched[own.rows], self.touched[own.cols], own.values)
+
+
+@dataclass(frozen=True, eq=False)
+class _Potential:
+    """Potential energy of a system at rest, its negative slope (what is out of balance) and its tangent."""
+
+    system: System
+    forces: LocalForces
+    schedule: PrescribedInputs
+    act: FloatArray
+    sense: FloatArray
+    touching: tuple[_Touching, ...]
+    load: FloatArray
+
+    @classmethod
+    def of(cls, system: System, forces: LocalForces, schedule: PrescribedInputs, load: FloatArray) -> _Potential:
+        """Return that of a cam angle, under a load of shape (n,)."""
+        act = schedule.acting(0) @ forces.act.vectors
+        sense = schedule.sensing(0) @ forces.sense.vectors
+        each: list[_Touching] = []
+        for one, part, _ in forces.parts:
+            at = np.flatnonzero((act[part] != 0.0).any(axis=0) | (sense[part] != 0.0).any(axis=0))
+            each.append(_Touching(one.name, part, at, act[part, at], sense[part, at]))
+        return cls(system, forces, schedule, act, sense, tuple(each), load)
+
+    def at(self, u: FloatArray) -> tuple[FloatArray, float, Triplets]:
+        """Return the forces out of balance (n,), the size of the forces, and the tangent."""
+        reaction, stiffness = self._reaction(u), self.system.stiffness
+        strain, pushed = stiffness.times(u), reaction.force @ self.act
+        local = [one.tangent(reaction.by_gap, stiffness.size) for one in self.touching]
+        size = max(float(np.abs(part).max(initial=0.0)) for part in (self.load, strain, pushed))
+        missing = self.load + pushed - strain
+        return missing, max(size, np.finfo(float).tiny), Triplets.joined([stiffness, *local])
+
+    def parts(self, u: FloatArray) -> list[tuple[str, Triplets]]:
+        """Return name and stiffness of each local force."""
+        reaction = self._reaction(u)
+        return [(one.name, one.tangent(reaction.by_gap, self.system.size)) for one in self.touching]
+
+    def _reaction(self, u: FloatArray) -> Reaction:
+        still, states = np.zeros(self.forces.count), self.forces.start_state
+        return self.forces.respond(self._gap(u), still, states, self.schedule)
+
+    def _gap(self, u: FloatArray) -> FloatArray:
+        return self.sense @ u + self.schedule.offset[0]
+
+    def rounding(self, u: FloatArray) -> float:
+        """Return what is left out of balance in the best of cases, the strain forces being sums of large parts."""
+        K = self.system.stiffness
+        parts = Triplets(K.size, K.rows, K.cols, np.abs(K.values)).times(np.abs(u))
+        return _SUMS * float(np.finfo(float).eps) * float(parts.max(initial=0.0))
+
+    def energy(self, u: FloatArray) -> float:
+        """Return the potential energy; laws that store none count with nothing."""
+        state = self.forces.start_state[None]
+        stored = float(self.forces.stored_energy().at(self._gap(u)[None], state, self.schedule.angle)[0][0])
+        return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
+
+    def shortened(
+        self, u: FloatArray, step: FloatArray, missing: FloatArray, known: float | None
+    ) -> tuple[float, float | None]:
+        """Return the part of a step that lowers the energy enough, and the energy behind it; `known` is that before."""
+        if not self.forces.storing.all():
+            return 1.0, None  # a linear coupling: the whole step is right
+        before, slope, part = self.energy(u) if known is None else known, float(missing @ step), 1.0
+        for _ in range(_HALVINGS):
+            after = self.energy(u + part * step)
+            if after <= before - _DECREASE * part * slope + 1e-12 * abs(before):
+                return part, after
+            part *= 0.5
+        return part, None
+
+
+def _unbalanced(system: System, missing: FloatArray, free: FloatArray) -> RunFailedError:
+    push = np.abs(free @ (free.T @ missing)) if free.shape[1] else np.zeros(1)
+    if float(push.max()) > 1e-6 * float(np.abs(missing).max(initial=0.0)):
+        furthest: list[int] = np.argsort(-push)[:4].tolist()
+        moving = ", ".join(system.names[i] for i in furthest)
+        text = f"no contact holds the mechanism against its loads; it moves off with {moving}"
+        return RunFailedError(Status(Cause.SINGULAR, text, "install the springs with a force that closes the contacts"))
+    text = "the contacts found no static balance"
+    return RunFailedError(Status(Cause.NO_CONVERGENCE, text, "raise the installed forces, or soften a contact"))
+
+
+_UNLOADED = 1e-9
+"""Share of the load along a free motion that counts as none: loads are sums of given numbers with 15 digits."""
+
+
+def static_displacement(
+    stiffness: Triplets, load: FloatArray, names: Sequence[str], free: FloatArray | None = None
+) -> FloatArray:
+    """Return the displacement under a static load.
+
+    A stiffness that leaves rigid motions or mechanisms free is no fault as long as the load does no work on them
+    (the axial drift of a shaft between radial bearings): the answer is then the one without any part along them.
+    No spring is added anywhere.
+    """
+    free = null_space(stiffness) if free is None else free
+    if not free.shape[1]:
+        return _trusted(stiffness, load, _solved(stiffness, load))
+    # Weighed with the diagonal of the stiffness, translations and rotations compare whatever their units.
+    scale = diagonal_scale(stiffness)
+    motions = np.linalg.qr(free / scale[:, None])[0]
+    _refuse_mechanism(motions, scale * load, names)
+    # As the load does no work on the free motions, holding one unknown of each changes nothing but their share.
+    kept = np.setdiff1d(np.arange(stiffness.size), pins(motions))
+    x = np.zeros(stiffness.size)
+    x[kept] = _solved(stiffness.part(kept), load[kept])
+    # Plain least squares of the components: no axis of space is favoured.
+    drift = np.linalg.qr(free)[0]
+    return _trusted(stiffness, load, x) - drift @ (drift.T @ x)
+
+
+def _solved(stiffness: Triplets, load: FloatArray) -> FloatArray:
+    """Return the displacement of a structure that is held: what is singular then is so by rounding."""
+    try:
+        return factorize(stiffness).solve(load)
+    except SingularMatrixError:
+        raise RunFailedError(TOO_FINE) from None
+
+
+def _trusted(stiffness: Triplets, load: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the answer if rounding in the stiffness has left it standing."""
+    lost = float(energy_rounding(stiffness, x[:, None])[0])
+    if lost > TOO_MUCH * abs(float(x @ load)):
+        raise RunFailedError(TOO_FINE)
+    return x
+
+
+def _refuse_mechanism(motions: FloatArray, load: FloatArray, names: Sequence[str]) -> None:
+    push = motions.T @ load
+    if np.abs(push).max() <= _UNLOADED * np.linalg.norm(load):
+        return
+    motion = np.abs(motions @ push)
+    order: list[int] = np.argsort(-motion).tolist()
+    moving = [names[i] for i in order if motion[i] > 0.1 * motion.max()]
+    shown = ", ".join(moving[:8]) + (f" and {len(moving) - 8} more" if len(moving) > 8 else "")
+    text = f"the load drives a motion that nothing resists: {shown}"
+    raise RunFailedError(Status(Cause.SINGULAR, text, "support one of these components or attach a spring to it"))
+
+
+def rest(system: System, drive: Drive, time: float = 0.0) -> State:
+    """Return the state of a mechanism that stands still as installed: its preloads in balance, nothing else acting."""
+    return _balanced(LocalForces(system), system, drive, time, lambda load: load.installed)
+
+
+def equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
+    """Return the static equilibrium under all loads and local forces at the cam angle of an instant."""
+    return _balanced(LocalForces(system), system, drive, time, _all)
+
+
+def moving_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
+    """Return the static equilibrium of an instant with the velocity at which the cam carries it on.
+
+    A cam that lifts at the start would strike a train at rest: the velocities are those of the equilibria before and
+    after, ``omega du/dtheta``, by a central difference over a thousandth of a radian.
+    """
+    forces = LocalForces(system)
+    still = _balanced(forces, system, drive, time, _all)
+    step = _CARRIED / float(drive.at(np.array([time])).speed[0])
+    near = still.displacement
+    before, after = (_balanced(forces, system, drive, time + side, _all, near).displacement for side in (-step, step))
+    return replace(still, velocity=(after - before) / (2.0 * step))
+
+
+_CARRIED = 1e-3
+"""rad."""
+
+
+def _all(load: Load) -> bool:
+    return True
+
+
+def _balanced(
+    forces: LocalForces, system: System, drive: Drive, time: float, acts: Callable[[Load], bool],
+    near: FloatArray | None = None,
+) -> State:  # fmt: skip
+    """Return the balance at an instant under some of the loads, sought from a displacement nearby."""
+    motion = drive.at(np.array([time]))
+    counted = np.array([acts(load) for load in system.loads], dtype=float)
+    load = (counted * system.load_histories(motion)[0]) @ system.load_vectors()
+    if not forces.count:
+        d = static_displacement(system.stiffness, load, system.names, system.free)
+    else:
+        d = solve_equilibrium(system, forces, load, motion, near)
+    return State(d, np.zeros(system.size), time, _resting(forces, d, motion))
+
+
+def _resting(forces: LocalForces, d: FloatArray, motion: CamMotion) -> FloatArray | None:
+    """Return the internal states at rest, shape (s,); None where there are none."""
+    if not len(forces.table.owners):
+        return None
+    gap = forces.sensed(d[None], np.zeros((1, len(d))), forces.schedule(motion))[0][0]
+    return np.minimum(gap[forces.table.owners], 0.0)  # what carries at rest has not leaked yet, and no oil is missing

@@ -1,0 +1,205 @@
+"""What a step goes from and to: the motion of an instant, and what is prescribed at one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.angle_functions import CamFunctionCache
+from flexcam.dynamics.blocks import Series
+from flexcam.dynamics.checkpoint import Arrays, arrays_below
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.prescribed_inputs import PrescribedInputs
+
+
+@dataclass(frozen=True, eq=False)
+class StepState:
+    """Everything the next step needs to know of an instant.
+
+    Parameters
+    ----------
+    time
+        s.
+    d, v, a
+        Displacement, velocity, acceleration, shape (n,).
+    applied
+        Loads and local forces in the unknowns, shape (n,).
+    local, gap, rate
+        Local forces, what they sense and its rate, shape (c,).
+    inner
+        Internal states of the local laws, shape (s,).
+    pressed
+        On which side of zero the switching scalars are counted; None for that of the gap.
+    impulse
+        Of impacts at this instant, N s, shape (c,); None without.
+    iterations
+        Newton iterations that led here.
+    stride
+        Length of the inner steps of a method that divides its steps by itself, s; None for its own choice.
+    """
+
+    time: float
+    d: FloatArray
+    v: FloatArray
+    a: FloatArray
+    applied: FloatArray
+    local: FloatArray
+    gap: FloatArray
+    rate: FloatArray
+    inner: FloatArray
+    pressed: NDArray[np.bool_] | None = None
+    impulse: FloatArray | None = None
+    iterations: int = 0
+    stride: float | None = None
+
+    @classmethod
+    def restored(cls, name: str, arrays: Arrays) -> StepState | None:
+        """Return the instant of a checkpoint, bit by bit; None where it holds none."""
+        parts = arrays_below(name, arrays)
+        if not parts:
+            return None
+        stride = parts.pop("stride", None)
+        time, iterations = float(parts.pop("time")), int(parts.pop("iterations"))
+        own = None if stride is None else float(stride)
+        return cls(time, iterations=iterations, stride=own, **parts)
+
+
+@dataclass(frozen=True, eq=False)
+class StepInputs:
+    """What is prescribed at an instant.
+
+    Parameters
+    ----------
+    time
+        s.
+    load
+        Loads in the unknowns, shape (n,).
+    schedule
+        What follows from the cam motion for the local forces.
+    row
+        Which row of the schedule is meant.
+    """
+
+    time: float
+    load: FloatArray
+    schedule: PrescribedInputs
+    row: int = 0
+
+    @property
+    def angle(self) -> float:
+        """Cam angle, rad."""
+        return float(self.schedule.angle[self.row])
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Instants of a run one after the other, in the unknowns it is integrated in.
+
+    Parameters
+    ----------
+    time
+        s, shape (m,).
+    d, v, a
+        Displacement, velocity, acceleration, shape (m, n).
+    local
+        Local forces, shape (m, c).
+    state
+        Internal states of the local laws, shape (m, s).
+    impulse
+        Of impacts, N s, shape (m, c).
+    ends
+        Which instants end a step of the results, shape (b,): the others are events, or shorter steps.
+    cam
+        Functions of the cam angle at these instants, where they are known.
+    """
+
+    time: FloatArray
+    d: FloatArray
+    v: FloatArray
+    a: FloatArray
+    local: FloatArray
+    state: FloatArray
+    impulse: FloatArray
+    ends: IntArray
+    cam: CamFunctionCache | None = None
+
+    @classmethod
+    def of(cls, steps: Sequence[Sequence[StepState]]) -> Trajectory:
+        """Return the instants of some steps, one sequence per step."""
+        every = [moment for part in steps for moment in part]
+        nothing = np.zeros(len(every[0].local))
+        return cls(
+            time=np.array([m.time for m in every]), d=np.array([m.d for m in every]),
+            v=np.array([m.v for m in every]), a=np.array([m.a for m in every]),
+            local=np.array([m.local for m in every]), state=np.array([m.inner for m in every]),
+            impulse=np.array([nothing if m.impulse is None else m.impulse for m in every]),
+            ends=np.cumsum([len(part) for part in steps]) - 1,
+        )  # fmt: skip
+
+    @classmethod
+    def none(cls, size: int, forces: LocalForces) -> Trajectory:
+        """Return no instants of a system of some size."""
+        still, local = np.zeros((0, size)), np.zeros((0, forces.count))
+        state = np.zeros((0, len(forces.start_state)))
+        return cls(np.zeros(0), still, still, still, local, state, local, np.zeros(0, dtype=np.intp))
+
+    @classmethod
+    def joined(cls, tracks: Sequence[Trajectory]) -> Trajectory:
+        """Return the instants of several, one after the other."""
+        time, d, v, a, local, state, impulse = (
+            np.concatenate(rows) for rows in zip(*(t.rows for t in tracks), strict=True)
+        )
+        begins = np.cumsum([0, *(len(track.time) for track in tracks)])
+        ends = [track.ends + begin for track, begin in zip(tracks, begins, strict=False)]
+        return cls(time, d, v, a, local, state, impulse, np.concatenate(ends))
+
+    @property
+    def rows(self) -> tuple[FloatArray, ...]:
+        """All arrays with a row per instant."""
+        return self.time, self.d, self.v, self.a, self.local, self.state, self.impulse
+
+    def between(self, first: int, last: int) -> Trajectory:
+        """Return the instants from one to before another, each of which ends a step."""
+        return self._taken(slice(first, last), np.arange(last - first))
+
+    def last(self) -> Trajectory:
+        """Return the last instant alone."""
+        return self._taken(slice(-1, None), np.zeros(1, dtype=np.intp))
+
+    def until(self, count: int) -> Trajectory:
+        """Return the instants of the first so many steps."""
+        end = int(self.ends[count - 1]) + 1 if count else 0
+        return self._taken(slice(0, end), self.ends[:count])
+
+    def _taken(self, part: slice, ends: IntArray) -> Trajectory:
+        time, d, v, a, local, state, impulse = (rows[part] for rows in self.rows)
+        return Trajectory(time, d, v, a, local, state, impulse, ends)
+
+
+@dataclass(frozen=True, eq=False)
+class ProbeTrajectory:
+    """What is kept of some steps where nobody asks for more.
+
+    Parameters
+    ----------
+    time
+        s, shape (b,).
+    probes
+        All scalars of the probes without their prescribed part, shape (b, p).
+    fields
+        The motions at saved fields, shape (f, n).
+    """
+
+    time: FloatArray
+    probes: Series
+    fields: Series
+
+    @classmethod
+    def none(cls, probes: int, size: int) -> ProbeTrajectory:
+        """Return no steps of a system of some size."""
+        watched, still = np.zeros((0, probes)), np.zeros((0, size))
+        return cls(np.zeros(0), Series(watched, watched, watched), Series(still, still, still))

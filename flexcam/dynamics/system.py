@@ -1,0 +1,408 @@
+"""Local forces: each senses a few scalars of the motion and acts with as many forces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from flexcam.core import FloatArray, Triplets
+from flexcam.dynamics.angle_functions import AngleFunction, AngleVector, CamFunctionCache, Constant
+from flexcam.dynamics.cam_motion import CamMotion
+from flexcam.dynamics.force_laws import ForceLaw
+
+_NO_STATE = np.zeros(0)
+_NONE = np.zeros((0, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Reaction:
+    """Forces of local laws and their derivatives.
+
+    Parameters
+    ----------
+    force
+        N, shape (c,).
+    by_gap, by_rate
+        Derivatives of the forces by the sensed scalars and their rates, shape (c, c).
+    state_rate
+        Rates of the internal states, shape (s,).
+    by_state
+        Derivatives of the forces by the states, shape (c, s).
+    state_rate_by_gap, state_rate_by_rate
+        Derivatives of the rates by the sensed scalars and their rates, shape (s, c).
+    state_rate_by_state
+        Derivatives of the rates by the states, shape (s, s).
+    """
+
+    force: FloatArray
+    by_gap: FloatArray
+    by_rate: FloatArray
+    state_rate: FloatArray = field(default_factory=lambda: _NO_STATE)
+    by_state: FloatArray = field(default_factory=lambda: _NONE)
+    state_rate_by_gap: FloatArray = field(default_factory=lambda: _NONE)
+    state_rate_by_rate: FloatArray = field(default_factory=lambda: _NONE)
+    state_rate_by_state: FloatArray = field(default_factory=lambda: _NONE)
+
+
+class CustomLaw(Protocol):
+    """A force law as an object in Python, without internal state; only the direct engine evaluates it."""
+
+    def respond(self, gap: FloatArray, rate: FloatArray, angle: float) -> Reaction:
+        """Return the forces for sensed scalars and rates, shape (c,) each, at a cam angle (rad)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class LocalForce:
+    """A force that senses c scalars of the motion and acts with c forces.
+
+    Parameters
+    ----------
+    name
+        For messages and results.
+    sense
+        G: one vector per sensed scalar.
+    act
+        A: one vector per force. A conservative contact has A = -(d gamma/du)^T.
+    law
+        Force from the sensed scalars; a law of fewer scalars than c holds for each group of them.
+    offset
+        g(theta), one function per sensed scalar.
+    switching
+        Sensed scalars whose passing zero must be located: a step ends there, and an impact may follow.
+    restitution
+        Rate of separation per rate of approach at the moment a switching scalar becomes positive (Newton's law of
+        impact); None where bodies meet without an impact.
+    """
+
+    name: str
+    sense: tuple[AngleVector, ...]
+    act: tuple[AngleVector, ...]
+    law: ForceLaw | CustomLaw
+    offset: tuple[AngleFunction, ...]
+    switching: tuple[int, ...] = ()
+    restitution: float | None = None
+
+    @property
+    def states(self) -> int:
+        """Number of internal states."""
+        return self.law.states * (len(self.sense) // self.law.scalars) if isinstance(self.law, ForceLaw) else 0
+
+    def idle_scalars(self) -> list[tuple[int, ...]]:
+        """Return sets of scalars on which no force acts, and which cause none, while they are zero."""
+        if not isinstance(self.law, ForceLaw):
+            return []
+        groups = range(0, len(self.sense), self.law.scalars)
+        return [tuple(first + i for i in scalars) for first in groups for scalars in self.law.idle_scalars()]
+
+    @property
+    def conservative(self) -> bool:
+        """Whether it acts against exactly what it senses, A = -G, by a law that stores energy."""
+        return isinstance(self.law, ForceLaw) and all(
+            sense.functions == act.functions and np.array_equal(sense.vectors, -act.vectors)
+            for sense, act in zip(self.sense, self.act, strict=True)
+        )
+
+
+class MotionView(Protocol):
+    """Motion of some unknowns at some instants."""
+
+    def whole(self, order: int) -> FloatArray:
+        """Return displacement (order 0), velocity (1) or acceleration (2) of all unknowns, shape (m, n)."""
+        ...
+
+    def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
+        """Return what rows pick of that, shape (k, n) to (m, k); rows are known again by the array that they are."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class FullMotion:
+    """Motion of all unknowns.
+
+    Parameters
+    ----------
+    displacement, velocity, acceleration
+        Shape (m, n).
+    """
+
+    displacement: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+    def whole(self, order: int) -> FloatArray:
+        """Return the motion, as `MotionView` says."""
+        return (self.displacement, self.velocity, self.acceleration)[order]
+
+    def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
+        """Return what rows pick, as `MotionView` says."""
+        return (rows @ self.whole(order).T).T  # what a row picks lies together
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What is known of some instants, from which channels are computed.
+
+    Parameters
+    ----------
+    motion
+        The cam, shape (m,) each.
+    cam
+        Functions of the cam angle at these instants.
+    moved
+        Motion of all unknowns.
+    histories
+        Scalar histories of the loads, shape (m, loads).
+    forces, gaps, rates
+        Of the local forces: force, sensed scalar and its rate, shape (m, c).
+    states
+        Internal states of the local laws, shape (m, s).
+    """
+
+    motion: CamMotion
+    cam: CamFunctionCache
+    moved: MotionView
+    histories: FloatArray
+    forces: FloatArray
+    gaps: FloatArray
+    rates: FloatArray
+    states: FloatArray
+
+    @property
+    def displacement(self) -> FloatArray:
+        """Of all unknowns, shape (m, n)."""
+        return self.moved.whole(0)
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Of all unknowns, shape (m, n)."""
+        return self.moved.whole(1)
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """Of all unknowns, shape (m, n)."""
+        return self.moved.whole(2)
+
+    def part(self, loads: slice, scalars: slice, states: slice) -> Observation:
+        """Return what concerns some of the loads, sensed scalars and internal states."""
+        return Observation(
+            self.motion, self.cam, self.moved, self.histories[:, loads], self.forces[:, scalars],
+            self.gaps[:, scalars], self.rates[:, scalars], self.states[:, states],
+        )  # fmt: skip
+
+
+Observable = Callable[[Observation], FloatArray]
+"""A scalar of what is observed, shape (m,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """A named scalar history.
+
+    Parameters
+    ----------
+    name
+        Such as ``"contacts.intake.force"``.
+    unit
+        SI unit.
+    value
+        What it is; positions count within what the channel is shown (a whole system, or one coupling of it).
+    """
+
+    name: str
+    unit: str
+    value: Observable
+
+
+def load_sum(*loads: int, factor: AngleFunction | None = None) -> Observable:
+    """Return the sum of some load histories, times a function of the cam angle."""
+    return lambda seen: _times(seen, _sum(seen.histories, loads), factor)
+
+
+def force_sum(*scalars: int, factor: AngleFunction | None = None) -> Observable:
+    """Return the sum of some local forces, times a function of the cam angle."""
+    return lambda seen: _times(seen, _sum(seen.forces, scalars), factor)
+
+
+def total(*parts: Observable) -> Observable:
+    """Return the sum of observables."""
+    return lambda seen: np.sum([part(seen) for part in parts], axis=0)
+
+
+def row_of(row: FloatArray) -> Observable:
+    """Return the displacement that a row picks."""
+    rows = row[None]
+    return lambda seen: seen.moved.picked(rows)[:, 0]
+
+
+def _sum(values: FloatArray, columns: tuple[int, ...]) -> FloatArray:
+    return values[:, columns[0]] if len(columns) == 1 else values[:, list(columns)].sum(axis=1)
+
+
+def _times(seen: Observation, values: FloatArray, factor: AngleFunction | None) -> FloatArray:
+    return values if factor is None else values * seen.cam(factor, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """A spatial vector times a scalar history.
+
+    Parameters
+    ----------
+    name
+        For messages and results.
+    vector
+        Shape (n,), N or N m per unit of the history.
+    history
+        Scalar of the cam motion, vectorized.
+    installed
+        Whether it is there before the cam turns (a preload): a start from rest is its equilibrium.
+    steady
+        Whether its history is the same number at every instant: in balance, it moves nothing.
+    """
+
+    name: str
+    vector: FloatArray
+    history: Callable[[CamMotion], FloatArray]
+    installed: bool = False
+    steady: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """What a user watches: scalars ``rows u + offset(theta)`` with their velocities and accelerations.
+
+    Parameters
+    ----------
+    name
+        As in the case file, such as ``"valve"``.
+    components
+        A name per scalar, such as ``("ux", "uy")``.
+    rows
+        Shape (k, n).
+    offset
+        Prescribed part by component; None where there is none.
+    """
+
+    name: str
+    components: tuple[str, ...]
+    rows: FloatArray
+    offset: tuple[AngleFunction | None, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PrescribedMotion:
+    """Motions that the cam prescribes, to be shown among the results of a mechanism without unknowns.
+
+    Parameters
+    ----------
+    names
+        As those of unknowns, n of them.
+    motion
+        Over the cam angle, vectors of shape (k, n).
+    """
+
+    names: tuple[str, ...]
+    motion: AngleVector
+
+    def at(self, motion: CamMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return displacement, velocity and acceleration at some instants, shape (m, n) each."""
+        cam, functions = motion.cam, self.motion.functions or (Constant(1.0),)
+        each = ([cam(function, i) for function in functions] for i in range(3))
+        moved, slope, bend = (np.stack(one, axis=-1) @ self.motion.vectors for one in each)
+        speed, rate = motion.speed[:, None], motion.rate[:, None]
+        return moved, slope * speed, bend * speed**2 + slope * rate
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """A mechanism as equations, see the module's head.
+
+    Parameters
+    ----------
+    mass, damping, stiffness
+        n x n, SI.
+    names
+        A name per unknown, such as ``"cam.uy"``.
+    loads, local_forces, probes, channels
+        As their classes say.
+    free
+        Motions that the stiffness leaves free, shape (n, k), where they are known; None to find them numerically.
+    carried
+        What is shown in place of the unknowns of a mechanism that has none.
+    stored
+        Strain energy of what is not among the unknowns, because it never moves, J.
+
+    Examples
+    --------
+    >>> one = Triplets.from_dense([[1.0]])
+    >>> System(mass=one, damping=Triplets.zeros(1), stiffness=one, names=("x",)).size
+    1
+    """
+
+    mass: Triplets
+    damping: Triplets
+    stiffness: Triplets
+    names: tuple[str, ...]
+    loads: tuple[Load, ...] = ()
+    local_forces: tuple[LocalForce, ...] = ()
+    probes: tuple[Probe, ...] = ()
+    channels: tuple[Channel, ...] = ()
+    free: FloatArray | None = None
+    carried: PrescribedMotion | None = None
+    stored: float = 0.0
+
+    def __repr__(self) -> str:
+        """Return its size and parts, not its numbers."""
+        return f"<System of {self.size} unknowns, {len(self.loads)} loads, {len(self.local_forces)} local forces>"
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.mass.size
+
+    def load_histories(self, motion: CamMotion) -> FloatArray:
+        """Return the scalar histories of all loads.
+
+        Parameters
+        ----------
+        motion
+            Of the cam, at some instants.
+
+        Returns
+        -------
+        ndarray
+            Shape (times, loads); with `load_vectors` the loads in the unknowns.
+        """
+        if not self.loads:
+            return np.zeros((*motion.angle.shape, 0))
+        return np.stack([load.history(motion) for load in self.loads], axis=-1)
+
+    def applied(self, motion: CamMotion) -> FloatArray:
+        """Return the loads in the unknowns at some instants.
+
+        Each instant has the same bits as if it were alone, which a product of matrices would not give.
+
+        Parameters
+        ----------
+        motion
+            Of the cam, at those instants.
+
+        Returns
+        -------
+        ndarray
+            N or N m, shape (times, n).
+        """
+        return np.einsum("tk,kn->tn", self.load_histories(motion), self._load_vectors)
+
+    def load_vectors(self) -> FloatArray:
+        """Return the spatial vectors of all loads, shape (loads, n)."""
+        return self._load_vectors.copy()
+
+    @cached_property
+    def _load_vectors(self) -> FloatArray:
+        return np.array([load.vector for load in self.loads]).reshape(len(self.loads), self.size)

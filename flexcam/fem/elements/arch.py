@@ -1,0 +1,210 @@
+"""The beam element as a shallow arch: what axial force and bending do to each other.
+
+Seven scalars deform it: the stretch D of its chord, and in each plane the slope of the chord and both end rotations, y.
+With one axial strain its axial energy is ``EA/(2 L) e^2``, ``e = D + 1/2 y^T g (y + 2 y0)``: bending shortens the chord
+by half the integral of v'^2, y0 is an initial bow, g the geometric stiffness under a unit force. M. A. Crisfield,
+Non-linear Finite Element Analysis of Solids and Structures 1 (1991), sec. 7.1 and 7.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.fem.elements import bending
+from flexcam.fem.elements.beam import PLANE_XY, PLANE_XZ, Beams
+
+SCALARS = 7
+"""Per element: the stretch, then slope of the chord and both end rotations in the x-y and the x-z plane."""
+
+
+def deforming(beams: Beams, elements: IntArray) -> FloatArray:
+    """Return the seven scalars by the twelve local components.
+
+    Parameters
+    ----------
+    beams
+        All elements.
+    elements
+        Which of them, shape (e,).
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 7, 12).
+    """
+    L = beams.length[elements]
+    D = np.zeros((len(L), SCALARS, 12))
+    D[:, 0, 0], D[:, 0, 6] = -1.0, 1.0
+    for first, plane, sign in ((1, PLANE_XY, 1.0), (4, PLANE_XZ, -1.0)):
+        D[:, first, plane[0]], D[:, first, plane[2]] = -1.0 / L, 1.0 / L
+        D[:, first + 1, plane[1]] = D[:, first + 2, plane[3]] = sign
+    return D
+
+
+def shortening(beams: Beams, elements: IntArray) -> FloatArray:
+    """Return g over slopes and rotations of both planes.
+
+    Parameters
+    ----------
+    beams, elements
+        As for `deforming`.
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 6, 6), m.
+    """
+    L = beams.length[elements]
+    g = np.zeros((len(L), 6, 6))
+    from_chord = np.zeros((len(L), 4, 3))  # v1 = 0, rotation 1, v2, rotation 2
+    from_chord[:, 1, 1] = from_chord[:, 3, 2] = 1.0
+    from_chord[:, 2, 0] = L
+    for first, phi in ((0, beams.phi_y), (3, beams.phi_z)):
+        whole = bending.geometric(np.ones(len(L)), L, phi[elements])
+        g[:, first : first + 3, first : first + 3] = np.swapaxes(from_chord, 1, 2) @ whole @ from_chord
+    return g
+
+
+@dataclass(frozen=True, eq=False)
+class Arch:
+    """Shallow arches side by side, over their seven scalars.
+
+    Parameters
+    ----------
+    axial
+        EA/L, N/m, shape (e,).
+    shortening
+        g over slopes and rotations of both planes, m, shape (e, 6, 6).
+    bow
+        y0, shape (e, 6).
+
+    Examples
+    --------
+    >>> arch = Arch(np.ones(1), np.eye(6)[None], np.zeros((1, 6)))
+    >>> arch.axial_force(np.array([[0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]))
+    array([1.])
+    """
+
+    axial: FloatArray
+    shortening: FloatArray
+    bow: FloatArray
+
+    @classmethod
+    def of(cls, beams: Beams, elements: IntArray) -> Arch:
+        """Return the arches of some elements, shape (e,)."""
+        axial = beams.EA[elements] / beams.length[elements]
+        return cls(axial, shortening(beams, elements), beams.bow[elements])
+
+    def pull(self, values: FloatArray) -> FloatArray:
+        """Return g (y + y0) of the scalars, shape (..., e, 7): what a unit force does to bending, shape (..., e, 6)."""
+        return _behind(self._pull(_before(values)), values)
+
+    def axial_force(self, values: FloatArray) -> FloatArray:
+        """Return the axial force, tension positive, N, shape (..., e), of the scalars, shape (..., e, 7)."""
+        first = _before(values)
+        N = self.axial[:, None] * first[:, 0] + self._beyond(first, self._pull(first))
+        return _behind(N, values)
+
+    def forces(self, values: FloatArray) -> FloatArray:
+        """Return the forces beyond those of straight bars and beams, shape (..., e, 7), of the scalars, as large."""
+        first = _before(values)
+        pulled, found = self._pull(first), np.empty_like(first)
+        beyond = self._beyond(first, pulled)
+        N = self.axial[:, None] * first[:, 0] + beyond
+        found[:, 0] = beyond
+        np.multiply(N[:, None], pulled, out=found[:, 1:])
+        return _behind(found, values)
+
+    def energy(self, values: FloatArray) -> FloatArray:
+        """Return the energy beyond that of straight bars and beams, J, shape (...), of the scalars, (..., e, 7)."""
+        first = _before(values)
+        beyond = self._beyond(first, self._pull(first))  # N^2 less that of the straight bar
+        return np.sum(beyond * (0.5 * beyond / self.axial[:, None] + first[:, 0]), axis=0).reshape(values.shape[:-2])
+
+    def _pull(self, first: FloatArray) -> FloatArray:
+        """Return what `pull` does, instants last: shape (e, 7, m) to (e, 6, m)."""
+        return self.shortening @ (first[:, 1:] + self.bow[..., None])
+
+    def _beyond(self, first: FloatArray, pulled: FloatArray) -> FloatArray:
+        """Return the axial force of the shortening, N, shape (e, m)."""
+        # y.g.(y + 2 y0): the difference of both squares would leave rounding where nothing is bent.
+        return 0.5 * self.axial[:, None] * np.einsum("eim,eim->em", first[:, 1:], pulled + self._start)
+
+    @cached_property
+    def _start(self) -> FloatArray:
+        """What a unit force does to the bow itself, shape (e, 6, 1)."""
+        return self.shortening @ self.bow[..., None]
+
+    def answer(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return these forces, shape (e, 7), and their derivative, (e, 7, 7), of the scalars of one instant, (e, 7)."""
+        first = values[..., None]
+        pulled = self._pull(first)
+        beyond, pulled = self._beyond(first, pulled)[:, 0], pulled[..., 0]
+        N, across = self.axial * values[:, 0] + beyond, self.axial[:, None] * pulled
+        forces, tangent = np.empty_like(values), np.zeros((len(values), SCALARS, SCALARS))
+        forces[:, 0], forces[:, 1:] = beyond, N[:, None] * pulled
+        tangent[:, 0, 1:] = tangent[:, 1:, 0] = across
+        tangent[:, 1:, 1:] = N[:, None, None] * self.shortening + across[:, :, None] * pulled[:, None, :]
+        return forces, tangent
+
+
+def _before(values: FloatArray) -> FloatArray:
+    """Return scalars with the instants last, shape (..., e, k) to (e, k, m): what belongs together lies together."""
+    return np.ascontiguousarray(values.reshape(-1, *values.shape[-2:]).transpose(1, 2, 0))
+
+
+def _behind(found: FloatArray, values: FloatArray) -> FloatArray:
+    """Return what has the instants last with the instants of scalars first, shape (e, ..., m) to (..., e, ...)."""
+    return found.transpose(-1, *range(found.ndim - 1)).reshape(*values.shape[:-2], *found.shape[:-1])
+
+
+def beyond_linear(beams: Beams, local: FloatArray) -> FloatArray:
+    """Return the end forces that shallow arches have beyond those of straight bars and beams.
+
+    Parameters
+    ----------
+    beams
+        All elements.
+    local
+        Displacements of both ends, shape (..., e, 12), local axes.
+
+    Returns
+    -------
+    ndarray
+        Shape (..., e, 12), local axes, N and N m; zero for members without geometric stiffness.
+    """
+    forces = np.zeros_like(local)
+    arched = np.flatnonzero(beams.arched)
+    if not len(arched):
+        return forces
+    D = deforming(beams, arched)
+    values = np.einsum("eij,...ej->...ei", D, local[..., arched, :])
+    forces[..., arched, :] = np.einsum("eij,...ei->...ej", D, Arch.of(beams, arched).forces(values))
+    return forces
+
+
+def half_wave(bow: float, length: FloatArray) -> FloatArray:
+    """Return y0 of the elements of a member with an initial half wave in its x-y plane.
+
+    Parameters
+    ----------
+    bow
+        At mid-length, m.
+    length
+        Of its elements in order, m, shape (e,).
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 6).
+    """
+    x = np.concatenate([[0.0], np.cumsum(length)])
+    wave = np.pi / x[-1]
+    y0 = np.zeros((len(length), 6))
+    y0[:, 0] = bow * np.diff(np.sin(wave * x)) / length
+    y0[:, 1], y0[:, 2] = bow * wave * np.cos(wave * x[:-1]), bow * wave * np.cos(wave * x[1:])
+    return y0

@@ -1,0 +1,102 @@
+"""Members: what a chain of nodes is made of, and the element arrays that follow from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.core.errors import did_you_mean, refuse
+from flexcam.fem.elements.arch import half_wave
+from flexcam.fem.elements.beam import Beams
+from flexcam.fem.frames import default_orientation, triads
+from flexcam.fem.mesh import Mesh
+from flexcam.fem.sections import Material, Section
+
+
+@dataclass(frozen=True)
+class Member:
+    """Material, section and beam theory of one member.
+
+    Parameters
+    ----------
+    material, section
+        What it is made of and its cross-section.
+    orientation
+        Vector in the local x-y plane, global axes; None for the default of `flexcam.fem.frames`.
+    shear
+        Shear deformation (Timoshenko) in place of Euler-Bernoulli bending.
+    rotary_inertia
+        Rotary inertia of the sections in bending (the torsional inertia always counts).
+    mass
+        ``"consistent"`` or ``"lumped"``.
+    geometric_stiffness
+        Whether axial force and bending act on each other within a run.
+    bow
+        Initial half wave in the local x-y plane, at mid-length, m; only with the geometric stiffness.
+
+    Examples
+    --------
+    >>> Member(Material(E=207e9, nu=0.29, density=7800.0), Section.circle(0.025)).shear
+    False
+    """
+
+    material: Material
+    section: Section
+    orientation: tuple[float, float, float] | None = None
+    shear: bool = False
+    rotary_inertia: bool = True
+    mass: Literal["consistent", "lumped"] = "consistent"
+    geometric_stiffness: bool = False
+    bow: float = 0.0
+
+
+def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
+    """Return the element arrays of a mesh."""
+    for name in mesh.lines:
+        if name not in members:
+            raise refuse(f"members.{name}", "nothing", "data for every line group", remedy=did_you_mean(name, members))
+    chosen = [members[name] for name in mesh.lines]
+    repeats = [len(line) - 1 for line in mesh.lines.values()]
+    ends = mesh.nodes[mesh.elements()]
+    span = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(span, axis=1)
+    axes = span / length[:, None]
+
+    def each(values: list[float]) -> FloatArray:
+        return np.repeat(np.array(values, dtype=float), np.array(repeats, dtype=np.intp))
+
+    E, G = each([m.material.E for m in chosen]), each([m.material.G for m in chosen])
+    rho, A = each([m.material.density for m in chosen]), each([m.section.A for m in chosen])
+    Iy, Iz = each([m.section.Iy for m in chosen]), each([m.section.Iz for m in chosen])
+    shear, rotary = each([float(m.shear) for m in chosen]), each([float(m.rotary_inertia) for m in chosen])
+    kappa_y, kappa_z = each([m.section.kappa_y for m in chosen]), each([m.section.kappa_z for m in chosen])
+    return Beams(
+        nodes=mesh.elements(), length=length, triads=triads(axes, _orientations(axes, chosen, repeats)),
+        EA=E * A, GJ=G * each([m.section.J for m in chosen]), EIy=E * Iy, EIz=E * Iz,
+        rho_A=rho * A, rho_Ip=rho * (Iy + Iz), rho_Iy=rotary * rho * Iy, rho_Iz=rotary * rho * Iz,
+        phi_y=shear * 12.0 * E * Iz / (kappa_y * A * G * length**2),
+        phi_z=shear * 12.0 * E * Iy / (kappa_z * A * G * length**2),
+        lumped=each([float(m.mass == "lumped") for m in chosen]),
+        arched=each([float(m.geometric_stiffness) for m in chosen]), bow=_bows(mesh, chosen, length),
+    )  # fmt: skip
+
+
+def _bows(mesh: Mesh, chosen: list[Member], length: FloatArray) -> FloatArray:
+    ranges = mesh.element_ranges().values()
+    bows = [half_wave(member.bow, length[part]) for member, part in zip(chosen, ranges, strict=True)]
+    return np.concatenate([np.zeros((0, 6)), *bows])
+
+
+def _orientations(axes: FloatArray, chosen: list[Member], repeats: list[int]) -> FloatArray:
+    vectors = np.empty_like(axes)
+    first = 0
+    for member, count in zip(chosen, repeats, strict=True):
+        part = slice(first, first + count)
+        given = member.orientation
+        vectors[part] = default_orientation(axes[part]) if given is None else given
+        first += count
+    return vectors

@@ -1,0 +1,118 @@
+"""Concentrated parts: masses on a rigid arm, springs and dampers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray, Triplets
+from flexcam.core.errors import finite_array, positive, refuse
+from flexcam.fem.dofs import DofMap
+from flexcam.fem.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class PointMass:
+    """Rigid body fixed to a node.
+
+    Parameters
+    ----------
+    mass
+        kg.
+    inertia
+        Moments about axes through the body's centre parallel to the global ones, kg m^2.
+    offset
+        From the node to the centre of mass, m, global axes.
+
+    Raises
+    ------
+    InputError
+        If a mass or a moment is negative, or three moments violate the triangle inequality of rigid bodies.
+
+    Examples
+    --------
+    >>> PointMass(2.0, offset=(0.0, 0.0, 0.5)).matrix()[3, 3]
+    np.float64(0.5)
+    """
+
+    mass: float
+    inertia: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        positive("mass", self.mass, "kg", zero=True)
+        for axis, value in zip("xyz", self.inertia, strict=True):
+            positive(f"inertia {axis}", value, "kg m^2", zero=True)
+        if 2.0 * max(self.inertia) > sum(self.inertia) * (1.0 + 1e-9):
+            why = "no body has a moment of inertia above the sum of the other two"
+            raise refuse("inertia", list(self.inertia), "each moment up to the sum of the others", why)
+        finite_array("offset", self.offset, (3,))
+
+    def matrix(self) -> FloatArray:
+        """Return the 6 x 6 mass matrix at the node, global axes.
+
+        With S the matrix of ``r cross``, the body's velocity is ``v - S w``, so M = m [[I, -S], [S, -S S]] plus
+        the inertia: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), sec. 11.6 in matrix form.
+        """
+        x, y, z = self.offset
+        S = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        return np.block(
+            [[self.mass * np.eye(3), -self.mass * S], [self.mass * S, np.diag(self.inertia) - self.mass * S @ S]]
+        )
+
+
+def mass_at(node: int, body: PointMass, dofs: DofMap) -> Triplets:
+    """Return the mass of a body fixed to a node, in the free components."""
+    numbers, matrix = dofs.numbers[node], body.matrix()
+    i, j = np.nonzero((matrix != 0.0) & (numbers[:, None] >= 0) & (numbers >= 0))
+    return Triplets(dofs.size, numbers[i], numbers[j], matrix[i, j])
+
+
+def along(row: FloatArray, coefficient: float) -> Triplets:
+    """Return the matrix of a mass, spring or damper that acts on one scalar ``row^T u``."""
+    return Triplets.outer(row, row, coefficient)
+
+
+_HELD = 1e-10
+"""Singular values of the constraints below this are rounding: their rows are of size 1."""
+
+
+def free_motions(mesh: Mesh, dofs: DofMap, springs: Iterable[FloatArray]) -> FloatArray:
+    """Return a basis of the motions that cost no strain energy."""
+    moved = mesh.on_members() | (dofs.numbers >= 0).any(axis=1)
+    single = np.flatnonzero(moved & ~mesh.on_members())
+    rigid = _rigid_motions(mesh, [*mesh.parts, *single[:, None]])
+    nodal = int(np.count_nonzero(dofs.numbers >= 0))
+    further = dofs.size - nodal  # unknowns behind the nodes': each is free by itself
+    held = np.pad(rigid[moved[:, None] & (dofs.numbers < 0)], ((0, 0), (0, further)))
+    free = np.zeros((dofs.size, rigid.shape[-1] + further))
+    free[dofs.numbers[dofs.numbers >= 0], : rigid.shape[-1]] = rigid[dofs.numbers >= 0]
+    free[nodal:, rigid.shape[-1] :] = np.eye(further)
+    rows = np.concatenate([held, *(_stretched(row, free) for row in springs)])
+    size = np.abs(rows).max(axis=1, initial=0.0)
+    rows = rows[size > 0.0] / size[size > 0.0, None]
+    small = np.linalg.qr(rows, mode="r")  # the same null space in few rows
+    _, values, vectors = np.linalg.svd(small)
+    rank = int(np.count_nonzero(values > _HELD * max(1.0, float(values.max(initial=0.0)))))
+    return free @ vectors[rank:].T
+
+
+def _stretched(row: FloatArray, free: FloatArray) -> FloatArray:
+    """Return the product of a row of few entries with motions, shape (1, k)."""
+    at = np.flatnonzero(row != 0.0)
+    return row[None, at] @ free[at]
+
+
+def _rigid_motions(mesh: Mesh, parts: Sequence[IntArray]) -> FloatArray:
+    """Return six motions per part, shape (nodes, 6, 6 parts); rotations about the part's middle, scaled by its size."""
+    motions = np.zeros((len(mesh.nodes), 6, 6 * len(parts)))
+    for p, nodes in enumerate(parts):
+        arm = mesh.nodes[nodes] - mesh.nodes[nodes].mean(axis=0)
+        size = float(np.linalg.norm(arm, axis=1).max()) or 1.0  # of a node by itself
+        for i, unit in enumerate(np.eye(3)):
+            motions[nodes, i, 6 * p + i] = 1.0
+            motions[nodes, :3, 6 * p + 3 + i] = np.cross(unit, arm) / size
+            motions[nodes, 3 + i, 6 * p + 3 + i] = 1.0 / size
+    return motions

@@ -1,0 +1,251 @@
+"""Linear elastic, isotropic material."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Self
+
+from flexcam.core.errors import positive, refuse
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic material.
+
+    Parameters
+    ----------
+    E
+        Young's modulus, Pa.
+    nu
+        Poisson's ratio, -1 < nu <= 0.5.
+    density
+        Mass per volume, kg/m^3; zero makes the member massless.
+    ultimate_strength, endurance_limit
+        Pa, for the margin against fatigue; None where they are not stated.
+
+    Raises
+    ------
+    InputError
+        If a value is outside its range.
+
+    Examples
+    --------
+    >>> round(Material(E=207e9, nu=0.29, density=7800.0).G / 1e9, 2)
+    80.23
+    """
+
+    E: float
+    nu: float
+    density: float
+    ultimate_strength: float | None = None
+    endurance_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        positive("E", self.E, "Pa")
+        positive("density", self.density, "kg/m^3", zero=True)
+        for name in ("ultimate_strength", "endurance_limit"):
+            if (strength := getattr(self, name)) is not None:
+                positive(name, strength, "Pa")
+        if (self.endurance_limit or 0.0) > (self.ultimate_strength or math.inf):
+            given = f"{self.endurance_limit:g} Pa"
+            allowed = f"up to the ultimate strength, {self.ultimate_strength:g} Pa"
+            raise refuse("endurance_limit", given, allowed, "no amplitude is borne for ever that breaks it at once")
+        if not -1.0 < self.nu <= 0.5:
+            raise refuse("nu", self.nu, "above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive")
+
+    @property
+    def G(self) -> float:  # noqa: N802 - the books' letter
+        """Shear modulus E/(2(1+nu)), Pa."""
+        return self.E / (2.0 * (1.0 + self.nu))
+
+
+_COWPER_NU = 0.3  # a change of nu from 0.25 to 0.35 moves kappa of a circle by 1 %
+
+
+@dataclass(frozen=True)
+class Section:
+    """Cross-section with its principal axes along the member's local y and z.
+
+    Parameters
+    ----------
+    A
+        Area, m^2.
+    Iy, Iz
+        Second moments about local y and z, m^4: Iz resists bending in the local x-y plane.
+    J
+        Saint-Venant torsion constant, m^4 (the torsional inertia uses the polar moment Iy + Iz).
+    kappa_y, kappa_z
+        Shear factors for forces along local y and z; used by members that ask for shear deformation.
+    fibre_y, fibre_z
+        Distance of the extreme fibre from the axis along local y and z, m; where zero, twice the radius of gyration,
+        which is that of a solid circle and on the safe side for solid sections, not for open profiles.
+    torsion_arm
+        Length c with which the largest torsional shear stress is T c/J, m; where zero, twice the smaller fibre
+        distance, which is on the safe side for compact sections.
+    radius
+        Radius it is drawn with, m; where zero, that of the circle of the same area.
+    round
+        Whether the extreme fibres lie on a circle (else at the corners of a rectangle).
+
+    Raises
+    ------
+    InputError
+        If a value is not positive.
+
+    Examples
+    --------
+    >>> round(Section.circle(0.025).J * 1e9, 3)
+    38.35
+    """
+
+    A: float
+    Iy: float
+    Iz: float
+    J: float
+    kappa_y: float = 1.0
+    kappa_z: float = 1.0
+    fibre_y: float = 0.0
+    fibre_z: float = 0.0
+    torsion_arm: float = 0.0
+    radius: float = 0.0
+    round: bool = False
+
+    def __post_init__(self) -> None:
+        for name, unit in (("A", "m^2"), ("Iy", "m^4"), ("Iz", "m^4"), ("J", "m^4"), ("kappa_y", ""), ("kappa_z", "")):
+            positive(name, getattr(self, name), unit)
+        for name in ("fibre_y", "fibre_z", "torsion_arm", "radius"):
+            positive(name, getattr(self, name), "m", zero=True)
+        fibre_y = self.fibre_y or 2.0 * math.sqrt(self.Iz / self.A)
+        fibre_z = self.fibre_z or 2.0 * math.sqrt(self.Iy / self.A)
+        object.__setattr__(self, "fibre_y", fibre_y)
+        object.__setattr__(self, "fibre_z", fibre_z)
+        object.__setattr__(self, "torsion_arm", self.torsion_arm or 2.0 * min(fibre_y, fibre_z))
+        object.__setattr__(self, "radius", self.radius or math.sqrt(self.A / math.pi))
+
+    @classmethod
+    def circle(cls, diameter: float) -> Self:
+        """Return a solid round section.
+
+        Parameters
+        ----------
+        diameter
+            m.
+
+        Returns
+        -------
+        Section
+            With the shear factor of Cowper (1966) for a round bar.
+
+        Raises
+        ------
+        InputError
+            If the diameter is not above zero.
+        """
+        return cls.tube(diameter, 0.0)
+
+    @classmethod
+    def tube(cls, outer_diameter: float, inner_diameter: float) -> Self:
+        """Return a round tube.
+
+        Parameters
+        ----------
+        outer_diameter, inner_diameter
+            m; an inner one of zero makes a solid bar.
+
+        Returns
+        -------
+        Section
+            With the shear factor of Cowper (1966) for a round tube.
+
+        Raises
+        ------
+        InputError
+            If the inner diameter is not below the outer one.
+        """
+        outer = positive("outer_diameter", outer_diameter, "m") / 2.0
+        inner = positive("inner_diameter", inner_diameter, "m", zero=True) / 2.0
+        if inner >= outer:
+            raise refuse("inner_diameter", f"{inner_diameter:g} m", f"less than the outer {outer_diameter:g} m")
+        second = math.pi * (outer**4 - inner**4) / 4.0
+        kappa = _cowper_tube(inner / outer)
+        area = math.pi * (outer**2 - inner**2)
+        return cls(
+            A=area, Iy=second, Iz=second, J=2.0 * second, kappa_y=kappa, kappa_z=kappa,
+            fibre_y=outer, fibre_z=outer, torsion_arm=outer, radius=outer, round=True,
+        )  # fmt: skip
+
+    @classmethod
+    def rectangle(cls, width_y: float, width_z: float) -> Self:
+        """Return a rectangle.
+
+        Parameters
+        ----------
+        width_y, width_z
+            Sides along local y and z, m.
+
+        Returns
+        -------
+        Section
+            With the shear factor 5/6.
+
+        Raises
+        ------
+        InputError
+            If a side is not above zero.
+        """
+        h, b = positive("width_y", width_y, "m"), positive("width_z", width_z, "m")
+        return cls(
+            A=b * h, Iy=h * b**3 / 12.0, Iz=b * h**3 / 12.0, J=_rectangle_torsion(b, h),
+            kappa_y=5.0 / 6.0, kappa_z=5.0 / 6.0, fibre_y=h / 2.0, fibre_z=b / 2.0,
+            torsion_arm=_rectangle_torsion_arm(b, h), radius=math.hypot(b, h) / 2.0,
+        )  # fmt: skip
+
+    def given(self, *, J: float | None = None, kappa_y: float | None = None, kappa_z: float | None = None) -> Section:
+        """Return the section with some of its defaults replaced.
+
+        Parameters
+        ----------
+        J
+            Torsion constant, m^4.
+        kappa_y, kappa_z
+            Shear factors for forces along local y and z.
+
+        Returns
+        -------
+        Section
+            Another one; this one stays as it is.
+        """
+        return replace(
+            self,
+            J=self.J if J is None else J,
+            kappa_y=self.kappa_y if kappa_y is None else kappa_y,
+            kappa_z=self.kappa_z if kappa_z is None else kappa_z,
+        )
+
+
+def _cowper_tube(ratio: float) -> float:
+    """Return Cowper's factor of a round tube with r/R = ratio."""
+    nu, square = _COWPER_NU, (1.0 + ratio**2) ** 2
+    return 6.0 * (1.0 + nu) * square / ((7.0 + 6.0 * nu) * square + (20.0 + 12.0 * nu) * ratio**2)
+
+
+_ODD_FIFTH_POWERS = 31.0 / 32.0 * 1.0369277551433699263
+"""Sum of 1/n^5 over odd n, (1 - 2^-5) zeta(5)."""
+
+
+def _rectangle_torsion(side: float, other: float) -> float:
+    """Return Saint-Venant's J = a b^3 (1/3 - 64 b/(pi^5 a) sum tanh(n pi a/2b)/n^5), n odd, a >= b."""
+    a, b = max(side, other), min(side, other)
+    small = math.fsum((1.0 - math.tanh(n * math.pi * a / (2.0 * b))) / n**5 for n in range(1, 15, 2))
+    return a * b**3 * (1.0 / 3.0 - 64.0 * b / (math.pi**5 * a) * (_ODD_FIFTH_POWERS - small))
+
+
+def _rectangle_torsion_arm(side: float, other: float) -> float:
+    """Return c of tau = T c/J at the middle of the long side: c = b (1 - 8/pi^2 sum 1/(n^2 cosh(n pi a/2b))), n odd."""
+    a, b = max(side, other), min(side, other)
+    terms = (n * math.pi * a / (2.0 * b) for n in range(1, 15, 2))
+    return b * (
+        1.0
+        - 8.0 / math.pi**2 * math.fsum(1.0 / ((2 * i + 1) ** 2 * math.cosh(min(x, 700.0))) for i, x in enumerate(terms))
+    )

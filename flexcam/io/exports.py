@@ -1,0 +1,263 @@
+"""VTK PolyData XML: polylines with data, base64, as VTK's XML file formats describe it."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.core.errors import did_you_mean, refuse
+from flexcam.dynamics import Response
+from flexcam.fem.frames import ROTATIONS
+from flexcam.fem.mesh import Mesh
+from flexcam.io.atomic_write import whole
+from flexcam.io.paths import free_to_write, made_folder
+from flexcam.io.result_reader import Result
+from flexcam.io.result_writer import SERIES, VECTORS
+from flexcam.io.vtk_groups import RECOVERED
+
+_TYPES = {"float64": "Float64", "int64": "Int64"}
+
+Data = Mapping[str, FloatArray | IntArray]
+
+
+def write_polylines(
+    path: Path,
+    points: FloatArray,
+    lengths: Sequence[int],
+    *,
+    point_data: Data,
+    cell_data: Data,
+    field_data: Data | None = None,
+) -> None:
+    """Write polylines whose points follow each other; points behind the last one's become vertices."""
+    drawn = sum(lengths)
+    vertices, ends = np.arange(drawn, len(points)), np.cumsum([0, *lengths])[1:]
+    text = "\n".join([
+        '<?xml version="1.0"?>',
+        '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
+        "<PolyData>",
+        "<FieldData>", *(_array(name, v, whole=True) for name, v in (field_data or {}).items()), "</FieldData>",
+        f'<Piece NumberOfPoints="{len(points)}" NumberOfVerts="{len(vertices)}" NumberOfLines="{len(lengths)}">',
+        "<PointData>", *(_array(name, values) for name, values in point_data.items()), "</PointData>",
+        "<CellData>", *(_array(name, values) for name, values in cell_data.items()), "</CellData>",
+        "<Points>", _array("Points", points), "</Points>",
+        "<Verts>", _array("connectivity", vertices), _array("offsets", np.arange(len(vertices)) + 1), "</Verts>",
+        "<Lines>", _array("connectivity", np.arange(drawn)), _array("offsets", ends), "</Lines>",
+        "</Piece></PolyData></VTKFile>", "",
+    ])  # fmt: skip
+    with whole(path) as draft:
+        draft.write_text(text, encoding="ascii")
+
+
+def _array(name: str, values: FloatArray | IntArray, *, whole: bool = False) -> str:
+    data = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
+    width = data.shape[1] if data.ndim == 2 else 1
+    raw = np.array([data.nbytes], dtype="<u8").tobytes() + data.tobytes()
+    told = f'NumberOfTuples="{len(data)}"' if whole else f'NumberOfComponents="{width}"'
+    head = f'<DataArray type="{_TYPES[values.dtype.name]}" Name="{name}" {told} format="binary">'
+    return f"{head}{base64.b64encode(raw).decode('ascii')}</DataArray>"
+
+
+CAM_ANGLE = "cam_angle_deg"
+"""Field data of every instant: the cam angle, deg."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One instant: a mesh, the mesh node of every point, point data by name, and numbers of the whole by name."""
+
+    mesh: Mesh
+    node: IntArray
+    data: Mapping[str, FloatArray | IntArray]
+    whole: Mapping[str, float] = field(default_factory=dict[str, float])
+
+
+def write_pvd(
+    result: Result, path: Path, *, every: int = 1, fields: Sequence[str] | None = None, overwrite: bool = False
+) -> list[Path]:
+    """Write a result as a ParaView collection."""
+    if every < 1:
+        raise refuse("every", every, "a whole number from 1")
+    free_to_write("export", path, overwrite=overwrite)
+    node = result.still["node"].astype(np.intp)
+    known = {**{name: result.field(name)[:, node] for name in VECTORS}, **result.recovered}
+    for name in fields or ():
+        if name not in known:
+            raise refuse("fields", repr(name), ", ".join(known), remedy=did_you_mean(name, known))
+    moving = {name: known[name] for name in fields or known}
+    instants = range(0, len(result.response.field_time), every)
+    degrees = np.degrees(result.response.field_angle).tolist()
+    frames = (
+        Frame(result.mesh, node, {**{n: v[i] for n, v in moving.items()}, **result.still}, {CAM_ANGLE: degrees[i]})
+        for i in instants
+    )
+    return write_collection(path, result.response.field_time[::every], frames)
+
+
+def write_collection(path: Path, times: FloatArray, frames: Iterable[Frame]) -> list[Path]:
+    """Write frames as ``.vtp`` files into a folder, and the ``.pvd`` file that names them beside it."""
+    from xml.sax.saxutils import quoteattr  # loads what opens web pages
+
+    folder = made_folder(path.with_suffix(""))
+    written = [folder / f"{path.stem}_{i:06d}.vtp" for i in range(len(times))]
+    for piece, frame in zip(written, frames, strict=True):
+        write_vtp(piece, frame)
+    entries = [
+        f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(f"{folder.name}/{piece.name}")}/>'
+        for time, piece in zip(times.tolist(), written, strict=True)
+    ]
+    head = (
+        '<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">\n  <Collection>\n'
+    )
+    with whole(path) as draft:
+        draft.write_text(head + "\n".join(entries) + "\n  </Collection>\n</VTKFile>\n", encoding="utf-8")
+    return [path, *written]
+
+
+def write_vtp(path: Path, frame: Frame) -> None:
+    """Write one instant as VTK PolyData XML, one polyline per member, and a vertex per node on no member that moves."""
+    lengths = [len(line) for line in frame.mesh.lines.values()]
+    points = frame.mesh.nodes[frame.node]
+    vertices = np.full(len(points) - sum(lengths), -1)
+    members = np.concatenate([vertices, np.arange(len(lengths))])
+    whole = {name: np.array([value]) for name, value in frame.whole.items()}
+    write_polylines(path, points, lengths, point_data=frame.data, cell_data={"member": members}, field_data=whole)
+
+
+_UNITS = {name: unit for name, (*_, unit) in VECTORS.items()} | {name: unit for name, (unit, _) in RECOVERED.items()}
+
+_MACRO = '''\
+"""A result of flexcam in ParaView (5.11 or newer).
+
+    paraview --script=MACRO             opens it; MACRO is this file
+    pvbatch MACRO picture.png 540       draws it at a cam angle (without a display: xvfb-run -a pvbatch ...)
+
+Or in ParaView: Macros, Import new macro. Change what stands here and run it again.
+"""
+
+import os
+import sys
+
+from paraview.simple import *
+
+SCALE = 1.0  # of the displacements; the bending of a shaft is seen from some hundred on
+COLOUR = {colour!r}  # any point array
+UNITS = {units!r}
+COLLECTION = {collection!r}
+WRITTEN_IN = {folder!r}  # where to look if the macro was moved away from its collection
+DEGREES = {degrees}  # cam angle of every instant
+
+paraview.simple._DisableFirstRenderCameraReset()
+own = globals().get("__file__")  # ParaView's window does not tell
+folders = [os.path.dirname(os.path.abspath(own))] if own else []
+paths = [os.path.join(folder, COLLECTION) for folder in [*folders, os.getcwd(), WRITTEN_IN]]
+source = PVDReader(registrationName={name!r}, FileName=next(filter(os.path.exists, paths), paths[-1]))
+source.UpdatePipeline()
+
+warped = WarpByVector(registrationName="moved", Input=source)
+warped.Vectors = ["POINTS", "displacement"]
+warped.ScaleFactor = SCALE
+
+tubes = Tube(registrationName="members", Input=warped)
+tubes.Scalars = ["POINTS", "radius"]
+tubes.VaryRadius = "By Absolute Scalar"
+tubes.NumberofSides = 24
+
+view = GetActiveViewOrCreate("RenderView")
+shown = Show(tubes, view)
+ColorBy(shown, ("POINTS", COLOUR))
+times = list(source.TimestepValues)
+scene = GetAnimationScene()
+scene.UpdateAnimationUsingDataTimeSteps()
+given = sys.argv[1:] if sys.argv[1:] and sys.argv[1].endswith(".png") else []
+wanted = float(given[1]) if len(given) > 1 else DEGREES[0]
+nearest = min(range(len(times)), key=lambda i: abs(DEGREES[i] - wanted))
+scene.AnimationTime = view.ViewTime = times[nearest]
+shown.RescaleTransferFunctionToDataRangeOverTime()
+shown.SetScalarBarVisibility(view, True)
+
+angle = AnnotateGlobalData(registrationName="cam angle", Input=source)
+angle.SelectArrays = {angle!r}
+angle.Prefix = "cam angle "
+angle.Suffix = " deg"
+angle.Format = "%7.1f"
+words = Show(angle, view)
+words.Color = [0.0, 0.0, 0.0]
+words.FontSize = 18
+
+view.UseColorPaletteForBackground = 0
+view.Background = [1.0, 1.0, 1.0]
+view.OrientationAxesVisibility = 1
+bar = GetScalarBar(GetColorTransferFunction(COLOUR), view)
+bar.Title = ", ".join([COLOUR, *filter(None, [UNITS.get(COLOUR)])])
+bar.TitleColor = bar.LabelColor = [0.0, 0.0, 0.0]
+view.CameraPosition, view.CameraFocalPoint, view.CameraViewUp = [1.0, 0.5, 1.6], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0]
+view.ResetCamera()
+Render(view)
+if given:
+    view.ViewSize = [1024, 768]
+    SaveScreenshot(given[0], view)
+'''
+
+
+def write_macro(collection: Path, fields: Sequence[str], degrees: Sequence[float], *, overwrite: bool = False) -> Path:
+    """Write the macro of an exported collection as ``NAME.paraview.py`` beside it."""
+    path = macro_of(collection)
+    free_to_write("export", path, overwrite=overwrite)
+    colour = "stress_von_mises" if "stress_von_mises" in fields else fields[0]
+    text = _MACRO.format(
+        name=collection.stem, colour=colour, collection=collection.name,
+        folder=str(collection.parent.resolve()), angle=CAM_ANGLE,
+        degrees=[round(one, 6) for one in degrees], units=_UNITS,
+    )  # fmt: skip
+    with whole(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+    return path
+
+
+def macro_of(collection: Path) -> Path:
+    """Return where the macro of a collection goes."""
+    return collection.with_name(f"{collection.stem}.paraview.py")
+
+
+def write_csv(
+    response: Response, path: Path, *, probes: Sequence[str] | None = None, every: int = 1, overwrite: bool = False
+) -> Path:
+    """Write time, cam angle, probe histories and channels, a row per step."""
+    if every < 1:
+        raise refuse("every", every, "a whole number from 1")
+    free_to_write("export", path, overwrite=overwrite)
+    columns: dict[str, FloatArray] = {"time [s]": response.time, "cam angle [deg]": np.degrees(response.angle)}
+    for name in probes or [name for name, _ in response.outline.probes]:
+        history = response[name]
+        for series, unit in SERIES.items():
+            values = getattr(history, series).reshape(len(response.time), -1)
+            for component, column in zip(history.components, values.T, strict=True):
+                full = name if len(history.components) == 1 else f"{name}.{component}"
+                columns[f"{full} {series} [{component_unit(component, unit)}]"] = column
+    units = dict(response.outline.channels)
+    columns.update({f"{name} [{units[name]}]": values for name, values in response.channels.items()})
+    header = ",".join(columns)
+    rows = np.column_stack(list(columns.values()))[::every]
+    with whole(path) as draft:
+        np.savetxt(draft, rows, fmt="%.17g", delimiter=",", header=header, comments="")
+    return path
+
+
+def component_unit(component: str, unit: str) -> str:
+    """Return the SI unit of one component of a motion."""
+    return unit.replace("m", "rad", 1) if component in ROTATIONS else unit
+
+
+def write_text(path: Path, text: str, *, overwrite: bool = False) -> Path:
+    """Write a text file, such as a table."""
+    free_to_write("output", path, overwrite=overwrite)
+    made_folder(path.parent)
+    with whole(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+    return path

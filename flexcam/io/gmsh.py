@@ -1,0 +1,357 @@
+"""The numbers of a Gmsh file, as text or binary: taken in turn, never more than there are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.core.errors import InputError, refuse
+
+ALLOWED = "a Gmsh file (.msh) of format 2.2 or 4.1"
+
+
+def malformed(given: str, why: str = "") -> InputError:
+    """Return the refusal of a file that is not what it says it is."""
+    return refuse("mesh", given, ALLOWED, why, "export it again from Gmsh")
+
+
+class Numbers(Protocol):
+    """The numbers of one section."""
+
+    def heading(self) -> int:
+        """Return the number on the section's first line, which is text in format 2.2."""
+        ...
+
+    def take(self, kind: str, count: int) -> Any:  # noqa: ANN401 - an array of that kind
+        """Return the next numbers: of kind ``i`` (whole), ``u`` (a size) or ``f``."""
+        ...
+
+    def end(self) -> None:
+        """Refuse the section if it holds more."""
+        ...
+
+
+class Words:
+    """The numbers of a section that is text.
+
+    Parameters
+    ----------
+    name
+        Of the section.
+    text
+        Between its marks.
+    """
+
+    def __init__(self, name: str, text: bytes) -> None:
+        self._name, self._words, self._next = name, text.split(), 0
+
+    def heading(self) -> int:
+        """Return the next whole number."""
+        return int(self.take("u", 1)[0])
+
+    def take(self, kind: str, count: int) -> Any:  # noqa: ANN401
+        """Return the next numbers."""
+        words = self._words[self._next : self._next + count]
+        if count < 0 or len(words) < count:
+            raise malformed(f"{len(self._words)} numbers in ${self._name}", "it ends before what it announces")
+        self._next += count
+        try:
+            return np.array(words, dtype="S").astype(float if kind == "f" else np.int64)
+        except (ValueError, OverflowError):
+            text = b" ".join(words[:6]).decode("ascii", "replace")
+            raise malformed(f"{text!r} in ${self._name}", "numbers stand there") from None
+
+    def end(self) -> None:
+        """Refuse the section if it holds more."""
+        if self._next != len(self._words):
+            raise malformed(f"more in ${self._name} than it announces", "a line has too many numbers or too few")
+
+
+class Binary:
+    """The numbers of a section that is binary.
+
+    Parameters
+    ----------
+    name
+        Of the section.
+    data
+        From its first line on.
+    size
+        Bytes of a size, 4 or 8.
+    """
+
+    def __init__(self, name: str, data: bytes, size: int) -> None:
+        self._name, self._data, self._next = name, data, 0
+        self._kinds = {"i": "<i4", "u": f"<u{size}", "f": "<f8"}
+
+    def heading(self) -> int:
+        """Return the number on the section's first line."""
+        found = re.compile(rb"\s*(\d{1,12})[ \t\r]*\n").match(self._data, self._next)
+        if found is None:
+            raise malformed(f"no number at the head of ${self._name}")
+        self._next = found.end()
+        return int(found[1])
+
+    def take(self, kind: str, count: int) -> Any:  # noqa: ANN401
+        """Return the next numbers."""
+        item = np.dtype(self._kinds[kind])
+        if count < 0 or self._next + count * item.itemsize > len(self._data):
+            raise malformed(f"{len(self._data)} bytes from ${self._name} on", "it ends before what it announces")
+        values = np.frombuffer(self._data, item, count, self._next)
+        self._next += count * item.itemsize
+        return values if kind == "f" else values.astype(np.int64)
+
+    def end(self) -> None:
+        """Refuse the section if its end mark does not follow."""
+        if not self._data[self._next :].lstrip().startswith(f"$End{self._name}".encode()):
+            raise malformed(f"no $End{self._name} after ${self._name}", "it holds more than it announces")
+
+
+LINE, POINT = 1, 15
+"""Gmsh's types of the elements that members and points are made of."""
+
+_NODES = {
+    1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1, 16: 8, 17: 20,
+    18: 15, 19: 13, 20: 9, 21: 10, 22: 12, 23: 15, 24: 15, 25: 21, 26: 4, 27: 5, 28: 6,
+}  # fmt: skip
+"""Nodes of an element of each of Gmsh's types."""
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """Elements of one type in one physical group.
+
+    Parameters
+    ----------
+    kind
+        Gmsh's type: `LINE`, `POINT` or another.
+    group
+        Number of the physical group; 0 for none.
+    numbers
+        Of the elements in the file, shape (k,).
+    nodes
+        Numbers of their nodes in the file, shape (k, m).
+    """
+
+    kind: int
+    group: int
+    numbers: IntArray
+    nodes: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Msh:
+    """What stands in a Gmsh file.
+
+    Parameters
+    ----------
+    numbers
+        Of the nodes in the file, shape (n,).
+    points
+        Coordinates, shape (n, 3).
+    elements
+        In the order of the file.
+    names
+        Dimension and number of a physical group to its name.
+    """
+
+    numbers: IntArray
+    points: FloatArray
+    elements: list[Elements]
+    names: dict[tuple[int, int], str]
+
+
+def read_msh(path: Path) -> Msh:
+    """Read a Gmsh file."""
+    try:
+        data = path.read_bytes()
+    except OSError as fault:
+        raise malformed(str(path), str(fault)) from None
+    head = _HEAD.match(data)
+    if head is None:
+        raise malformed(path.name, "it does not begin with $MeshFormat")
+    version, binary, size = head[1].decode("ascii", "replace"), head[2] == b"1", int(head[3])
+    newer = version in ("4", "4.1")
+    if not (newer or version in ("2", "2.1", "2.2")) or size not in (4, 8):
+        raise malformed(f"format {version}", "save it as version 4.1")
+    if binary and data[head.end() : head.end() + 4] != b"\x01\x00\x00\x00":
+        raise malformed(path.name, "its bytes are in the order of another machine")
+    sections = _Sections(data, head.end(), size if binary else 0)
+    read = _read_4 if newer else _read_2
+    numbers, points, elements = read(sections, binary)
+    return Msh(numbers, points, elements, _names(data))
+
+
+_HEAD = re.compile(rb"\s*(?:\$Comments\b.*?\$EndComments\s*)*\$MeshFormat\s+(\S{1,8})\s+([01])\s+(\d)\s*?\n", re.S)
+_NAMED = re.compile(r'^\s*(\d{1,9})\s+(\d{1,9})\s+"(.*)"\s*$', re.M)
+
+
+def _names(data: bytes) -> dict[tuple[int, int], str]:
+    section = data.partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0].decode("utf-8", "replace")
+    return {(int(dimension), int(number)): name for dimension, number, name in _NAMED.findall(section)}
+
+
+class _Sections:
+    """The sections of a file, one after the other."""
+
+    def __init__(self, data: bytes, first: int, size: int) -> None:
+        self._data, self._first, self._size = data, first, size
+
+    def numbers(self, name: str) -> Numbers:
+        """Return the numbers of a section."""
+        start = self._data.find(b"\n$%s" % name.encode(), self._first - 1)
+        if start < 0:
+            raise malformed(f"no ${name}", f"of {ALLOWED}")
+        first = self._data.find(b"\n", start + 1) + 1
+        if self._size:
+            return Binary(name, self._data[first:] if first else b"", self._size)
+        end = self._data.find(b"$End%s" % name.encode(), first)
+        if end < 0 or not first:
+            raise malformed(f"no $End{name}", "the file is cut off")
+        return Words(name, self._data[first:end])
+
+
+Parts = tuple[IntArray, FloatArray, list[Elements]]
+
+
+def _read_2(sections: _Sections, binary: bool) -> Parts:
+    nodes = sections.numbers("Nodes")
+    count = nodes.heading()
+    numbers, points = _nodes_2(nodes, count, binary)
+    nodes.end()
+    elements = sections.numbers("Elements")
+    found = list(_elements_2(elements, elements.heading(), binary))
+    elements.end()
+    return numbers, points, _by_group(found)
+
+
+def _nodes_2(nodes: Numbers, count: int, binary: bool) -> tuple[IntArray, FloatArray]:
+    if binary:
+        rows = nodes.take("i", 7 * count).astype("<i4").reshape(count, 7)
+        return rows[:, 0].astype(np.intp), np.ascontiguousarray(rows[:, 1:]).view("<f8").astype(float)
+    rows: FloatArray = nodes.take("f", 4 * count).reshape(count, 4)
+    if not (rows[:, 0] == np.round(rows[:, 0])).all() or (np.abs(rows[:, 0]) > 2.0**53).any():
+        raise malformed("a node whose number is not whole")
+    return rows[:, 0].astype(np.intp), rows[:, 1:]
+
+
+Row = tuple[int, int, int, tuple[int, ...]]
+"""Type, physical group, number and nodes of an element."""
+
+
+def _elements_2(elements: Numbers, count: int, binary: bool) -> Iterator[Row]:
+    done = 0
+    while done < count:
+        if binary:
+            kind, several, tags = elements.take("i", 3).tolist()
+            numbers = None
+        else:
+            number, kind, tags = elements.take("i", 3).tolist()
+            numbers, several = [number], 1
+        if kind not in _NODES or tags < 0 or several < 1:
+            raise malformed(f"an element of type {kind} with {tags} tags", "Gmsh has no such element")
+        width = tags + _NODES[kind] + (numbers is None)
+        for row in elements.take("i", several * width).reshape(several, width).tolist():
+            number, *rest = row if numbers is None else [*numbers, *row]
+            yield kind, rest[0] if tags else 0, number, tuple(rest[tags:])
+        done += several
+
+
+def _by_group(rows: list[Row]) -> list[Elements]:
+    """Return elements of one type and group together, in the order in which they first appear."""
+    parts: dict[tuple[int, int], list[Row]] = {}
+    for row in rows:
+        parts.setdefault(row[:2], []).append(row)
+    return [
+        Elements(kind, group, np.array([row[2] for row in its]), np.array([row[3] for row in its]))
+        for (kind, group), its in parts.items()
+    ]
+
+
+def _read_4(sections: _Sections, binary: bool) -> Parts:
+    del binary  # its sections are the same numbers in both
+    groups = _entities(sections.numbers("Entities"))
+    numbers, points = _nodes_4(sections.numbers("Nodes"))
+    return numbers, points, list(_elements_4(sections.numbers("Elements"), groups))
+
+
+def _entities(entities: Numbers) -> dict[tuple[int, int], list[int]]:
+    """Return dimension and number of an entity to its physical groups."""
+    groups: dict[tuple[int, int], list[int]] = {}
+    for dimension, count in enumerate(entities.take("u", 4).tolist()):
+        for _ in range(count):
+            (number,) = entities.take("i", 1).tolist()
+            entities.take("f", 6 if dimension else 3)
+            groups[dimension, number] = entities.take("i", *entities.take("u", 1).tolist()).tolist()
+            if dimension:
+                entities.take("i", *entities.take("u", 1).tolist())
+    entities.end()
+    return groups
+
+
+def _nodes_4(nodes: Numbers) -> tuple[IntArray, FloatArray]:
+    blocks, total, _, _ = nodes.take("u", 4).tolist()
+    numbers: list[Any] = []
+    points: list[Any] = []
+    for _ in range(blocks):
+        dimension, _, parametric = nodes.take("i", 3).tolist()
+        (count,) = nodes.take("u", 1).tolist()
+        width = 3 + (dimension if parametric else 0)
+        numbers.append(nodes.take("u", count))
+        points.append(nodes.take("f", count * width).reshape(count, width)[:, :3])
+    nodes.end()
+    if sum(map(len, numbers)) != total:
+        raise malformed(f"{sum(map(len, numbers))} nodes, {total} announced")
+    if not total:
+        return np.zeros(0, np.intp), np.zeros((0, 3))
+    return np.concatenate(numbers), np.concatenate(points)
+
+
+def _elements_4(elements: Numbers, groups: dict[tuple[int, int], list[int]]) -> Iterator[Elements]:
+    blocks, total, _, _ = elements.take("u", 4).tolist()
+    done = 0
+    for _ in range(blocks):
+        dimension, entity, kind = elements.take("i", 3).tolist()
+        (count,) = elements.take("u", 1).tolist()
+        if kind not in _NODES:
+            raise malformed(f"elements of type {kind}", "Gmsh has no such element")
+        rows = elements.take("u", count * (1 + _NODES[kind])).reshape(count, 1 + _NODES[kind])
+        done += count
+        for group in groups.get((dimension, entity), []) or [0]:
+            yield Elements(kind, group, rows[:, 0], rows[:, 1:])
+    elements.end()
+    if done != total:
+        raise malformed(f"{done} elements, {total} announced")
+
+
+Group = tuple[int, str, IntArray]
+"""Gmsh's type of its elements, its name, and the places of their nodes, shape (k, m)."""
+
+
+def msh_text(nodes: FloatArray, groups: Sequence[Group]) -> str:
+    r"""Return a Gmsh file of format 2.2, in which every number keeps all of its digits."""
+    named = [f'{int(kind == LINE)} {tag} "{name}"' for tag, (kind, name, _) in enumerate(groups, start=1)]
+    placed = [f"{i} {' '.join(map(repr, place))}" for i, place in enumerate(nodes.tolist(), start=1)]
+    joined = [f"{i} {one}" for i, one in enumerate(_elements(groups), start=1)]
+    return "".join([
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n",
+        _section("PhysicalNames", named), _section("Nodes", placed), _section("Elements", joined),
+    ])  # fmt: skip
+
+
+def _elements(groups: Sequence[Group]) -> Iterator[str]:
+    """Yield type, two tags and nodes of every element; the curve or point it lies on has the number of the group."""
+    for tag, (kind, _, nodes) in enumerate(groups, start=1):
+        for row in (nodes + 1).tolist():
+            yield f"{kind} 2 {tag} {tag} {' '.join(map(str, row))}"
+
+
+def _section(name: str, lines: Iterable[str]) -> str:
+    rows = list(lines)
+    return "\n".join([f"${name}", str(len(rows)), *rows, f"$End{name}", ""])

@@ -1,0 +1,144 @@
+"""The seal of a file: one SHA-256 over names, types, lengths, attributes and texts, and over a checksum of all numbers.
+
+Chunks of numbers have a checksum each (fletcher32), but HDF5's own records have none in its oldest and best-known
+format: a flipped byte could rename a probe, lose a unit, or lead to another chunk, even to zeros whose checksum fits.
+So every dataset of numbers has a CRC-32 over all its rows as an attribute, taken while it is written, and the seal
+covers these with everything else.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import zlib
+from collections.abc import Iterator
+from typing import Any
+
+import h5py  # pyright: ignore[reportMissingTypeStubs]
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.core.errors import Fault, InputError, in_words
+from flexcam.io.hdf5 import SCALES, attribute, attribute_names, links
+
+SEAL = "seal"
+"""Attribute of the root that holds the digest, hexadecimal."""
+
+SUM = "crc32"
+"""Attribute of a dataset that holds the checksum of its rows."""
+
+_LEFT_OUT = frozenset(name.encode() for name in (*SCALES, SEAL))
+
+_module: Any = h5py
+
+
+def keep_sum(dataset: Any, value: int) -> None:  # noqa: ANN401 - h5py has no types
+    """Write the checksum of a dataset."""
+    attribute(dataset, SUM, np.array(value, np.uint32))
+
+
+def digest(file: Any) -> str:  # noqa: ANN401
+    """Return the SHA-256 of everything in a file but numbers that have a checksum, which it covers by that."""
+    sum_ = hashlib.sha256()
+    for part in _parts(file):
+        sum_.update(len(part).to_bytes(8, "little") + part)
+    return sum_.hexdigest()
+
+
+def seal(file: Any) -> None:  # noqa: ANN401
+    """Write the seal into a file that is open for writing."""
+    file.attrs[SEAL] = np.bytes_(digest(file).encode())
+
+
+def seal_fault(file: Any) -> Fault | None:  # noqa: ANN401
+    """Return what is wrong with the seal of a file; None if nothing is."""
+    remedy = "compute it again, or take it from a sound copy"
+    if SEAL not in file.attrs:
+        return Fault("/, seal", "nothing", "the seal every such file has", "names and texts may be damaged", remedy)
+    if bytes(file.attrs[SEAL]).decode("ascii", "replace") == digest(file):
+        return None
+    why = "a name, a unit, a text or a length is not what was written"
+    return Fault("/, seal", "a seal that does not fit", "a file as it was written", why, remedy)
+
+
+def _parts(file: Any) -> Iterator[bytes]:  # noqa: ANN401
+    groups: list[tuple[Any, bytes]] = [(file.id, b"")]
+    seen: set[int] = set()
+    while groups:
+        group, path = groups.pop()
+        yield from _attributes(group)
+        for name, address in links(group):
+            yield (path or b"/") + b"/" + name
+            if address in seen:
+                continue
+            seen.add(address)
+            one = _module.h5o.open(group, name)
+            if isinstance(one, _module.h5d.DatasetID):
+                yield from _dataset(one)
+            else:
+                groups.append((one, path + b"/" + name))
+
+
+def _attributes(one: Any) -> Iterator[bytes]:  # noqa: ANN401
+    for name in attribute_names(one):
+        if name not in _LEFT_OUT:
+            value = _value(_module.h5a.open(one, name))
+            yield f"{name.decode()} {value.dtype.kind} {value.shape} {value.tolist()!r}".encode()
+
+
+def _value(attribute: Any) -> NDArray[Any]:  # noqa: ANN401
+    value = np.empty(attribute.shape, attribute.dtype)
+    attribute.read(value)
+    return value
+
+
+def _dataset(one: Any) -> Iterator[bytes]:  # noqa: ANN401
+    yield f"{one.dtype.str} {one.shape}".encode()
+    yield from _attributes(one)
+    if not _module.h5a.exists(one, SUM.encode()):
+        whole = np.empty(one.shape, one.dtype)
+        if whole.size:
+            one.read(_module.h5s.ALL, _module.h5s.ALL, whole)
+            yield whole.tobytes()
+
+
+_REMEDY = "flexcam info FILE --verify names everything that is damaged; compute the result again"
+_ROWS = 1 << 16
+"""Rows that are read at a time where none are kept."""
+
+
+def taken(dataset: Any, rows: int | None = None) -> Any:  # noqa: ANN401 - h5py has no types
+    """Return the rows of a dataset if they are as they were written."""
+    if rows is not None and (not dataset.shape or dataset.shape[0] < rows or rows < 0):
+        raise InputError(
+            [Fault(dataset.name, f"shape {in_words(dataset.shape)}", f"{rows} rows", "a count is wrong", _REMEDY)]
+        )
+    try:
+        values = dataset[()]
+    except OSError as fault:
+        raise InputError([damaged(dataset, str(fault))]) from None
+    if SUM in dataset.attrs and zlib.crc32(np.ascontiguousarray(values).data) != int(dataset.attrs[SUM]):
+        raise InputError([damaged(dataset, "its rows are not those that were written")])
+    return values if rows is None else values[:rows]
+
+
+def damaged(dataset: Any, why: str) -> Fault:  # noqa: ANN401
+    """Return the fault of a dataset whose numbers are not what they were."""
+    return Fault(dataset.name, "damaged numbers", "numbers whose checksum fits", why, _REMEDY)
+
+
+def held(dataset: Any) -> Fault | None:  # noqa: ANN401
+    """Read a dataset in pieces, to its end."""
+    found = 0
+    for part in _in_parts(dataset):
+        if part.dtype.kind == "f" and not np.isfinite(part).all():
+            return Fault(dataset.name, "numbers that are not finite", "finite numbers", "flexcam writes no others", "")
+        found = zlib.crc32(np.ascontiguousarray(part).data, found)
+    if SUM in dataset.attrs and found != int(dataset.attrs[SUM]):
+        return damaged(dataset, "its rows are not those that were written")
+    return None
+
+
+def _in_parts(one: Any) -> Any:  # noqa: ANN401 - an iterator over arrays
+    if not one.shape:
+        return iter([np.asarray(one[()])])
+    return (one[first : first + _ROWS] for first in range(0, one.shape[0], _ROWS))

@@ -1,0 +1,169 @@
+"""Files that are read: regular ones, of a size that a file of that kind can have."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+from stat import S_ISREG
+
+from flexcam.core.errors import refuse, said
+
+_LARGEST_TEXT = 1 << 28
+"""Bytes of a text that is read as a whole."""
+
+
+def size_of(path: Path) -> int:
+    """Return the size of a file; a device or a pipe has none, and reading it might never end."""
+    found = path.stat()
+    if not S_ISREG(found.st_mode):
+        raise OSError("a folder, a device or a pipe stands there")
+    return found.st_size
+
+
+def text_of(path: Path, encoding: str = "utf-8-sig") -> str:
+    """Return the text of a file."""
+    size = size_of(path)
+    if size > _LARGEST_TEXT:
+        raise OSError(f"it has {size} bytes, more than any such file")
+    return path.read_text(encoding=encoding)
+
+
+def lines_of(path: Path) -> list[str]:
+    """Return the lines of a file as an editor counts them.
+
+    No letter but the ends of lines of Unix, Windows and old Macs ends one: `str.splitlines` would count
+    others, such as U+0085 and U+2028, and name a wrong line from there on.
+    """
+    return text_of(path).split("\n")  # all three ends are read as this one
+
+
+_UP = 2
+"""Folders above that of the case in which files may lie, so that ``cases/engine/a.toml`` finds ``meshes/a.msh``."""
+
+ALLOWED_BESIDES = "FLEXCAM_FILES"
+"""Environment variable with further folders, divided as those of PATH are."""
+
+_LARGEST = 1 << 30
+"""Bytes of a file that is read as a whole."""
+
+
+def file_beside(case: Path, name: str) -> Path | None:
+    """Return the file that a text of a case names, wherever it lies; None where it names none."""
+    try:
+        path = _folder(case, name) / name
+        return path if path.is_file() else None
+    except (OSError, ValueError):  # no name of a file
+        return None
+
+
+def _folder(case: Path, name: str) -> Path:
+    """Return the folder from which a name in a case is meant."""
+    folders = _folders(case)
+    return next((one for one in folders if (one / name).exists()), folders[0])
+
+
+def _folders(case: Path) -> list[Path]:
+    """Return where names in a case are looked up, in this order."""
+    return [case.parent, case.resolve().parent] if case.is_symlink() else [case.parent]
+
+
+def named_file(case: Path, name: str, where: str) -> Path:
+    """Return the path of a file that a case names."""
+    try:
+        folder = _folder(case, name)
+        path = folder / name
+        target, home = path.resolve(), folder.resolve()
+        there, regular = path.exists(), path.is_file()
+        size = path.stat().st_size if regular else 0
+    except (OSError, ValueError, RuntimeError) as fault:
+        raise refuse(where, repr(name), "the path of a file", said(fault)) from None
+    besides = [Path(one).resolve() for one in os.environ.get(ALLOWED_BESIDES, "").split(os.pathsep) if one]
+    if not any(target.is_relative_to(one) for one in [home.parents[:_UP][-1] if home.parents else home, *besides]):
+        allowed = "a file in the case's folder, up to two folders above it, or below these"
+        why = "a case from elsewhere must not open any file"
+        raise refuse(where, repr(name), allowed, why, f"move it, or name its folder in {ALLOWED_BESIDES}")
+    if there and not regular:
+        raise refuse(where, repr(name), "a regular file", "a folder or a device is none")
+    if size > _LARGEST:
+        raise refuse(where, f"{name!r} of {size} bytes", f"up to {_LARGEST} bytes", "it is read as a whole")
+    if not there and len(tried := _folders(case)) > 1:
+        allowed, why = f"a file from {tried[0]} or from {tried[1]}", f"{case} is a symbolic link, and neither has it"
+        raise refuse(where, repr(name), allowed, why, "put it beside the link or beside the case")
+    return path
+
+
+_REMEDY = "overwrite it by --overwrite or overwrite=True"
+
+
+def free_to_write(where: str, path: Path, *, overwrite: bool, remedy: str = _REMEDY) -> None:
+    """Refuse a target that exists."""
+    if path.is_symlink() and not path.exists():  # whose target it would make is not known
+        remedy = "remove the link, or name another file"
+        raise refuse(where, str(path), "a file that does not exist yet", _NOWHERE, remedy)
+    if path.is_dir():
+        raise refuse(where, str(path), "a file", "a folder stands there", "move it, or name another folder")
+    if path.exists() and not overwrite:
+        raise refuse(where, str(path), "a file that does not exist yet", "nothing is written over", remedy)
+    if why := _barred(path.parent):
+        raise refuse("folder", str(path.parent), _MADE, why, "name another")
+    if (path.is_file() or not path.exists()) and not os.access(_nearest(path.parent), os.W_OK | os.X_OK):
+        raise refuse("folder", str(path.parent), _TAKES, "it may not be written", "name another")
+
+
+_MADE, _TAKES = "a folder that can be made", "a folder that takes files"
+_NOWHERE = "a symbolic link stands there that leads nowhere"
+
+
+def _nearest(folder: Path) -> Path:
+    """Return a folder, or the nearest above it of what is there."""
+    whole = folder.absolute()
+    return next(one for one in (whole, *whole.parents) if os.path.lexists(one))
+
+
+def _barred(folder: Path) -> str:
+    """Return what stands in the place of a folder or of one above it; nothing for an empty text."""
+    above = _nearest(folder)
+    if above.is_dir():
+        return ""
+    return f"{above} is a symbolic link that leads nowhere" if above.is_symlink() else f"{above} is a file"
+
+
+_OF_FILES = frozenset((
+    ".h5", ".hdf5", ".vtkhdf", ".csv", ".parquet", ".toml", ".json", ".html", ".svg", ".png", ".pdf", ".pvd", ".vtp",
+    ".dxf", ".msh", ".inp",
+))  # fmt: skip
+
+
+def named_as_folder(path: Path) -> Path:
+    """Return the name of a folder for files that are named after something else, such as the case."""
+    if path.suffix.lower() not in _OF_FILES or path.exists():
+        return path
+    allowed, why = "a folder", "its files have names of their own, after the case"
+    raise refuse("folder", str(path), allowed, why, f"name a folder, such as -o {path.with_suffix('')}")
+
+
+def made_folder(path: Path) -> Path:
+    """Return a folder, made with its parents if it does not exist."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        why = _barred(path) or said(fault)
+        raise refuse("folder", str(path), _MADE, why, "name another with -o") from None
+    return path
+
+
+def takes_files(folder: Path) -> None:
+    """Refuse a folder in which no file can be made, before anything is computed for it; nothing is left behind."""
+    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+    try:
+        with tempfile.TemporaryFile(dir=made_folder(folder)):
+            pass
+    except OSError as fault:
+        why = said(fault)
+        raise refuse("folder", str(folder), _TAKES, why, "name another with -o") from None
+    finally:
+        for one in missing:
+            with suppress(OSError):
+                one.rmdir()

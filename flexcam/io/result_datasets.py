@@ -1,0 +1,105 @@
+"""HDF5 datasets that grow block by block."""
+
+from __future__ import annotations
+
+import zlib
+from typing import Any
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.io.hdf5 import dataset, fill, space
+from flexcam.io.integrity import keep_sum
+from flexcam.io.text_files import note
+
+_MOST = 4096
+"""Numbers in a chunk, as far as blocks can be halved."""
+
+
+def chunk_rows(rows: int, width: int) -> int:
+    """Return the rows of a chunk: those of a block, halved while they are many, as the last chunk is stored whole."""
+    while rows % 2 == 0 and rows * width > _MOST:
+        rows //= 2
+    return rows
+
+
+def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the chunks of a dataset that is written at once: whole rows, as many as one chunk may hold."""
+    width = int(np.prod(shape[1:], dtype=int))
+    return (max(1, min(shape[0], _MOST // max(width, 1))), *shape[1:])
+
+
+def ordered(group: Any, name: str) -> Any:  # noqa: ANN401 - h5py has no types
+    """Return a new group that keeps its members in the order they are made."""
+    return group.create_group(name, track_order=True)
+
+
+class Growing:
+    """A new, empty dataset whose first axis grows.
+
+    Rows go to HDF5 without h5py's selections and look-ups: a result has some forty of these, and all grow together.
+
+    Parameters
+    ----------
+    group
+        Where it goes.
+    name
+        Of the dataset.
+    rows
+        Rows that a block brings: chunks are parts of it, so that no block touches the chunk of another.
+    unit
+        Of its numbers.
+    width
+        Columns; 0 for a dataset of one axis.
+    kind
+        Type of its numbers.
+    """
+
+    def __init__(self, group: Any, name: str, rows: int, unit: str, *, width: int = 0, kind: str = "f8") -> None:  # noqa: ANN401
+        self._columns = (width,) if width else ()
+        shape, limit = (0, *self._columns), (None, *self._columns)
+        chunk = (chunk_rows(rows, width or 1), *self._columns)
+        self.dataset: Any = dataset(group, name, kind, shape, limit=limit, chunk=chunk)
+        note(self.dataset, "units", unit)
+        self._length, self._kind, self._sum = 0, kind, 0
+        self.sum()
+
+    def __len__(self) -> int:
+        return self._length
+
+    def append_zeros(self, count: int) -> None:
+        """Append rows of zeros, which take no room in the file."""
+        self.lengthen(count)
+        self._sum = zlib.crc32(np.zeros((count, *self._columns), self._kind).data, self._sum)
+
+    def lengthen(self, count: int) -> None:
+        """Make room for rows."""
+        self._length += count
+        self.dataset.id.set_extent((self._length, *self._columns))
+
+    def extend(self, rows: FloatArray | IntArray) -> None:
+        """Append rows, as wide as the dataset."""
+        first = self._length
+        self.lengthen(len(rows))
+        if len(rows):
+            there: Any = self.dataset.id.get_space()
+            there.select_hyperslab((first, *(0 for _ in self._columns)), rows.shape)
+            values = np.ascontiguousarray(rows, dtype=self._kind)
+            self._sum = zlib.crc32(values.data, self._sum)
+            self.dataset.id.write(space(rows.shape), there, values)
+
+    def sum(self) -> None:
+        """Write the checksum of all rows so far."""
+        keep_sum(self.dataset, self._sum)
+
+
+def fixed(group: Any, name: str, values: FloatArray | IntArray, unit: str = "") -> Any:  # noqa: ANN401
+    """Return a new dataset that does not grow, with its unit."""
+    array = np.ascontiguousarray(values)
+    chunk = _chunks(array.shape) if array.size else ()  # nothing has no chunk
+    made = dataset(group, name, array.dtype.str, array.shape, chunk=chunk)
+    if array.size:
+        fill(made, array)
+    note(made, "units", unit)
+    keep_sum(made, zlib.crc32(array.data))
+    return made

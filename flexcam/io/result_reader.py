@@ -1,0 +1,289 @@
+"""What stands beside a result that is not there: the copy of a run that goes on or broke off, or the end of one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.core.errors import Fault, InputError, did_you_mean, refuse
+from flexcam.dynamics import Cause, Outline, Response, Series, Stats, Status
+from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.mesh import Mesh
+from flexcam.io.hdf5 import DAMAGE, datasets, guarded
+from flexcam.io.integrity import SUM, damaged, held, seal_fault, taken
+from flexcam.io.result_writer import FORMAT, SERIES, VECTORS, partial_of
+from flexcam.io.text_files import noted, notes, read_texts
+from flexcam.io.vtk_groups import RECOVERED
+
+_RESULT, _PARTIAL, _WRITING = ".vtkhdf", ".partial.vtkhdf", (".writing", ".copying")
+
+
+def instead(path: Path) -> str:
+    """Return what to read in the place of a result that cannot be read."""
+    if path.suffix == ".toml":
+        return f"a case is solved first: flexcam run {path}"
+    try:
+        return _beside(path)
+    except OSError:  # no name of a file, or a folder that may not be looked into: the refusal itself says so
+        return ""
+
+
+def _beside(path: Path) -> str:
+    final = path.with_name(path.name.removesuffix(_PARTIAL) + _RESULT) if path.name.endswith(_PARTIAL) else path
+    final = final.with_suffix(_RESULT) if final.suffix in _WRITING else final
+    partial, writing = partial_of(final), final.with_suffix(_WRITING[0])
+    if path.exists() and path.suffix not in _WRITING:
+        return ""
+    if final != path and final.exists():
+        return f"its run is complete: {final}"
+    if partial != path and partial.exists():
+        return f"{partial} is there: what a run that is going on or broke off has finished"
+    if writing.exists():
+        return (
+            f"{writing} is there: a run is going on, or was killed before its first copy; ask again once it has ended"
+        )
+    return did_you_mean(path.name, [one.name for one in path.parent.glob(f"*{_RESULT}")])
+
+
+STILL = ("radius", "node", "axis_x", "axis_y", "axis_z")
+"""Point data that do not change."""
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A result file in memory.
+
+    Parameters
+    ----------
+    mesh
+        Geometry, with named points and members.
+    response
+        Histories, status and figures of the run; its fields hold six components per node, node after node.
+    still
+        Point data that do not change: ``radius`` (m), ``node``, ``axis_x``, ``axis_y``, ``axis_z`` (global axes).
+    recovered
+        Section forces (N, N m, local axes) and stresses (Pa) at the points of the members, shape (instants, points, 3)
+        or (instants, points).
+    about
+        Texts kept with the result: case file, versions, date.
+    warnings
+        What was doubtful about the run, in words.
+
+    Examples
+    --------
+    ``result.field("displacement")[-1]`` is the last saved displacement of every node.
+    """
+
+    mesh: Mesh
+    response: Response
+    still: Mapping[str, FloatArray]
+    recovered: Mapping[str, FloatArray]
+    about: Mapping[str, str]
+    warnings: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return whose result it is, not its numbers."""
+        return f"<Result of {self.about.get('title') or self.about.get('case_file', 'a run')!r}: {self.response!r}>"
+
+    @property
+    def field_names(self) -> tuple[str, ...]:
+        """Names of the nodal vectors, for `field`."""
+        return tuple(VECTORS)
+
+    def field(self, name: str) -> FloatArray:
+        """Return a nodal vector over the saved instants.
+
+        Parameters
+        ----------
+        name
+            ``displacement``, ``rotation``, ``velocity``, ``angular_velocity``, ``acceleration`` or
+            ``angular_acceleration``.
+
+        Returns
+        -------
+        ndarray
+            Shape (instants, nodes, 3), global axes, SI.
+        """
+        series, first, _ = VECTORS[name]
+        nodal = getattr(self.response.fields, series).reshape(-1, len(self.mesh.nodes), 6)
+        return nodal[..., first : first + 3]
+
+
+def read_result(path: str | Path) -> Result:
+    """Read a result file.
+
+    Parameters
+    ----------
+    path
+        A ``.vtkhdf`` file written by flexcam, complete or partial; of a partial one, what was finished.
+
+    Returns
+    -------
+    Result
+        Everything in it.
+
+    Raises
+    ------
+    InputError
+        If it is no such file, damaged, or of a newer format.
+
+    Examples
+    --------
+    ``read_result("results/model-3-shm.vtkhdf").response["valve"].velocity`` is the velocity of the valve.
+    """
+    source = Path(path)
+    with guarded(source, "result", "a result file of flexcam (.vtkhdf)", instead(source)) as file:
+        check_whole(file, source)
+        return _result(file)
+
+
+def check_whole(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
+    """Refuse a result of a newer format, or one whose names, texts or index are not as they were written."""
+    if "VTKHDF" not in file and {"inputs", "scalars"} <= set(file):
+        remedy = "flexcam.studies.tables.read_table reads it, and flexcam info --verify says whether it is sound"
+        raise refuse("result", source, "a result file of flexcam (.vtkhdf)", "it is the table of a sweep", remedy)
+    form = int(bytes(file["about/format"][()]))
+    if form > FORMAT:
+        given = f"{source} of format {form}"
+        raise refuse("result", given, f"up to format {FORMAT}", "it is newer", "update flexcam")
+    if fault := seal_fault(file):
+        raise InputError([fault])
+
+
+def _result(file: Any) -> Result:  # noqa: ANN401
+    about = read_texts(file["about"])
+    vtk = file["VTKHDF"]
+    data, mesh = vtk["PointData"], _mesh(file)
+    count, points = min(int(vtk["Steps"].attrs["NSteps"]), len(vtk["Steps/Values"])), int(vtk["NumberOfPoints"][0])
+    recovered = {name: taken(data[name], count * points) for name in RECOVERED}
+    return Result(
+        mesh=mesh,
+        response=_response(file, count, len(mesh.nodes)),
+        still={name: taken(data[name]) for name in STILL},
+        recovered={name: values.reshape(count, points, *values.shape[1:]) for name, values in recovered.items()},
+        about=about,
+        warnings=_warnings(file),
+    )
+
+
+def _warnings(file: Any) -> tuple[str, ...]:  # noqa: ANN401
+    told = file.get("status/warnings")
+    return () if told is None else tuple(str(told.asstr()[()]).splitlines())
+
+
+def _mesh(file: Any) -> Mesh:  # noqa: ANN401
+    vtk, group = file["VTKHDF"], file["mesh"]
+    node, ends = taken(vtk["PointData/node"]), taken(vtk["Lines/Offsets"]).tolist()
+    names = notes(vtk["CellData/member"], "names")
+    lines = {name: node[a:b] for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
+    return Mesh(taken(group["nodes"]), lines, {name: taken(index) for name, index in group["points"].items()})
+
+
+def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
+    vtk, history = file["VTKHDF"], file["history"]
+    steps = int(history.attrs["steps"])
+    probes = tuple((name, notes(one, "components")) for name, one in history["probes"].items())
+    channels, data = history["channels"].items(), vtk["PointData"]
+    node = taken(data["node"])
+
+    def fields(name: str) -> FloatArray:
+        return taken(data[name], count * len(node))
+
+    return Response(
+        outline=Outline(
+            tuple(f"node {n}.{c}" for n in range(nodes) for c in COMPONENTS),
+            probes,
+            tuple((name, noted(data, "units")) for name, data in channels),
+        ),
+        time=taken(history["time"], steps),
+        angle=taken(history["cam_angle"], steps),
+        probes=Series(*(_side_by_side(history, probes, series, steps) for series in SERIES)),
+        channels={name: taken(data, steps) for name, data in channels},
+        field_time=taken(vtk["Steps/Values"], count),
+        field_angle=taken(file["fields/cam_angle"], count),
+        fields=Series(*(at_nodes(fields, series, node, nodes) for series in SERIES)),
+        status=status_of(file),
+        stats=_stats(file),
+    )
+
+
+def _side_by_side(history: Any, probes: tuple[tuple[str, tuple[str, ...]], ...], series: str, steps: int) -> FloatArray:  # noqa: ANN401
+    columns = [taken(history["probes"][name][series], steps) for name, _ in probes]
+    return np.concatenate(columns, axis=1) if columns else np.zeros((steps, 0))
+
+
+def at_nodes(read: Callable[[str], FloatArray], series: str, node: IntArray, nodes: int) -> FloatArray:
+    """Return one series of saved fields at the nodes; points of a joint agree, any of them counts."""
+    parts = {first: read(name).reshape(-1, len(node), 3) for name, (of, first, _) in VECTORS.items() if of == series}
+    spread = np.zeros((len(parts[0]), nodes, 6))
+    for first, values in parts.items():
+        spread[:, node, first : first + 3] = values
+    return spread.reshape(-1, 6 * nodes)
+
+
+def status_of(file: Any) -> Status:  # noqa: ANN401
+    """Return how the run of an open result file ended."""
+    if "status" not in file:
+        return Status(Cause.INTERRUPTED, "the run was cut off before it could say why", "flexcam run --resume goes on")
+    texts = read_texts(file["status"])
+    return Status(Cause(texts["cause"]), texts["text"], texts["remedy"])
+
+
+def _stats(file: Any) -> Stats:  # noqa: ANN401
+    if "status" not in file:  # a run that was killed: what it had written by then, its way and time are not known
+        told = file["history"].attrs
+        return Stats(engine="", steps=max(int(told["steps"]) - 1, 0), size=int(told.get("size", 0)), seconds=-1.0)
+    group = file["status"]
+    known = {name: default for name, default in Stats().__dict__.items() if name in group.attrs}
+    kept: dict[str, Any] = {
+        name: noted(group, name) if isinstance(default, str) else type(default)(group.attrs[name])
+        for name, default in known.items()
+    }
+    return Stats(**kept)
+
+
+@dataclass(frozen=True)
+class Verified:
+    """What was read of a sound file.
+
+    Parameters
+    ----------
+    datasets
+        How many.
+    checked
+        How many of them have a checksum of their rows; the seal covers the others.
+    bytes
+        Of their numbers and texts.
+    complete
+        Whether the run that wrote it came to its end.
+    """
+
+    datasets: int
+    checked: int
+    bytes: int
+    complete: bool
+
+
+def verified(path: str | Path) -> Verified:
+    """Read every dataset of a result, and the table of a sweep, to the last byte."""
+    source = Path(path)
+    allowed = "a result file of flexcam (.vtkhdf) or the table of a sweep (.h5)"
+    with guarded(source, "result", allowed, instead(source)) as file:
+        found = datasets(file)
+        if faults := [fault for fault in (seal_fault(file), *map(_fault, found)) if fault]:
+            raise InputError(faults)
+        complete = "history" not in file or status_of(file).ok
+        checked = sum(SUM in one.attrs for one in found)
+        return Verified(len(found), checked, sum(int(one.nbytes) for one in found), complete)
+
+
+def _fault(one: Any) -> Fault | None:  # noqa: ANN401 - h5py has no types
+    try:
+        return held(one)
+    except DAMAGE as fault:
+        return damaged(one, str(fault))

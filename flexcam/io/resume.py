@@ -1,0 +1,114 @@
+"""The finished part of a run that broke off, read from its partial result as the run handed it out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.core.errors import InputError, refuse
+from flexcam.dynamics import Block, Cause, Outline, SaveAt, Series, Status
+from flexcam.dynamics.checkpoint import Checkpoint
+from flexcam.io.hdf5 import guarded
+from flexcam.io.result_reader import at_nodes, check_whole, status_of, verified
+from flexcam.io.result_writer import SERIES, read_checkpoint
+from flexcam.io.text_files import read_texts
+from flexcam.io.vtk_groups import Geometry
+
+_AGAIN = "run the case again, with --overwrite"
+_FAILED = (Cause.NOT_FINITE, Cause.NO_CONVERGENCE, Cause.SINGULAR, Cause.STEP_TOO_SMALL, Cause.ROUNDING)
+"""How runs end that would end the same way again."""
+
+_GUARDED = ("--resume", "a partial result of flexcam", _AGAIN)
+
+
+class Unfinished:
+    """A partial result that a run can go on from.
+
+    Parameters
+    ----------
+    path
+        ``NAME.partial.vtkhdf``.
+    geometry, outline, save
+        Of the run, as its result file takes them.
+
+    Attributes
+    ----------
+    about
+        Texts kept with it.
+    status
+        How it broke off.
+    checkpoint
+        Where the run goes on.
+    """
+
+    def __init__(self, path: Path, geometry: Geometry, outline: Outline, save: SaveAt) -> None:
+        self._path, self._geometry, self._outline, self._save = path, geometry, outline, save
+        self._free = geometry.dofs.numbers >= 0
+        with guarded(path, *_GUARDED) as file:
+            check_whole(file, path)
+            self.about: Mapping[str, str] = read_texts(file["about"])
+            self.status: Status = status_of(file)
+            found = read_checkpoint(file)
+        if self.status.cause in _FAILED:
+            given, why = f"{path}: {self.status.cause}", "it would end the same way again"
+            raise refuse("--resume", given, "a run that was stopped or cut off", why, self.status.remedy)
+        if found is None:
+            why = "it broke off before the first block of its steps was saved"
+            raise refuse("--resume", str(path), "a result with a checkpoint", why, _AGAIN)
+        self.checkpoint: Checkpoint = found
+
+    def verify(self) -> None:
+        """Read everything once, and hold it against its checksums."""
+        verified(self._path)
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the blocks up to the checkpoint; checksums are held against what is read, see `verify` for the rest."""
+        size, field = self._save.block, 0
+        with guarded(self._path, *_GUARDED) as file:
+            for first in range(0, self.checkpoint.steps, size):
+                steps = np.arange(first, min(first + size, self.checkpoint.steps))
+                saved = np.flatnonzero(steps % self._save.field_every == 0)  # the last of the run is not among them
+                fields = slice(field, field + len(saved))
+                yield self._block(file, slice(first, first + len(steps)), saved, fields)
+                field += len(saved)
+
+    def _block(self, file: Any, rows: slice, saved: IntArray, fields: slice) -> Block:  # noqa: ANN401 - h5py has no types
+        history = file["history"]
+        time, angle = _rows(history["time"], rows), _rows(history["cam_angle"], rows)
+        probes = Series(*(self._probes(history["probes"], series, rows) for series in SERIES))
+        channels = [_rows(history["channels"][name], rows) for name, _ in self._outline.channels]
+        data = file["VTKHDF/PointData"]
+        return Block(
+            time=time, angle=angle, probes=probes, channels=np.column_stack([np.zeros((len(time), 0)), *channels]),
+            field_time=time[saved], field_angle=angle[saved],
+            fields=Series(*(self._unknowns(data, series, fields, getattr(probes, series)[saved]) for series in SERIES)),
+        )  # fmt: skip
+
+    def _probes(self, group: Any, series: str, rows: slice) -> FloatArray:  # noqa: ANN401
+        parts = [_rows(group[name][series], rows) for name, _ in self._outline.probes]
+        return np.concatenate([np.zeros((rows.stop - rows.start, 0)), *parts], axis=1)
+
+    def _unknowns(self, data: Any, series: str, fields: slice, probes: FloatArray) -> FloatArray:  # noqa: ANN401
+        """Return saved fields in the unknowns of the run: those of nodes, and behind them those that are probes."""
+        node, nodes = self._geometry.node, len(self._geometry.mesh.nodes)
+        which = slice(fields.start * len(node), fields.stop * len(node))
+        nodal = at_nodes(lambda name: _rows(data[name], which), series, node, nodes).reshape(-1, nodes, 6)
+        beside = self._outline.unknowns[int(self._free.sum()) :]
+        return np.concatenate([nodal[:, self._free], *(self._beside(name, probes) for name in beside)], axis=1)
+
+    def _beside(self, name: str, probes: FloatArray) -> FloatArray:
+        try:
+            return probes[:, self._outline.columns(name)]
+        except InputError:  # the inner parts of a spring lie still in a rigid train, which keeps none
+            return np.zeros((len(probes), 1))
+
+
+def _rows(dataset: Any, rows: slice) -> FloatArray:  # noqa: ANN401
+    found = np.asarray(dataset[rows], dtype=float)
+    if len(found) != rows.stop - rows.start:
+        raise ValueError(f"{dataset.name} ends after {rows.start + len(found)} rows")
+    return found

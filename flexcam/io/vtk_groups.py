@@ -1,0 +1,239 @@
+"""The drawn geometry of a model: every member a polyline with points of its own, every other node that moves a vertex.
+
+A joint can so carry the section forces of each member that meets there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.fem.assembly import Damping
+from flexcam.fem.dofs import DofMap
+from flexcam.fem.elements.beam import Beams
+from flexcam.fem.mesh import Mesh
+from flexcam.fem.recovery import Fibres, fibres, section_forces
+from flexcam.fem.sections import Section
+from flexcam.io.result_datasets import Growing, fixed
+from flexcam.io.text_files import note
+
+RECOVERED = {
+    "section_force": ("N", 3),
+    "section_moment": ("N m", 3),
+    "stress_axial": ("Pa", 1),
+    "stress_bending": ("Pa", 1),
+    "stress_torsion": ("Pa", 1),
+    "stress_von_mises": ("Pa", 1),
+}
+"""Point data that follow from the displacements: unit and width. Forces are N, Vy, Vz and T, My, Mz in local axes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Points, polylines and what is drawn on them.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    dofs, beams
+        Numbering and elements, to spread and recover fields.
+    sections
+        Member name to its section.
+    spread
+        Loads spread over the elements, shape (e, 12), local axes, N and N m.
+    damping
+        Damping of the structure, of which the elements bear Rayleigh's.
+    """
+
+    mesh: Mesh
+    dofs: DofMap
+    beams: Beams
+    sections: Mapping[str, Section]
+    spread: FloatArray
+    damping: Damping
+
+    @cached_property
+    def node(self) -> IntArray:
+        """Mesh node of every point, shape (points,): the members' chains one after the other, then `single`."""
+        return np.concatenate([*self.mesh.lines.values(), self.single])
+
+    @cached_property
+    def single(self) -> IntArray:
+        """Nodes on no member that move, shape (k,)."""
+        return np.flatnonzero((self.dofs.numbers >= 0).any(axis=1) & ~self.mesh.on_members())
+
+    @cached_property
+    def ends(self) -> IntArray:
+        """First point of every member and, last, the number of their points, shape (members + 1,)."""
+        return np.cumsum([0, *(len(line) for line in self.mesh.lines.values())])
+
+    def cells(self) -> IntArray:
+        """Return the number of the member of every cell, vertices first, for which it is -1."""
+        return np.concatenate([np.full(len(self.single), -1), np.arange(len(self.mesh.lines))])
+
+    def radius(self) -> FloatArray:
+        """Return the drawn radius at every point, m, shape (points,); zero at a vertex."""
+        radii = [np.full(len(line), self.sections[name].radius) for name, line in self.mesh.lines.items()]
+        return np.concatenate([*radii, np.zeros(len(self.single))])
+
+    def axes(self) -> FloatArray:
+        """Return the local axes at every point, those of the element that begins there, shape (points, 3, 3).
+
+        Those of a vertex are the global ones.
+        """
+        along = [
+            self.beams.triads[part][np.minimum(np.arange(len(line)), len(line) - 2)]
+            for line, part in zip(self.mesh.lines.values(), self.mesh.element_ranges().values(), strict=True)
+        ]
+        return np.concatenate([*along, np.tile(np.eye(3), (len(self.single), 1, 1))])
+
+    @cached_property
+    def fibres(self) -> Fibres:
+        """Return the fibres of all elements."""
+        counts = [len(line) - 1 for line in self.mesh.lines.values()]
+        return fibres([s for name, n in zip(self.mesh.lines, counts, strict=True) for s in [self.sections[name]] * n])
+
+    def recovered(self, nodal: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> dict[str, FloatArray]:
+        """Return section forces and stresses at the points."""
+        forces = section_forces(
+            self.beams, nodal, velocity=velocity, acceleration=acceleration, damping=self.damping, spread=self.spread
+        )
+        fibre = self.fibres
+        return {
+            "section_force": self._at_points(forces[..., :3]),
+            "section_moment": self._at_points(forces[..., 3:]),
+            "stress_axial": self._at_points(fibre.axial(forces)),
+            "stress_bending": self._at_points(fibre.bending(forces)),
+            "stress_torsion": self._at_points(fibre.shear(forces)),
+            "stress_von_mises": self._at_points(fibre.von_mises(forces)),
+        }
+
+    def _at_points(self, values: FloatArray) -> FloatArray:
+        """Return the larger of the element ends that meet at a point, from values of shape (times, e, 2, ...)."""
+        out = np.zeros((len(values), len(self.node), *values.shape[3:]))
+        for first, part in zip(self.ends[:-1].tolist(), self.mesh.element_ranges().values(), strict=True):
+            count = part.stop - part.start
+            for end in (0, 1):
+                points = slice(first + end, first + end + count)
+                there = values[:, part, end]
+                out[:, points] = np.where(np.abs(there) > np.abs(out[:, points]), there, out[:, points])
+        return out
+
+
+Still = Mapping[str, tuple[FloatArray | IntArray, str]]
+"""Point data that do not change: name to values and unit."""
+
+
+def still_data(geometry: Geometry) -> Still:
+    """Return what is known of every point: radius, mesh node, local axes."""
+    axes = {f"axis_{name}": (axis, "") for name, axis in zip("xyz", geometry.axes().swapaxes(0, 1), strict=True)}
+    return {"radius": (geometry.radius(), "m"), "node": (geometry.node, ""), **axes}
+
+
+class VtkGroup:
+    """The group of a file that grows step by step.
+
+    Parameters
+    ----------
+    file
+        An open h5py file.
+    geometry
+        What is drawn.
+    moving
+        Point data that change: name to unit and width.
+    still
+        Point data that do not.
+    rows
+        Steps appended together, for the chunks.
+    """
+
+    def __init__(
+        self,
+        file: Any,  # noqa: ANN401 - h5py has no types
+        geometry: Geometry,
+        moving: Mapping[str, tuple[str, int]],
+        still: Still,
+        rows: int,
+    ) -> None:
+        self._points, self._steps = len(geometry.node), 0
+        self._group: Any = file.create_group("VTKHDF")
+        self._group.attrs["Version"] = (2, 0)
+        self._group.attrs.create("Type", b"PolyData", dtype="S8")
+        _write_lines(self._group, geometry)
+        data = self._group.create_group("PointData")
+        for name, (values, unit) in still.items():
+            fixed(data, name, values, unit)
+        self._data = {
+            name: Growing(data, name, rows * self._points, unit, width=width if width > 1 else 0)
+            for name, (unit, width) in moving.items()
+        }
+        self._create_steps(rows, still)
+
+    def _create_steps(self, rows: int, still: Still) -> None:
+        steps = self._group.create_group("Steps")
+        steps.attrs["NSteps"] = 0
+
+        def shared(names: Sequence[str], width: int = 0) -> Growing:
+            made = Growing(steps, names[0], rows, "", width=width, kind="i8")
+            for name in names[1:]:
+                steps[name] = made.dataset
+            return made
+
+        of_still = [f"PointDataOffsets/{name}" for name in still]
+        self._zeros = (
+            shared(["PartOffsets", "PointOffsets", "CellDataOffsets/member", *of_still]),
+            shared(["CellOffsets", "ConnectivityIdOffsets"], width=4),  # one column for each of VTK's kinds of cells
+        )
+        self._parts = shared(["NumberOfParts"])
+        self._offsets = shared([f"PointDataOffsets/{name}" for name in self._data])
+        self._times = Growing(steps, "Values", rows, "s")
+
+    def append(self, values: Mapping[str, FloatArray], count: int) -> None:
+        """Append the point data of some steps, shape (count, points) or (count, points, width); not yet counted."""
+        for name, rows in values.items():
+            self._data[name].extend(rows.reshape(-1, *rows.shape[2:]))
+        for zeros in self._zeros:
+            zeros.append_zeros(count)
+        self._parts.extend(np.ones(count, int))
+        self._offsets.extend((self._steps + np.arange(count)) * self._points)
+
+    @property
+    def grown(self) -> list[Growing]:
+        """Datasets that grow."""
+        return [*self._data.values(), *self._zeros, self._parts, self._offsets, self._times]
+
+    def count(self, more: int) -> None:
+        """Count appended steps; to be flushed before `stamp`, because VTK trusts the times to have their data."""
+        self._steps += more
+        self._group["Steps"].attrs.modify("NSteps", self._steps)
+
+    def stamp(self, times: FloatArray) -> None:
+        """Write the times of counted steps, s."""
+        self._times.extend(times)
+
+
+def _write_lines(vtk: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types
+    mesh, points, ends = geometry.mesh, len(geometry.node), geometry.ends
+    fixed(vtk, "NumberOfPoints", np.array([points]))
+    fixed(vtk, "Points", mesh.nodes[geometry.node], "m")
+    single, nothing = len(geometry.single), np.zeros(0, int)
+    cells = {
+        "Vertices": (np.arange(points - single, points), np.arange(single + 1)),
+        "Lines": (np.arange(points - single), ends),
+        "Polygons": (nothing, np.zeros(1, int)),
+        "Strips": (nothing, np.zeros(1, int)),
+    }
+    for topology, (connectivity, offsets) in cells.items():
+        group = vtk.create_group(topology)
+        fixed(group, "NumberOfCells", np.array([len(offsets) - 1]))
+        fixed(group, "NumberOfConnectivityIds", np.array([len(connectivity)]))
+        fixed(group, "Connectivity", connectivity)
+        fixed(group, "Offsets", offsets)
+    member = fixed(vtk.create_group("CellData"), "member", geometry.cells())
+    note(member, "names", list(mesh.lines))

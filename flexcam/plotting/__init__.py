@@ -1,0 +1,4 @@
+"""Curves with matplotlib and mechanisms in 3D with pyvista.
+
+May import `analysis` and everything below it. A new picture is a function that draws into given axes.
+"""

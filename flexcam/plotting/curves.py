@@ -1,0 +1,259 @@
+"""Curves of laws, lifts and cams."""
+
+# pyright: reportUnknownMemberType=false
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from flexcam.cams import (
+    CamProfile,
+    Criteria,
+    Event,
+    Law,
+    SwingFlatFollower,
+    SwingRollerFollower,
+    Synthesized,
+    Turn,
+    joints,
+    residual_spectrum,
+)
+from flexcam.core import ComplexArray, FloatArray
+from flexcam.dynamics import Method
+from flexcam.plotting.figures import COLOURS, legend, looks, stack, stacked, titled
+
+# matplotlib leaves the types of its keyword arguments open.
+
+
+LAW_LABELS = ("s", "s'", "s''", "s'''")
+"""What the axes of laws show, from above."""
+
+LAW_POSITION = "z, part of the rise"
+"""What laws are drawn over."""
+
+_POINTS = 1441
+_RATIOS = np.linspace(0.05, 6.0, 600)
+_BEFORE = 1e-6
+"""Angle before a joint, rad, at which its earlier side is drawn."""
+
+
+def law_figure(laws: Mapping[str, Law]) -> Figure:
+    """Return lift, velocity, acceleration and jerk of laws over each other."""
+    figure, axes = stacked(LAW_LABELS, LAW_POSITION)
+    draw_laws(axes, laws)
+    legend(figure, axes[0], len(laws))
+    return titled(figure, _only(laws))
+
+
+def draw_laws(axes: Sequence[Axes], laws: Mapping[str, Law]) -> None:
+    """Draw lift, velocity, acceleration and jerk of laws."""
+    z = np.linspace(0.0, 1.0, _POINTS)
+    for (name, law), (color, dashes) in zip(laws.items(), looks(), strict=False):
+        for order, one in enumerate(axes):
+            one.plot(*_broken(z, law.breaks, law(z, order)), label=name, color=color, linestyle=dashes)
+
+
+def lift_figure(events: Mapping[str, Event]) -> Figure:
+    """Return lift, velocity, acceleration and jerk of cams over each other, over the cam angle."""
+    even = np.linspace(0.0, 2.0 * math.pi, _POINTS)
+    labels = ["lift\nmm", "velocity\nmm/rad", "acceleration\nmm/rad²", "jerk\nmm/rad³"]
+    figure, axes = stacked(labels, "cam angle, deg")
+    for (name, event), (color, dashes) in zip(events.items(), looks(), strict=False):
+        met = joints(event)
+        ends = np.array([joint.angle for joint in met])
+        angle = np.sort(np.concatenate([even, ends, ends[ends > _BEFORE] - _BEFORE]))  # both sides of every jump
+        for order, one in enumerate(axes):
+            steps = tuple(math.degrees(joint.angle - 0.5 * _BEFORE) for joint in met if joint.steps[order])
+            one.plot(
+                *_broken(np.degrees(angle), steps, 1e3 * event(angle, order)), label=name, color=color, linestyle=dashes
+            )
+    legend(figure, axes[0], len(events))
+    axes[-1].set_xticks(range(0, 361, 45))
+    axes[-1].set_xlim(0.0, 360.0)
+    return figure
+
+
+def spectrum_figure(laws: Mapping[str, Law]) -> Figure:
+    """Return the residual vibration of laws over the rise time."""
+    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    axes = figure.add_subplot()
+    for (name, law), (color, dashes) in zip(laws.items(), looks(), strict=False):
+        axes.plot(_RATIOS, residual_spectrum(law, _RATIOS), label=name, color=color, linestyle=dashes)
+    axes.set_xlabel("rise time over the period of the oscillator")
+    axes.set_ylabel("residual amplitude over lift")
+    axes.set_ylim(0.0, 1.1)
+    axes.set_xlim(0.0, float(_RATIOS[-1]))
+    axes.grid(alpha=0.3)
+    legend(figure, axes, len(laws))
+    return titled(figure, _only(laws))
+
+
+def _only(laws: Mapping[str, Law]) -> str:
+    """Return the name of a single law; several stand in the legend."""
+    return next(iter(laws)) if len(laws) == 1 else ""
+
+
+def profile_figure(profile: CamProfile, *, angle: float = 0.0) -> Figure:
+    """Return a cam with its follower at one cam angle."""
+    figure = Figure(figsize=(6.0, 6.0), layout="constrained")
+    axes = figure.add_subplot()
+    draw_profile(axes, profile, angle)
+    axes.set_xlabel("x, mm")
+    axes.set_ylabel("y, mm")
+    return figure
+
+
+def draw_profile(axes: Axes, profile: CamProfile, angle: float) -> None:
+    """Draw a cam, turned by its angle, with its follower."""
+    turned = np.exp(1j * profile.turn * angle)
+    at = int(np.argmin(np.abs(np.angle(np.exp(1j * (profile.angle - angle))))))
+    touch, follower = profile.touch, profile.follower
+    around = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
+    _line(axes, _closed(profile.points) * turned, "cam", color=COLOURS[0], linewidth=2.0)
+    _line(
+        axes,
+        np.asarray(follower.base_radius * around, dtype=np.complex128),
+        "base circle",
+        color="0.6",
+        linewidth=0.8,
+        linestyle="--",
+    )
+    if math.isfinite(follower.roller_radius):
+        _line(axes, _closed(profile.pitch) * turned, "pitch curve", color="0.6", linewidth=0.8, linestyle=":")
+        _line(axes, touch.trace[at] + follower.roller_radius * around, "roller", color=COLOURS[1], linewidth=1.5)
+    else:
+        along = -1j * touch.normal[at] * 0.7 * follower.base_radius
+        _line(axes, touch.point[at] + along * np.array([-1.0, 1.0]), "flat face", color=COLOURS[1], linewidth=1.5)
+    axes.plot(1e3 * touch.point[at].real, 1e3 * touch.point[at].imag, "o", color="black", markersize=4, label="contact")
+    axes.plot(0.0, 0.0, "+", color="black")
+    if isinstance(follower, (SwingRollerFollower, SwingFlatFollower)):
+        end = touch.trace[at] if math.isfinite(follower.roller_radius) else touch.point[at]
+        _line(axes, np.array([follower.distance, end], dtype=np.complex128), "arm", color=COLOURS[1], linewidth=1.0)
+        axes.plot(1e3 * follower.distance, 0.0, "^", color=COLOURS[1], markersize=8, label="pivot")
+    _rotation(axes, 0.5 * follower.base_radius, profile.turn)
+    axes.set_aspect("equal")
+    axes.grid(alpha=0.3)
+    axes.set_title(f"cam angle {math.degrees(profile.angle[at]):.4g} deg, lift {1e3 * profile.lift[at]:.4g} mm")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize="small")
+
+
+def _rotation(axes: Axes, radius: float, turn: Turn) -> None:
+    """Draw an arrow about the cam's centre in the sense in which it turns."""
+    way = 1e3 * radius * np.exp(1j * turn * np.radians([30.0, 150.0]))
+    bow = {"arrowstyle": "->", "connectionstyle": f"arc3,rad={0.55 * turn}", "color": "0.4"}
+    start, end = ((one.real, one.imag) for one in way.tolist())
+    axes.annotate("", xy=end, xytext=start, arrowprops=bow)
+
+
+def pressure_figure(profile: CamProfile) -> Figure:
+    """Return pressure angle and radius of curvature over the cam angle."""
+    figure, (upper, lower) = stacked(["pressure angle\ndeg", "radius of\ncurvature, mm"], "cam angle, deg")
+    angle = np.degrees(profile.angle)
+    upper.plot(angle, np.degrees(profile.pressure_angle), color=COLOURS[0])
+    # A nearly straight flank has a radius of metres, beside which nothing else could be seen.
+    most = 10.0 * float(np.abs(profile.touch.trace).max())
+    lower.plot(angle, np.where(np.abs(profile.radius) < most, 1e3 * profile.radius, np.nan), color=COLOURS[0])
+    lower.axhline(0.0, color="0.4", linewidth=0.8)
+    lower.set_xlim(0.0, 360.0)
+    lower.set_xticks(range(0, 361, 45))
+    return figure
+
+
+def _broken(x: FloatArray, breaks: Sequence[float], y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a curve with a gap at every step, so that no steep line is drawn where there is none."""
+    at = np.searchsorted(x, np.sort(np.array(breaks)))
+    return np.insert(x, at, np.nan), np.insert(y, at, np.nan)
+
+
+def _closed(points: FloatArray) -> ComplexArray:
+    return np.append(points[:, 0], points[0, 0]) + 1j * np.append(points[:, 1], points[0, 1])
+
+
+def _line(axes: Axes, curve: ComplexArray, label: str, *, color: str, linewidth: float, linestyle: str = "-") -> None:
+    x, y = 1e3 * curve.real, 1e3 * curve.imag
+    axes.plot(x, y, label=label, color=color, linewidth=linewidth, linestyle=linestyle)
+
+
+# matplotlib leaves the types of its keyword arguments open.
+
+
+_WORDS = {"Cv": "C_v, largest velocity", "Ca": "C_a, largest acceleration", "Cj": "C_j, largest jerk"}
+_COLUMNS = 10
+_DIGITS = 4
+"""Digits to which laws at one place agree; they share a label."""
+
+_UNIT = "lift 1 over angle 1"
+
+
+def law_front_figure(front: Sequence[Synthesized], first: str, second: str) -> Figure:
+    """Return a front of laws and the laws beside it, which bear the same numbers and colours."""
+    figure = Figure(figsize=(12.0, 7.6), layout="constrained")
+    halves = figure.add_gridspec(1, 2)
+    axes, right = figure.add_subfigure(halves[0]).add_subplot(), figure.add_subfigure(halves[1])
+    values = np.array([[_value(one.criteria, name) for name in (first, second)] for one in front])
+    draw_front(axes, values, [one.converged for one in front])
+    axes.set_xlabel(f"{_WORDS[first]}, {_UNIT}")
+    axes.set_ylabel(f"{_WORDS[second]}, {_UNIT}")
+    axes.set_title(f"Pareto front of {front[0].family}", fontsize="medium")
+    below = stack(right, LAW_LABELS, LAW_POSITION)
+    draw_laws(below, {str(i): one.law for i, one in enumerate(front, start=1)})
+    below[0].set_title(f"Its laws, {_UNIT}", fontsize="medium")
+    legend(right, below[0], len(front), columns=_COLUMNS)
+    return figure
+
+
+def draw_front(axes: Axes, values: FloatArray, converged: Sequence[bool]) -> None:
+    """Draw two criteria against each other, numbered from 1 in the colours of the laws."""
+    axes.plot(*values.T, color="0.65", linewidth=1.2, zorder=1)
+    named: dict[tuple[str, str], str] = {}
+    for i, ((x, y), whole, (color, _)) in enumerate(zip(values.tolist(), converged, looks(), strict=False), start=1):
+        if not (math.isfinite(x) and math.isfinite(y)):
+            continue
+        axes.scatter(x, y, s=36, facecolors=color if whole else "none", edgecolors=color, zorder=2)
+        place, number = (f"{x:.{_DIGITS}g}", f"{y:.{_DIGITS}g}"), f"{i}" if whole else f"{i} not converged"
+        named[place] = f"{named[place]}, {number}" if place in named else number
+    for (x, y), numbers in named.items():
+        axes.annotate(numbers, (float(x), float(y)), xytext=(6, 5), textcoords="offset points")
+    axes.grid(alpha=0.3)
+
+
+def _value(criteria: Criteria, name: str) -> float:
+    value: float | None = getattr(criteria, name)
+    return math.nan if value is None else value
+
+
+# matplotlib leaves the types of its keyword arguments open.
+
+
+_STEPS = np.geomspace(1e-2, 1e3, 301)
+
+
+def method_figure(methods: Mapping[str, Method], damping: float = 0.0) -> Figure:
+    """Return spectral radius, period error and damping of integrators."""
+    labels = ("spectral radius", "period error, %", "damping ratio, %")
+    figure, (radius, period, ratio) = stacked(labels, "angular frequency times step")
+    for (name, method), (colour, dashes) in zip(methods.items(), looks(), strict=False):
+        inside = _STEPS[min(method.stable_to(damping), _STEPS[-1]) >= _STEPS]
+        low = inside[inside <= math.pi]
+        curves = (
+            (radius, inside, _each([method.spectral_radius(x, damping) for x in inside.tolist()])),
+            (period, low, 100.0 * _each([method.period_error(x, damping) for x in low.tolist()])),
+            (ratio, low, 100.0 * _each([method.damping_ratio(x, damping) for x in low.tolist()])),
+        )
+        for axis, at, values in curves:
+            axis.semilogx(at, values, label=name, color=colour, linestyle=dashes)
+    period.set_ylim(-20.0, 60.0)
+    ratio.set_ylim(-0.5, 6.0)
+    legend(figure, radius, len(methods))
+    return figure
+
+
+def _each(values: list[float]) -> FloatArray:
+    """Return values as an array, NaN where there is none to draw."""
+    found = np.array(values, dtype=float)
+    return np.where(np.isfinite(found), found, math.nan)

@@ -1,0 +1,256 @@
+"""Axes, looks and files that all figures share.
+
+Colours are those of M. Okabe and K. Ito, which colour-blind readers tell apart; lines differ in their dashes as well,
+for print without colour.
+"""
+
+# pyright: reportUnknownMemberType=false
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false, reportMissingImports=false
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+
+from __future__ import annotations
+
+import html
+import io
+import json
+import re
+import textwrap
+import warnings
+import zipfile
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from io import BytesIO
+from itertools import cycle
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, FigureBase
+
+from flexcam.core.errors import refuse
+from flexcam.io import free_to_write, made_folder, whole
+
+if TYPE_CHECKING:
+    from flexcam.plotting.solid_view import Stage
+
+
+# matplotlib leaves the types of its keyword arguments open.
+
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Colours of curves, in their order."""
+
+_DASHES = ("-", "--", "-.", ":")
+_FORMATS = (".svg", ".png", ".pdf")
+_ABOVE = 14.0
+"""Points between axes and title: the numbers of a Campbell diagram's orders stand there."""
+
+_LETTERS = 76
+"""Of a title beside each other, above axes of usual width."""
+
+_PAPER, _INKS = 160, 64
+"""Dots per inch of a picture for paper, and its colours: curves need few."""
+
+
+def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
+    """Write a figure."""
+    free_for_picture(path, overwrite=overwrite)
+    made_folder(path.parent)
+    with _without_remarks(), whole(path) as draft:
+        figure.savefig(draft, dpi=150)
+    return path
+
+
+@contextmanager
+def _without_remarks() -> Generator[None]:
+    """Leave out what matplotlib says of letters that its font lacks: it draws a box in their place."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
+        yield
+
+
+def titled(figure: Figure, title: str) -> Figure:
+    """Put a title above the first axes, below a legend that stands outside of them."""
+    if title:
+        figure.axes[0].set_title(wrapped(title), fontsize="medium", pad=_ABOVE)
+    return figure
+
+
+def wrapped(title: str) -> str:
+    """Return a title in lines that fit above a picture."""
+    return "\n".join(textwrap.wrap(title, _LETTERS))
+
+
+def png_of(figure: Figure) -> bytes:
+    """Return a figure as a picture for paper, whose size does not grow with its curves."""
+    from PIL import Image
+
+    drawn, written = io.BytesIO(), io.BytesIO()
+    with _without_remarks():
+        figure.savefig(drawn, format="png", dpi=_PAPER)
+    with Image.open(drawn) as image:
+        image.convert("RGB").quantize(_INKS).save(written, format="png", optimize=True)
+    return written.getvalue()
+
+
+def free_for_picture(path: Path, *, overwrite: bool = False) -> None:
+    """Refuse a path that a picture cannot be written to."""
+    if path.suffix not in _FORMATS:
+        raise refuse("picture", str(path), f"a name that ends in {', '.join(_FORMATS)}")
+    free_to_write("picture", path, overwrite=overwrite)
+
+
+def looks() -> Iterator[tuple[str, str]]:
+    """Return pairs of colour and dashes; seven colours and four kinds of dashes repeat after 28 curves."""
+    return zip(cycle(COLOURS), cycle(_DASHES), strict=False)
+
+
+def stacked(labels: Sequence[str], below: str, *, height: float = 1.6) -> tuple[Figure, list[Axes]]:
+    """Return a figure with axes above each other."""
+    figure = Figure(figsize=(7.0, 1.2 + height * len(labels)), layout="constrained")
+    return figure, stack(figure, labels, below)
+
+
+def stack(figure: FigureBase, labels: Sequence[str], below: str) -> list[Axes]:
+    """Return axes above each other, of a figure or a part of one."""
+    axes = list(np.atleast_1d(np.asarray(figure.subplots(len(labels), sharex=True))))
+    for one, label in zip(axes, labels, strict=True):
+        one.set_ylabel(label)
+        one.grid(alpha=0.3)
+    axes[-1].set_xlabel(below)
+    figure.align_ylabels(axes)
+    return axes
+
+
+def legend(figure: FigureBase, axes: Axes, count: int, *, columns: int = 4) -> None:
+    """Put the names of several curves above the axes, where they cover none."""
+    if count > 1:
+        lines, names = axes.get_legend_handles_labels()
+        figure.legend(lines, names, loc="outside upper center", fontsize="small", ncols=min(count, columns))
+
+
+# trame-vtk has no types, and is not needed for anything else.
+
+
+def write_page(window: Any, path: Path, title: str) -> None:  # noqa: ANN401 - a window of VTK
+    """Write what a window shows as a page."""
+    from trame_vtk.tools.vtksz2html import write_html
+
+    packed, page = io.BytesIO(), io.StringIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("index.json", json.dumps(_described(window)))
+    write_html(packed.getvalue(), page)
+    alone = _ICONS.sub("`data:,`", page.getvalue())
+    path.write_text(alone.replace("<head>", f"<head><title>{html.escape(title)}</title>", 1), encoding="utf-8")
+
+
+_ICONS = re.compile(r"`https?://[^`]*/favicon[^`]*`")
+"""Icons that the viewer would fetch from its makers."""
+
+
+def _described(window: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Return a window as vtk.js reads it: its objects, and their arrays by a hash."""
+    from trame_vtk.modules.vtk.serializers import (
+        SynchronizationContext,
+        extract_array_hash,
+        initialize_serializers,
+        reference_id,
+        serialize,
+    )
+
+    initialize_serializers()
+    context = SynchronizationContext()
+    context.set_ignore_last_dependencies(True)
+    scene: Any = serialize(None, window, reference_id(window), context, 1)
+    camera = window.GetRenderers().GetFirstRenderer().GetActiveCamera()
+    scene["extra"] = {
+        "vtkRefId": reference_id(window), "centerOfRotation": camera.GetFocalPoint(), "camera": reference_id(camera),
+    }  # fmt: skip
+    hashes = {
+        one["hash"]: {**one, "content": context.get_cached_data_array(one["hash"], False)}
+        for one in extract_array_hash(scene)
+    }
+    return {"hashes": hashes, "scene": scene}
+
+
+# pyvista and imageio leave most of their types open.
+
+
+NEEDS = {
+    ".png": ("", ()),
+    ".gif": ("movie", ("imageio",)),
+    ".mp4": ("movie", ("imageio", "imageio_ffmpeg")),
+    ".html": ("html", ("trame_vtk",)),
+}
+"""What a kind of file needs: the extra of flexcam, and its modules."""
+
+FRAMES = 72
+"""Frames of a revolution."""
+
+_PER_SECOND = 24
+
+
+def free_to_save(path: Path, size: tuple[int, int], *, overwrite: bool = False) -> None:
+    """Refuse a file that cannot be written, before anything is drawn."""
+    if path.suffix not in NEEDS:
+        raise refuse("--save", str(path), f"a name that ends in {', '.join(NEEDS)}")
+    extra, modules = NEEDS[path.suffix]
+    lacking = [name for name in modules if find_spec(name) is None]
+    if lacking:
+        why = f"{' and '.join(lacking)} cannot be imported"
+        raise refuse("--save", str(path), "a kind of file whose packages are installed", why,
+                     f"pip install 'flexcam[{extra}]'")  # fmt: skip
+    if path.suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
+        raise refuse("--size", f"{size[0]}x{size[1]}", "even numbers", "the colours of a movie are kept by fours")
+    free_to_write("picture", path, overwrite=overwrite)
+
+
+def save(stage: Stage, path: Path, frames: Sequence[int], still: int) -> None:
+    """Write a picture or page of one instant, or a movie of many."""
+    made_folder(path.parent)
+    with whole(path) as draft:
+        _save(stage, draft, frames, still)
+
+
+def _save(stage: Stage, path: Path, frames: Sequence[int], still: int) -> None:
+    match path.suffix:
+        case ".gif":
+            path.write_bytes(_gif(stage, frames))
+        case ".mp4":
+            _movie(stage, path, frames)
+        case ".png":
+            stage.show(still)
+            stage.plotter.screenshot(path)
+        case _:
+            stage.show(still)
+            stage.plotter.render()
+            write_page(stage.plotter.render_window, path, stage.title)
+    stage.plotter.close()
+
+
+def _gif(stage: Stage, frames: Sequence[int]) -> bytes:
+    """Return a movie as a file holds it: a writer to the file would print what the system refuses, and go on."""
+    from imageio.v2 import get_writer
+
+    made = BytesIO()
+    duration = 1000.0 / _PER_SECOND  # ms
+    stage.plotter.mwriter = get_writer(made, format=".gif", mode="I", duration=duration, loop=0)
+    for i in frames:
+        stage.show(i)
+        stage.plotter.write_frame()
+    stage.plotter.mwriter.close()
+    return made.getvalue()
+
+
+def _movie(stage: Stage, path: Path, frames: Sequence[int]) -> None:
+    quiet = {"ffmpeg_log_level": "quiet"}  # what it would print is told below
+    stage.plotter.open_movie(str(path), framerate=_PER_SECOND, macro_block_size=2, **quiet)
+    for i in frames:
+        stage.show(i)
+        stage.plotter.write_frame()
+    stage.plotter.close()
+    if b"moov" not in path.read_bytes():  # its writer is silent where the disk is full
+        raise OSError("its end is missing: no space left, perhaps")

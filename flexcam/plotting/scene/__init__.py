@@ -1,0 +1,1 @@
+"""The mechanism as solids at an instant: points and triangles, no renderer."""

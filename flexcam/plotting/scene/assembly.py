@@ -1,0 +1,155 @@
+"""Where a result is looked at when nobody says where: at full lift."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.case.case import Case
+from flexcam.core import FloatArray
+from flexcam.dynamics import Response
+from flexcam.fem.frames import ROTATIONS
+from flexcam.plotting.scene import followers, springs, supports
+from flexcam.plotting.scene.instant import Instant
+from flexcam.plotting.scene.layout import CamPlace, Layout, laid_out
+from flexcam.plotting.scene.levers import lever
+from flexcam.plotting.scene.lobes import lobe
+from flexcam.plotting.scene.motion import centre_line, swept
+from flexcam.plotting.scene.sizes import model_size
+from flexcam.plotting.scene.solids import Solid, across, ball, cylinder, loft, section_outlines
+from flexcam.plotting.scene.trains import shafts
+from flexcam.plotting.scene.valves import valve
+from flexcam.valvetrain import Structure
+
+
+def full_lift(case: Case, response: Response, angle: FloatArray) -> int:
+    """Return the instant at which the valve is farthest from where it was installed."""
+    at = np.minimum(np.searchsorted(response.angle, angle - 1e-9), len(response.angle) - 1)
+    points = {rocker.to for rocker in case.record.rockers.values()}
+    names = [name for name, _ in response.outline.probes]
+    for chosen in ([name for name in names if name in points], [name for name in names if "." not in name]):
+        paths = [np.abs(path[at]) for name in chosen for path in _paths(response, name)]
+        farthest = max(paths, key=lambda path: float(np.ptp(path)), default=np.zeros(1))
+        if np.ptp(farthest) > 0.0:
+            return int(np.argmax(farthest))
+    return len(angle) - 1
+
+
+def _paths(response: Response, probe: str) -> list[FloatArray]:
+    """Return the displacements of a probe along lines, shape (m,) each."""
+    history = response[probe]
+    if history.displacement.ndim == 1:
+        return [history.displacement]
+    return [
+        path for name, path in zip(history.components, history.displacement.T, strict=True) if name not in ROTATIONS
+    ]
+
+
+_STEEL = 7800.0
+"""Density with which a mass at a bare node is drawn as a ball, kg/m^3, up to a tenth of the model's size."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """What a model looks like.
+
+    Parameters
+    ----------
+    structure
+        Of the model.
+    layout
+        Places and sizes of what the mesh does not hold.
+    """
+
+    structure: Structure
+    layout: Layout
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on sizes that the case does not give."""
+        return self.layout.notes
+
+    @property
+    def upwards(self) -> FloatArray:
+        """Unit vector that is up in pictures, shape (3,): along the lift, to the side of the coordinate that rises."""
+        lift = self.layout.cams[0].lift if self.layout.cams else np.array([0.0, 1.0, 0.0])
+        return lift * (np.sign(lift[np.argmax(np.abs(lift))]) or 1.0)
+
+    @property
+    def axis(self) -> FloatArray:
+        """Unit vector of the camshaft, or one that is square to `upwards` where there is none, shape (3,)."""
+        return self.layout.cams[0].frame.axis if self.layout.cams else across(self.upwards)[1]
+
+    def solids(self, instant: Instant) -> list[Solid]:
+        """Return all parts at an instant."""
+        layout = self.layout
+        return [
+            *self._members(instant),
+            *(lobe(one.frame, instant.angle, instant.nodal[one.node]) for one in layout.cams),
+            *(part for one in layout.cams for part in followers.follower(one, instant)),
+            *(
+                part
+                for name, one in layout.levers.items()
+                for part in lever(one, self._path(name, instant), layout.thick)
+            ),
+            *(part for one in layout.valves for part in valve(one, instant.at(one.point, one.away), layout.head)),
+            *(part for one in layout.springs for part in springs.drawn(one, instant)),
+            *(axle for one in layout.cams for axle in self._axle(one, instant)),
+            *supports.drawn(self.structure.model, layout, instant),
+            *self._balls(instant),
+        ]
+
+    def _members(self, instant: Instant) -> Iterator[Solid]:
+        model, first = self.structure.model, 0
+        turning = shafts(model)
+        for name, elements in model.mesh.element_ranges().items():
+            line = centre_line(self.structure.beams, elements, model.mesh.nodes, instant.nodal)
+            rings = [swept(outline, line) for outline in section_outlines(model.members[name].section)]
+            count = len(model.mesh.lines[name])
+            values = None
+            if instant.values is not None:
+                values = np.interp(line.part, np.arange(count), instant.values[first : first + count])
+            yield _skinned("shaft" if name in turning else "member", rings, values)
+            first += count
+
+    def _path(self, name: str, instant: Instant) -> float:
+        return instant.along(self.structure.path(self.structure.model.rockers[name]))
+
+    def _axle(self, place: CamPlace, instant: Instant) -> list[Solid]:
+        """Return the stub of an axle through a cam on no member."""
+        if self.structure.model.mesh.on_members()[place.node]:
+            return []
+        frame = place.frame
+        middle = frame.centre + instant.nodal[place.node, :3]
+        reach, radius = 1.1 * frame.width * frame.axis, 0.4 * frame.follower.base_radius
+        return [cylinder("shaft", middle - reach, middle + reach, radius)]
+
+    def _balls(self, instant: Instant) -> Iterator[Solid]:
+        """Yield the masses at nodes that nothing else shows."""
+        model = self.structure.model
+        shown = {one.point for one in self.layout.valves} | {one.contact.follower for one in self.layout.cams}
+        for part in model.masses.values():
+            if part.at in shown or part.at not in model.mesh.points:
+                continue
+            node = model.mesh.node(part.at)
+            if not model.mesh.on_members()[node]:
+                radius = (0.75 * part.body.mass / (np.pi * _STEEL)) ** (1.0 / 3.0)
+                largest = 0.1 * model_size(model)
+                yield ball("mass", model.mesh.nodes[node] + instant.nodal[node, :3], min(float(radius), largest))
+
+
+def _skinned(kind: str, rings: list[FloatArray], values: FloatArray | None) -> Solid:
+    """Return a swept section; a hole is skinned on the way back."""
+    if len(rings) == 1:
+        return loft(kind, rings[0], values=values)
+    there_and_back = np.concatenate([rings[0], rings[1][::-1]])
+    return loft(
+        kind, there_and_back, cyclic=True, values=None if values is None else np.concatenate([values, values[::-1]])
+    )
+
+
+def mechanism(structure: Structure) -> Mechanism:
+    """Lay out what a model looks like."""
+    return Mechanism(structure, laid_out(structure))

@@ -1,0 +1,232 @@
+"""The deformed centre line of a member, with the axes of its sections."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.core.errors import did_you_mean, refuse
+from flexcam.dynamics import CamMotion, Response
+from flexcam.fem.elements.beam import Beams
+from flexcam.fem.recovery import deflection
+from flexcam.io import RECOVERED, VECTORS, Result
+from flexcam.plotting.scene.instant import Instant
+from flexcam.plotting.scene.sizes import model_size
+from flexcam.valvetrain import Structure, build_rigid
+
+PARTS = 8
+"""Parts an element is drawn with."""
+
+
+@dataclass(frozen=True, eq=False)
+class CentreLine:
+    """Stations along a member.
+
+    Parameters
+    ----------
+    points
+        m, global axes, shape (m, 3).
+    triads
+        Axes of the section as rows, x along the member, shape (m, 3, 3).
+    part
+        Place in units of elements from the member's first node, shape (m,): 1.5 is the middle of the second element.
+    """
+
+    points: FloatArray
+    triads: FloatArray
+    part: FloatArray
+
+
+def centre_line(beams: Beams, elements: slice, nodes: FloatArray, nodal: FloatArray, parts: int = PARTS) -> CentreLine:
+    """Return the deformed centre line of a chain of elements."""
+    ends, triads = beams.nodes[elements], beams.triads[elements]
+    bent = deflection(beams, nodal, parts, elements)
+    moved, rotated = np.hsplit(np.concatenate([bent[:, :-1].reshape(-1, 6), bent[-1, -1:]]), 2)
+    x = np.arange(parts) / parts
+    own = np.append(np.repeat(np.arange(len(ends)), parts), len(ends) - 1)
+    part = np.append((np.arange(len(ends))[:, None] + x).ravel(), len(ends))
+    along = (part - own)[:, None]
+    start, end = nodes[ends[own, 0]], nodes[ends[own, 1]]
+    straight = (1.0 - along) * start + along * end
+    back = triads[own]
+    points = straight + np.einsum("ni,nij->nj", moved, back)
+    axes = back @ turn(np.einsum("ni,nij->nj", rotated, back))
+    return CentreLine(points, axes, part)
+
+
+def turn(vectors: FloatArray) -> FloatArray:
+    """Return rotations by vectors, by Rodrigues' formula: rows of the result are the turned axes."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    x, y, z = vectors.T
+    nothing = np.zeros_like(x)
+    cross = np.moveaxis(np.array([[nothing, z, -y], [-z, nothing, x], [y, -x, nothing]]), -1, 0)
+    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * cross @ cross
+
+
+def swept(outline: FloatArray, line: CentreLine) -> FloatArray:
+    """Return the rings of an outline that is carried along a centre line."""
+    return line.points[:, None] + outline @ line.triads[:, 1:]
+
+
+REVOLUTION = 2.0 * math.pi
+SWING = 0.05
+"""Largest translation of a drawn mode, as a part of the model's size."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion of a structure.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    angle
+        Cam angles, rad, shape (f,).
+    rigid
+        Displacements of the unknowns as the rigid mechanism moves, m and rad, shape (f, n).
+    elastic
+        What comes to that by the members' giving way: only this part is exaggerated. Shape (f, n).
+    values
+        Colours at the points of the members' polylines, shape (f, points); None for none.
+    label
+        What the colours are, with their unit.
+    """
+
+    structure: Structure
+    angle: FloatArray
+    rigid: FloatArray
+    elastic: FloatArray
+    values: FloatArray | None = None
+    label: str = ""
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    def instant(self, i: int, scale: float = 1.0) -> Instant:
+        """Return instant i with its elastic part times `scale`."""
+        values = None if self.values is None else self.values[i]
+        return Instant(self.structure, float(self.angle[i]), self.rigid[i] + scale * self.elastic[i], values)
+
+    def at(self, instants: Sequence[int] | IntArray) -> Motion:
+        """Return chosen instants."""
+        values = None if self.values is None else self.values[instants]
+        return replace(
+            self, angle=self.angle[instants], rigid=self.rigid[instants], elastic=self.elastic[instants], values=values
+        )
+
+    def last_revolution(self) -> Motion:
+        """Return the last revolution, or all of a shorter motion."""
+        return self.at(np.flatnonzero(self.angle > self.angle[-1] - REVOLUTION * (1.0 - 1e-9)))
+
+    def spread(self, count: int) -> list[int]:
+        """Return up to `count` instants, evenly over the motion."""
+        return sorted({i * len(self) // count for i in range(count)} if count < len(self) else range(len(self)))
+
+    def nearest(self, angle: float) -> int:
+        """Return the instant nearest to a cam angle (rad, whole revolutions do not count), the last of equals."""
+        away = np.abs(np.angle(np.exp(1j * (self.angle - angle))))
+        return len(away) - 1 - int(np.argmin(away[::-1].round(9)))
+
+
+def result_motion(structure: Structure, result: Result, speed: float, colour: str | None = None) -> Motion:
+    """Return the motion of a result at its saved fields."""
+    response = result.response
+    if not len(response.field_time):
+        raise refuse("result", "no saved field", "at least one", "", "run the case again")
+    rigid = carried(structure, response.field_angle, speed)[0]
+    moved = _unknowns(structure, response, rigid)
+    motion = Motion(structure, response.field_angle, rigid, moved - rigid)
+    return motion if colour is None else replace(motion, values=_colours(result, colour), label=_label(colour))
+
+
+def case_motion(structure: Structure, speed: float, colour: str | None = None, count: int = 180) -> Motion:
+    """Return the motion of the rigid mechanism over a revolution."""
+    angle = np.linspace(0.0, REVOLUTION, count, endpoint=False)
+    series = dict(zip(("displacement", "velocity", "acceleration"), carried(structure, angle, speed), strict=True))
+    rigid = series["displacement"]
+    motion = Motion(structure, angle, rigid, np.zeros_like(rigid))
+    if colour is None:
+        return motion
+    if colour not in series:
+        why, remedy = "a case is shown as its rigid mechanism moves", "solve it with flexcam run and view the result"
+        raise refuse("--color", repr(colour), ", ".join(series), why, remedy)
+    values = _shown_in(colour)[1] * _lengths(_on_members(structure, series[colour]))
+    return replace(motion, values=values, label=_label(colour))
+
+
+def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = False, count: int = 24) -> Motion:
+    """Return one swing of a mode about the mechanism as installed."""
+    moved = np.linalg.norm(structure.dofs.nodal(shape)[:, :3], axis=1).max(initial=0.0)
+    others = np.abs(shape[int((structure.dofs.numbers >= 0).sum()) :]).max(initial=0.0)
+    largest = float(max(moved, others)) or 1.0
+    swing = np.cos(REVOLUTION * np.arange(count) / count)[:, None]
+    elastic = SWING * model_size(structure.model) / largest * swing * shape
+    motion = Motion(structure, np.zeros(count), np.zeros_like(elastic), elastic)
+    if not coloured:
+        return motion
+    values = np.abs(swing) * _lengths(_on_members(structure, shape[None] / largest))
+    return replace(motion, values=values, label="displacement\n(largest = 1)")
+
+
+def carried(structure: Structure, angle: FloatArray, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return displacement, velocity and acceleration of the rigid mechanism at constant speed."""
+    shown = build_rigid(structure.model, speed).carried
+    if shown is None:
+        nothing = np.zeros((len(angle), structure.dofs.size))
+        return nothing, nothing, nothing
+    return shown.at(CamMotion(angle, np.full_like(angle, speed), np.zeros_like(angle)))
+
+
+def _unknowns(structure: Structure, response: Response, rigid: FloatArray) -> FloatArray:
+    """Return the structure's unknowns at the saved fields; what a result does not hold moves as the rigid one."""
+    numbers = structure.dofs.numbers
+    nodal = response.fields.displacement.reshape(len(rigid), -1, 6)
+    moved = rigid.copy()
+    moved[:, numbers[numbers >= 0]] = nodal[:, numbers >= 0]
+    rows = np.clip(np.searchsorted(response.time, response.field_time - 1e-12), 0, len(response.time) - 1)
+    components = dict(response.outline.probes)
+    for i, name in enumerate(structure.dofs.names[int((numbers >= 0).sum()) :], start=int((numbers >= 0).sum())):
+        group, _, own = name.rpartition(".")
+        if name in components or own in components.get(group, ()):
+            moved[:, i] = response[name].displacement[rows]
+    return moved
+
+
+def _colours(result: Result, colour: str) -> FloatArray:
+    known = [*VECTORS, *RECOVERED]
+    if colour not in known:
+        raise refuse("--color", repr(colour), ", ".join(known), remedy=did_you_mean(colour, known))
+    if colour in result.recovered:
+        values = result.recovered[colour]
+    else:
+        values = result.field(colour)[:, result.still["node"].astype(np.intp)]
+    return _shown_in(colour)[1] * (values if values.ndim == 2 else _lengths(values))
+
+
+def _on_members(structure: Structure, unknowns: FloatArray) -> FloatArray:
+    """Return translations at the points of the members' polylines, shape (f, points, 3)."""
+    points = np.concatenate([np.zeros(0, np.intp), *structure.model.mesh.lines.values()])
+    return structure.dofs.nodal(unknowns)[:, points, :3]
+
+
+def _lengths(vectors: FloatArray) -> FloatArray:
+    return np.linalg.norm(vectors, axis=-1)
+
+
+_SHOWN = {"Pa": ("MPa", 1e-6), "m": ("mm", 1e3)}
+"""Units of legends in place of SI's, and their number per SI unit."""
+
+
+def _shown_in(colour: str) -> tuple[str, float]:
+    """Return the unit of a field in legends and its number per SI unit."""
+    unit = VECTORS[colour][2] if colour in VECTORS else RECOVERED[colour][0]
+    return _SHOWN.get(unit, (unit, 1.0))
+
+
+def _label(colour: str) -> str:
+    return f"{colour.replace('_', ' ')}\n{_shown_in(colour)[0]}"

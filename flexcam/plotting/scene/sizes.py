@@ -1,0 +1,91 @@
+"""Sizes that a picture needs and no case gives, each with the sentence that says so."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexcam.cams import FlatFollower, Follower, cam_profile
+from flexcam.valvetrain import Cam, Model, Spring, valve_ratio
+
+SHEAR_MODULUS = 79.3e9
+"""Of spring steel, Pa: it counts the coils of a spring whose rate and wire are known."""
+
+_COILS = 6.0
+"""Coils of a spring whose wire is not given."""
+
+
+@dataclass(eq=False)
+class Notes:
+    """What is drawn with a size of the picture's own."""
+
+    _said: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
+
+    def say(self, what: str, name: str, size: float, why: str) -> float:
+        """Return a size, m, and keep that a part is drawn with it: what it is, its name, and why so."""
+        self._said.setdefault(f"{what} {{}}: {1e3 * size:.3g} mm, {why}", []).append(name)
+        return size
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """A sentence per size; parts of one size stand together."""
+        return tuple(text.format(", ".join(dict.fromkeys(names))) for text, names in self._said.items())
+
+
+def model_size(model: Model) -> float:
+    """Return the diagonal of the box around all nodes, m."""
+    return model.mesh.extent or 0.1
+
+
+def valve_lift(model: Model) -> float:
+    """Return the largest lift of a valve of the rigid train, m; a tenth of the model's size where no cam lifts one."""
+    lifts = [abs(cam.event.height * valve_ratio(model, name)) for name, cam in model.cams.items()]
+    return max(lifts, default=0.0) or 0.1 * model_size(model)
+
+
+def drawn_follower(name: str, cam: Cam, distance: float, notes: Notes) -> Follower:
+    """Return the follower that a cam is drawn for."""
+    if cam.follower is not None:
+        return cam.follower
+    base = distance if distance > 0.0 else 3.0 * cam.event.height
+    return FlatFollower(notes.say("base circle of cam", name, base, "to its follower's node, under a flat face"))
+
+
+def lobe_width(name: str, cam: Cam, follower: Follower, notes: Notes) -> float:
+    """Return the width of a lobe, m."""
+    if cam.width is not None:
+        return cam.width
+    return notes.say("width of cam", name, 0.7 * follower.base_radius, "0.7 of its base radius")
+
+
+def face_radius(cam: Cam, follower: Follower, width: float) -> float:
+    """Return the radius of a flat face on which the whole contact lies, with a tenth to spare, m."""
+    away = float(np.abs(cam_profile(cam.event, follower, turn=cam.turn).offset).max())
+    return max(1.1 * math.hypot(away, 0.5 * width), 0.5 * follower.base_radius)
+
+
+@dataclass(frozen=True)
+class CoilSizes:
+    """Sizes of a drawn spring: mean diameter of the coil, diameter of the wire, installed length, m; and its coils."""
+
+    diameter: float
+    wire: float
+    length: float
+    coils: float
+
+
+def coil_sizes(name: str, spring: Spring, diameter: float, travel: float, notes: Notes) -> CoilSizes:
+    """Return the sizes a spring is drawn with."""
+    if spring.wire is not None:
+        D, d = spring.wire.coil_diameter, spring.wire.diameter
+        coils = SHEAR_MODULUS * d**4 / (8.0 * D**3 * spring.stiffness) if spring.stiffness > 0.0 else _COILS
+    else:
+        D, coils = notes.say("coil of spring", name, diameter, "wire from its rate, six coils of steel"), _COILS
+        d = min((8.0 * D**3 * coils * spring.stiffness / SHEAR_MODULUS) ** 0.25, D / 5.0)
+    d, coils = max(d, D / 40.0), min(max(coils, 2.0), 20.0)
+    room = spring.clash_travel or 1.4 * travel
+    return CoilSizes(
+        D, d, notes.say("length of spring", name, (coils + 2.0) * d + room, "its coils and their travel"), coils
+    )

@@ -1,0 +1,166 @@
+"""Solids as lofts: rings of points, skinned with triangles. Every solid of a scene is made so."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.fem.frames import default_orientation
+from flexcam.fem.sections import Section
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A closed surface of triangles that look outwards.
+
+    Parameters
+    ----------
+    kind
+        What it is a part of, such as ``"lobe"``: parts of a kind look alike.
+    points
+        m, global axes, shape (n, 3).
+    faces
+        Point numbers of the triangles, counterclockwise seen from outside, shape (t, 3).
+    values
+        What it is coloured by, per point, shape (n,); None where nothing is known there.
+    """
+
+    kind: str
+    points: FloatArray
+    faces: IntArray
+    values: FloatArray | None = None
+
+    @property
+    def volume(self) -> float:
+        """Enclosed volume, m^3, by the divergence theorem; negative where the triangles look inwards."""
+        a, b, c = np.moveaxis(self.points[self.faces], 1, 0)
+        return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
+
+    @property
+    def closed(self) -> bool:
+        """Whether every edge belongs to two triangles that run along it in opposite senses."""
+        edges = np.concatenate([self.faces[:, [i, (i + 1) % 3]] for i in range(3)]).tolist()
+        seen = {(a, b) for a, b in edges}
+        return len(seen) == len(edges) and all((b, a) in seen for a, b in seen)
+
+
+def loft(kind: str, rings: FloatArray, *, cyclic: bool = False, values: FloatArray | None = None) -> Solid:
+    """Return the solid that rings of points span."""
+    count, around = rings.shape[:2]
+    points = rings.reshape(-1, 3)
+    spread = None if values is None else np.repeat(values, around)
+    if not cyclic:
+        points = np.concatenate([points, rings[[0, -1]].mean(axis=1)])
+        spread = None if values is None or spread is None else np.append(spread, values[[0, -1]])
+    return Solid(kind, points, _skin(count, around, cyclic), spread)
+
+
+@lru_cache(maxsize=256)
+def _skin(count: int, around: int, cyclic: bool) -> IntArray:
+    """Return the triangles between rings, and those of the ends."""
+    here = np.arange(count if cyclic else count - 1)[:, None] * around
+    there = (here + around) % (count * around)
+    i, j = np.arange(around), (np.arange(around) + 1) % around
+    sides = [[here + i, here + j, there + j], [here + i, there + j, there + i]]
+    faces = [np.stack(side, axis=-1).reshape(-1, 3) for side in sides]
+    if not cyclic:
+        last, middle = (count - 1) * around, np.full(around, count * around)
+        faces += [np.column_stack([middle, j, i]), np.column_stack([middle + 1, last + i, last + j])]
+    skin = np.concatenate(faces)
+    skin.setflags(write=False)
+    return skin
+
+
+def merged(solids: Sequence[Solid]) -> Solid:
+    """Return several solids as one surface."""
+    starts = np.cumsum([0, *(len(one.points) for one in solids)])[:-1].tolist()
+    values = [one.values for one in solids if one.values is not None]
+    return Solid(
+        solids[0].kind,
+        np.concatenate([one.points for one in solids]),
+        np.concatenate([one.faces + start for one, start in zip(solids, starts, strict=True)]),
+        np.concatenate(values) if len(values) == len(solids) else None,
+    )
+
+
+AROUND = 32
+"""Points of a circle: a round bar then has 99.4 % of its volume."""
+
+
+def circle(radius: float, count: int = AROUND) -> FloatArray:
+    """Return points of a circle about the origin, counterclockwise."""
+    turn = 2.0 * math.pi * np.arange(count) / count
+    return radius * np.column_stack([np.cos(turn), np.sin(turn)])
+
+
+def section_outlines(section: Section) -> list[FloatArray]:
+    """Return the outline of a cross-section in its local y and z axes, and that of its hole."""
+    if section.round:
+        inner = math.sqrt(max(section.radius**2 - section.A / math.pi, 0.0))
+        hollow = inner > 1e-6 * section.radius
+        return [circle(section.radius), *([circle(inner)] if hollow else [])]
+    high = math.sqrt(section.A * math.sqrt(section.Iz / section.Iy))
+    corner = 0.5 * np.array([high, section.A / high])
+    return [corner * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])]
+
+
+def capsule(start: complex, end: complex, radii: tuple[float, float]) -> FloatArray:
+    """Return the outline around two circles and their outer tangents, counterclockwise."""
+    span = end - start
+    open_by = math.acos(max(-1.0, min(1.0, (radii[0] - radii[1]) / abs(span))))
+    half = AROUND // 2
+    about = span / abs(span)
+    near = start + radii[0] * about * np.exp(1j * np.linspace(open_by, 2.0 * math.pi - open_by, half))
+    far = end + radii[1] * about * np.exp(1j * np.linspace(-open_by, open_by, half))
+    outline = np.concatenate([near, far])
+    return np.column_stack([outline.real, outline.imag])
+
+
+def across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return two unit vectors that make a right-handed triad with an axis, the axis last."""
+    near = default_orientation(axis)
+    first = near - (near @ axis) * axis
+    first = first / np.linalg.norm(first)
+    return first, np.cross(axis, first)
+
+
+def turned(kind: str, centre: FloatArray, axis: FloatArray, profile: Sequence[tuple[float, float]]) -> Solid:
+    """Return a body of revolution."""
+    first, second = across(axis)
+    ring = circle(1.0) @ np.array([first, second])
+    return loft(kind, np.array([centre + x * axis + radius * ring for x, radius in profile]))
+
+
+def cylinder(kind: str, start: FloatArray, end: FloatArray, radius: float) -> Solid:
+    """Return a round bar between two points."""
+    span = end - start
+    length = float(np.linalg.norm(span))
+    return turned(kind, start, span / length, [(0.0, radius), (length, radius)])
+
+
+def ring(kind: str, centre: FloatArray, axis: FloatArray, radii: tuple[float, float], width: float) -> Solid:
+    """Return a ring of rectangular section."""
+    first, second = across(axis)
+    spokes = circle(1.0) @ np.array([first, second])
+    inner, outer = radii
+    corners = [(inner, -0.5), (inner, 0.5), (outer, 0.5), (outer, -0.5)]
+    return loft(kind, np.array([[centre + r * spoke + x * width * axis for r, x in corners] for spoke in spokes]),
+                cyclic=True)  # fmt: skip
+
+
+def ball(kind: str, centre: FloatArray, radius: float) -> Solid:
+    """Return a ball."""
+    tilt = np.linspace(0.05, math.pi - 0.05, 17)
+    pairs = zip((-radius * np.cos(tilt)).tolist(), (radius * np.sin(tilt)).tolist(), strict=True)
+    return turned(kind, centre, np.array([0.0, 1.0, 0.0]), list(pairs))
+
+
+def prism(kind: str, outline: FloatArray, plane: FloatArray, centre: FloatArray, width: float) -> Solid:
+    """Return an outline with thickness."""
+    flat, normal = centre + outline @ plane, np.cross(plane[0], plane[1])
+    return loft(kind, np.array([flat - 0.5 * width * normal, flat + 0.5 * width * normal]))

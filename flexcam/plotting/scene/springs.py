@@ -1,0 +1,87 @@
+"""A coil spring as a helix whose coils lie where the spring's parts have moved."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.plotting.scene.instant import Instant
+from flexcam.plotting.scene.sizes import CoilSizes
+from flexcam.plotting.scene.solids import Solid, across, circle, loft, ring
+
+_PER_COIL = 20
+_WIRE = 10
+_DEAD = 1.0
+"""Closed coils at each end."""
+
+
+def coil(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: FloatArray, length: float) -> Solid:
+    """Return a coil spring."""
+    turns = sizes.coils + 2.0 * _DEAD
+    angle = np.linspace(0.0, 2.0 * math.pi * turns, round(_PER_COIL * turns) + 1)
+    place = _rise(angle / (2.0 * math.pi), turns, sizes, length)
+    closed = (0.5 + _DEAD) * sizes.wire  # coils at the ends move with the ends
+    along = place + np.interp(place, np.linspace(closed, max(length - closed, closed), len(moved)), moved)
+    first, second = across(axis)
+    out = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
+    centres = start + along[:, None] * axis + 0.5 * sizes.diameter * out
+    tangent = np.gradient(centres, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+    up = np.cross(tangent, out)
+    wire = circle(0.5 * sizes.wire, _WIRE)
+    return loft("spring", centres[:, None] + wire[:, :1] * out[:, None] + wire[:, 1:] * up[:, None])
+
+
+def _rise(turn: FloatArray, turns: float, sizes: CoilSizes, length: float) -> FloatArray:
+    """Return the height of the wire's centre over the turns: closed end coils, the active ones evenly between them."""
+    inner = max(length - (1.0 + 2.0 * _DEAD) * sizes.wire, 0.0)
+    half = 0.5 * sizes.wire
+    knots = [0.0, _DEAD, turns - _DEAD, turns]
+    return np.interp(turn, knots, [half, half + _DEAD * sizes.wire, half + _DEAD * sizes.wire + inner, length - half])
+
+
+@dataclass(frozen=True, eq=False)
+class CoilPlace:
+    """Where a coil is.
+
+    Parameters
+    ----------
+    start
+        Its fixed end (that at `to`) as installed, m, shape (3,).
+    axis
+        Unit vector from there to its moving end, shape (3,).
+    sizes
+        Of the coil.
+    borders
+        Rows over the unknowns of the motions of its parts' borders along the spring's direction, from the fixed end to
+        the moving one, shape (parts + 1, n).
+    sense
+        1 where the spring's direction leads along `axis`, else -1.
+    ground, retainer
+        Whether it stands on a washer at ground, and whether it bears a retainer.
+    """
+
+    start: FloatArray
+    axis: FloatArray
+    sizes: CoilSizes
+    borders: FloatArray
+    sense: float
+    ground: bool
+    retainer: bool
+
+
+def drawn(place: CoilPlace, instant: Instant) -> list[Solid]:
+    """Return a spring."""
+    moved = place.sense * (place.borders @ instant.unknowns)
+    size, axis = place.sizes, place.axis
+    made = [coil(size, place.start, axis, moved, size.length)]
+    inner, outer, thick = 0.5 * (size.diameter - 1.6 * size.wire), 0.5 * size.diameter + size.wire, 0.7 * size.wire
+    if place.retainer:
+        top = place.start + (size.length + moved[-1] + 0.5 * thick) * axis
+        made.append(ring("retainer", top, axis, (0.25 * inner, outer), thick))
+    if place.ground:
+        made.append(ring("ground", place.start - 0.5 * thick * axis, axis, (0.6 * inner, 1.1 * outer), thick))
+    return made

@@ -1,0 +1,208 @@
+"""Mechanisms as solids on the screen, in pictures, movies and pages. Owns pyvista.
+
+Call `flexcam.plotting.rendering.ready_to_render` first: where a library is missing, VTK ends the process it runs in.
+"""
+
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
+# pyvista leaves most of its types open.
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyvista
+
+from flexcam.core import FloatArray
+from flexcam.plotting.scene.assembly import Mechanism
+from flexcam.plotting.scene.motion import Motion
+from flexcam.plotting.scene.solids import Solid, merged
+
+COLOURS = {
+    "shaft": "#7a8fa6", "member": "#c9ced4", "lobe": "#D55E00", "follower": "#E69F00", "roller": "#F0C25A",
+    "rocker": "#0072B2", "pivot": "#33414e", "spring": "#009E73", "retainer": "#5b6b78", "valve": "#CC79A7",
+    "seat": "#33414e", "bearing": "#4d5a66", "ground": "#4d5a66", "drive": "#56B4E9", "mass": "#b08d57",
+}  # fmt: skip
+"""Colour of each kind of part: those of Okabe and Ito for what moves."""
+
+_PLAIN = "#d5d9dd"
+"""Of what has no value where members are coloured by one."""
+
+_CLEAR = {"bearing": 0.45, "seat": 0.6, "ground": 0.8}
+_SHARP = 35.0
+"""Angle between triangles, deg, above which an edge looks sharp."""
+
+_BELOW_WORDS, _BESIDE_BAR = 1.08, 0.8
+"""Share of the height and of the width that the words above and the bar of colours leave."""
+
+_BAR = {
+    "color": "black", "n_labels": 5, "fmt": "%.3g", "vertical": True,
+    "position_x": 0.84, "position_y": 0.2, "height": 0.55,
+}  # fmt: skip
+"""Looks of the bar of colours."""
+
+_BETWEEN = 40
+"""Milliseconds between two instants of a mode in the window."""
+
+
+@dataclass(frozen=True)
+class Looks:
+    """How a scene is shown.
+
+    Parameters
+    ----------
+    scale
+        Of the elastic part of the motion.
+    size
+        Of the window, pixels.
+    title
+        Above the picture.
+    """
+
+    scale: float = 1.0
+    size: tuple[int, int] = (1024, 768)
+    title: str = ""
+
+
+class Stage:
+    """A mechanism in a window or off-screen.
+
+    Parameters
+    ----------
+    mechanism, motion
+        What is shown.
+    looks
+        How.
+    off_screen
+        Whether there is no window.
+    """
+
+    def __init__(self, mechanism: Mechanism, motion: Motion, looks: Looks, *, off_screen: bool) -> None:
+        self._mechanism, self._motion, self._looks = mechanism, motion, looks
+        self.plotter: Any = pyvista.Plotter(off_screen=off_screen, window_size=list(looks.size))
+        self.plotter.set_background("white")
+        self._actors: dict[str, Any] = {}
+        for kind, mesh in self._meshes(0).items():
+            self._actors[kind] = self.plotter.add_mesh(mesh, **self._style(kind, mesh))
+        self.plotter.enable_anti_aliasing("ssaa")
+        self._aim()
+        self.show(0)
+
+    @property
+    def title(self) -> str:
+        """Of the picture."""
+        return self._looks.title
+
+    def _style(self, kind: str, mesh: pyvista.PolyData) -> dict[str, Any]:
+        common = {"smooth_shading": True, "specular": 0.35, "specular_power": 20.0, "opacity": _CLEAR.get(kind, 1.0)}
+        if "value" in mesh.point_data:
+            values = self._motion.values
+            top = _range(values) if values is not None else (0.0, 1.0)
+            small = max(min(self._looks.size[0] / 1024.0, 1.0), 0.75)
+            fonts = {"title_font_size": round(16 * small), "label_font_size": round(14 * small)}
+            bar = {**_BAR, **fonts, "title": f"{self._motion.label}\n"}
+            even = {"ambient": 0.35, "diffuse": 0.7, "specular": 0.1}  # a colour is a number here
+            return {**common, **even, "scalars": "value", "clim": top, "cmap": "viridis", "scalar_bar_args": bar}
+        return {**common, "color": _PLAIN if self._motion.values is not None else COLOURS[kind]}
+
+    def _meshes(self, i: int) -> dict[str, pyvista.PolyData]:
+        """Return a mesh per kind of part; coloured members apart from what has no value."""
+        solids = self._mechanism.solids(self._motion.instant(i, self._looks.scale))
+        kinds: dict[str, list[Solid]] = {}
+        for solid in solids:
+            kinds.setdefault(solid.kind, []).append(solid)
+        return {kind: _mesh(merged(parts)) for kind, parts in kinds.items()}
+
+    def show(self, i: int) -> None:
+        """Show instant i."""
+        for kind, mesh in self._meshes(i).items():
+            self._actors[kind].mapper.SetInputData(mesh)
+        angle, words = self._motion.angle, [self._looks.title] if self._looks.title else []
+        words += [_angle_words(angle, i)] if np.ptp(angle) > 0.0 else []
+        words += [f"elastic part x {self._looks.scale:g}"] if self._looks.scale != 1.0 else []
+        self.plotter.add_text("\n".join(words), position="upper_left", font_size=11, color="black", name="words")
+
+    def slide(self, start: int) -> None:
+        """Add a slider over the cam angle."""
+        degrees = np.degrees(self._motion.angle)
+
+        def moved(value: float) -> None:
+            self.show(int(np.argmin(np.abs(degrees - value))))
+
+        self.plotter.add_slider_widget(
+            moved, (float(degrees[0]), float(degrees[-1])), value=float(degrees[start]), title="cam angle, deg",
+            pointa=(0.03, 0.12), pointb=(0.33, 0.12), color="black", fmt="%.1f", interaction_event="always",
+        )  # fmt: skip
+
+    def swing(self) -> None:
+        """Play the instants again and again."""
+
+        def next_one(step: int) -> None:
+            self.show(step % len(self._motion))
+            self.plotter.render()
+
+        self.plotter.add_timer_event(max_steps=1_000_000, duration=_BETWEEN, callback=next_one)
+
+    def _aim(self) -> None:
+        """Look at the mechanism from where lobes and train are both seen, and so that everything fits."""
+        axis, up = self._mechanism.axis, self._mechanism.upwards
+        ahead = 0.85 * axis + 0.55 * np.cross(up, axis) + 0.3 * up
+        ahead /= np.linalg.norm(ahead)
+        right = np.cross(up, ahead) / np.linalg.norm(np.cross(up, ahead))
+        plane = np.array([right, np.cross(ahead, right), ahead])
+        seen = self._reach() @ plane.T
+        middle, half = 0.5 * (seen.max(axis=0) + seen.min(axis=0)), 0.5 * np.ptp(seen, axis=0)
+        wide, beside = self._looks.size[0] / self._looks.size[1], 1.0 if self._motion.values is None else _BESIDE_BAR
+        scale = 1.06 * float(max(half[1] * _BELOW_WORDS, half[0] / (beside * wide)))
+        focus = (middle + scale * np.array([(1.0 - beside) * wide, _BELOW_WORDS - 1.0, 0.0])) @ plane
+        distance = 4.0 * float(np.linalg.norm(half))
+        camera = self.plotter.camera
+        camera.parallel_projection = True
+        camera.focal_point, camera.position, camera.up = focus, focus + distance * ahead, plane[1]
+        camera.parallel_scale = scale
+        self.plotter.renderer.ResetCameraClippingRange()
+
+    def _reach(self) -> FloatArray:
+        """Return all points at four instants, m, shape (n, 3): what has to be in the picture."""
+        instants = {(i * len(self._motion)) // 4 for i in range(4)}
+        return np.concatenate(
+            [
+                solid.points
+                for i in sorted(instants)
+                for solid in self._mechanism.solids(self._motion.instant(i, self._looks.scale))
+            ]
+        )
+
+
+def _range(values: FloatArray) -> tuple[float, float]:
+    """Return least and largest value; rounding beside the larger of both is none."""
+    ends = float(values.min(initial=0.0)), float(values.max(initial=0.0))
+    largest = max(map(abs, ends)) or 1.0
+    return ends[0], ends[1] if ends[1] > ends[0] else largest
+
+
+def _mesh(solid: Solid) -> pyvista.PolyData:
+    mesh = pyvista.PolyData.from_regular_faces(solid.points, solid.faces)
+    if solid.values is not None:
+        mesh.point_data["value"] = solid.values
+    shaded: Any = mesh.compute_normals(split_vertices=True, feature_angle=_SHARP, consistent_normals=False)
+    return shaded
+
+
+def _angle_words(angle: FloatArray, i: int) -> str:
+    """Return the cam angle of an instant, counted from the start of the revolution that is shown."""
+    turns = math.floor(float(angle[0]) / (2.0 * math.pi) + 1e-9)
+    told = f"cam angle {math.degrees(float(angle[i])) - 360.0 * turns:.1f} deg"
+    return f"{told} of the last revolution" if turns else told
+
+
+def show(stage: Stage, still: int, *, swings: bool) -> None:
+    """Open the window: with a slider over the cam angle, or with a mode that swings until it is closed."""
+    stage.show(still)
+    if swings:
+        stage.swing()
+    else:
+        stage.slide(still)
+    stage.plotter.show()

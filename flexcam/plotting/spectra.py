@@ -1,0 +1,239 @@
+"""Campbell diagram: natural frequencies over speed, orders as rays, what they meet as circles."""
+
+# pyright: reportUnknownMemberType=false
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from flexcam.analysis.campbell import Campbell
+from flexcam.analysis.orders import Waterfall
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.core.units import shown
+from flexcam.fem.recovery import deflection
+from flexcam.plotting.figures import legend, looks, stacked, wrapped
+from flexcam.plotting.histories import axis_label, short_name
+from flexcam.valvetrain import ModelModes, Structure
+
+# matplotlib leaves the types of its keyword arguments open.
+
+
+_LARGEST = 160.0
+"""Area of the largest circle, points squared."""
+
+_MET = "an order meets a mode; area: its part of the force"
+
+
+def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
+    """Return natural frequencies over speed with the orders of a cam."""
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    axes = figure.add_subplot()
+    rpm = scale * found.rpm
+    top = _top(found)
+    _rays(axes, found, rpm, top)
+    styles, told = looks(), False
+    for i, (column, reached) in enumerate(zip(found.frequencies.T, found.reached, strict=True)):
+        if reached:
+            colour, dashes = next(styles)
+            axes.plot(rpm, column, color=colour, linestyle=dashes, linewidth=1.8, marker="o", markersize=3,
+                      label=_named(found, i, top))  # fmt: skip
+        else:
+            first = not told and bool((column <= top).any())
+            axes.plot(rpm, column, color="0.5", linewidth=1.2, label="not felt at the contact" * first)
+            told = told or first
+    _circles(axes, found, scale)
+    axes.set_xlim(rpm[0], rpm[-1])
+    axes.set_ylim(0.0, top)
+    axes.set_xlabel(f"{shaft} speed, rpm")
+    axes.set_ylabel("natural frequency, Hz")
+    if axes.get_legend_handles_labels()[0]:
+        figure.legend(loc="outside lower center", fontsize="small", ncols=2)
+    return figure
+
+
+def _named(found: Campbell, mode: int, top: float) -> str:
+    """Return the name of a mode; one beyond the picture has none."""
+    if not (found.frequencies[:, mode] <= top).any():
+        return ""
+    return f"{mode + 1}: {', '.join(found.words[mode].split(', ')[:2])}"
+
+
+def _top(found: Campbell) -> float:
+    """Return the highest frequency drawn: what is far above every ray would press the rest together."""
+    highest = max(found.lifts, default=1) * float(found.rpm[-1]) / 60.0
+    known = found.frequencies[~np.isnan(found.frequencies)]
+    below = known[known <= 1.3 * highest]
+    return 1.1 * float(below.max() if len(below) else highest)
+
+
+def _rays(axes: Axes, found: Campbell, rpm: np.ndarray, top: float) -> None:
+    for n in found.lifts:
+        hz = n * found.rpm / 60.0
+        axes.plot(rpm, hz, color="0.75", linewidth=0.7, zorder=0.5)
+        inside = hz[-1] <= top
+        at = rpm[-1] if inside else float(np.interp(top, hz, rpm))
+        if at >= rpm[0] and (inside or hz[0] < top):
+            shift, side = ((3, 0), "left") if inside else ((0, 3), "center")
+            axes.annotate(
+                str(n), (at, min(hz[-1], top)), shift, textcoords="offset points", ha=side,
+                va="center" if inside else "bottom", fontsize="x-small", color="0.35", annotation_clip=False,
+            )  # fmt: skip
+
+
+def _circles(axes: Axes, found: Campbell, scale: float) -> None:
+    met = [one for one in found.crossings if not math.isnan(one.load)]
+    largest = max((one.load for one in met), default=0.0) or 1.0
+    sizes = [max(_LARGEST * one.load / largest, 8.0) for one in met]
+    axes.scatter(
+        [scale * one.rpm for one in met], [one.frequency for one in met], s=sizes, facecolors="none",
+        edgecolors="black", linewidths=1.2, zorder=3, label=_MET * bool(met),
+    )  # fmt: skip
+
+
+# matplotlib leaves the types of its keyword arguments open.
+
+
+_DECADES = 3.0
+"""Decades below the largest amplitude that the colours tell apart."""
+
+
+def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Figure:
+    """Return orders over speed as colours, a picture per history above each other."""
+    figure = Figure(figsize=(7.0, 0.8 + 2.8 * len(found)), layout="constrained")
+    axes = list(np.atleast_1d(np.asarray(figure.subplots(len(found), sharex=True))))
+    for axis, one in zip(axes, found, strict=True):
+        _draw(figure, axis, one, scale)
+    axes[-1].set_xlabel("order of the camshaft")
+    for axis in axes:
+        axis.set_ylabel(f"{shaft} speed, rpm")
+    return figure
+
+
+def _draw(figure: Figure, axes: Axes, found: Waterfall, scale: float) -> None:
+    from matplotlib.colors import LogNorm
+
+    factor, _ = shown(found.unit)
+    sizes = factor * found.amplitudes[:, 1:]
+    largest = float(np.nanmax(sizes)) if np.isfinite(sizes).any() else 1.0
+    norm = LogNorm(10.0**-_DECADES * (largest or 1.0), largest or 1.0, clip=True)
+    drawn = axes.pcolormesh(
+        np.arange(1.0, sizes.shape[1] + 1.0), scale * found.rpm, sizes, norm=norm, cmap="cividis",
+        shading="nearest", rasterized=True,
+    )  # fmt: skip
+    name = f"acceleration of {found.signal.name}" if found.signal.probe else short_name(found.signal.name)
+    figure.colorbar(drawn, ax=axes, label=axis_label(name, found.unit))
+
+
+# matplotlib leaves the types of its keyword arguments open.
+
+
+_SLOW = 1.0
+"""Growth, 1/s, that the axis always spans, and within which it is linear: rounding then looks like the zero it is."""
+
+
+def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatArray]], shaft: str) -> Figure:
+    """Return largest and least contact force over speed."""
+    figure, (upper, lower) = stacked(("largest force, N", "least force, N"), f"{shaft} speed, rpm")
+    for (name, (least, largest)), (colour, dashes) in zip(forces.items(), looks(), strict=False):
+        upper.plot(rpm, largest, label=name, color=colour, linestyle=dashes, marker="o", markersize=3)
+        lower.plot(rpm, least, color=colour, linestyle=dashes, marker="o", markersize=3)
+    lower.axhline(0.0, color="black", linewidth=0.8)
+    legend(figure, upper, len(forces))
+    return figure
+
+
+def growth_figure(rpm: FloatArray, growth: FloatArray, dangers: Mapping[str, NDArray[np.bool_]], shaft: str) -> Figure:
+    """Return the growth rate of disturbances over speed, and which cause endangers which speed."""
+    figure, (upper, lower) = stacked(("growth, 1/s", "endangered by"), f"{shaft} speed, rpm")
+    upper.plot(rpm, growth, color="black", marker="o", markersize=3)
+    upper.set_yscale("symlog", linthresh=_SLOW)
+    upper.axhline(0.0, color="black", linewidth=0.8)
+    least, largest = upper.get_ylim()
+    upper.set_ylim(min(least, -_SLOW), max(largest, _SLOW))
+    for row, ((_, at), (colour, _)) in enumerate(zip(dangers.items(), looks(), strict=False)):
+        chosen = rpm[at]
+        lower.plot(chosen, np.full(len(chosen), row), color=colour, marker="s", linestyle="none")
+    lower.set_yticks(range(len(dangers)), labels=list(dangers))
+    lower.set_ylim(len(dangers) - 0.5, -0.5)
+    lower.set_xlim(*upper.get_xlim())
+    return figure
+
+
+# matplotlib leaves the types of its keyword arguments open.
+
+
+_PARTS = 8
+"""Of an element, so that its cubic looks like one."""
+
+_MOTIONS = ("along", "across y", "across z", "twist times radius")
+_NOTHING = 1e-6
+"""Part of the largest motion of a mode below which a curve says nothing."""
+
+_WIDE = 58
+"""Letters of a title to a column."""
+
+
+def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, size: float) -> None:
+    """Draw how a member moves in a mode, over the place along it."""
+    part = structure.model.mesh.element_ranges()[member]
+    moved = deflection(structure.beams, nodal, _PARTS, part)[..., :4]
+    begin = np.cumsum(structure.beams.length[part]) - structure.beams.length[part]
+    place = 1e3 * (begin[:, None] + structure.beams.length[part, None] * np.linspace(0.0, 1.0, _PARTS + 1)).ravel()
+    scale = np.array([1.0, 1.0, 1.0, structure.model.members[member].section.radius]) / size
+    for values, name, (colour, dashes) in zip((moved * scale).reshape(-1, 4).T, _MOTIONS, looks(), strict=False):
+        if np.abs(values).max() > _NOTHING:
+            axes.plot(place, values, label=name, color=colour, linestyle=dashes)
+    axes.axhline(0.0, color="0.4", linewidth=0.8)
+    axes.set_xlim(0.0, float(place[-1]))
+    axes.set_ylim(-1.1, 1.1)
+    axes.grid(alpha=0.3)
+
+
+def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> Figure:
+    """Return modes along the members."""
+    members = list(structure.model.mesh.lines)
+    if not members:
+        why = "shapes are drawn along members; flexcam modes says what moves in a train of masses"
+        raise refuse("members", "none", "one or more", why)
+    count = len(found.shares)
+    size = (2.0 + 3.0 * len(members), 1.4 + 1.7 * count)
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.subplots(count, len(members), squeeze=False, sharex="col", sharey=True)
+    shapes = structure.dofs.nodal_modes(found.modes.shapes.T, structure.model.mesh.extent)
+    for mode, (row, nodal) in enumerate(zip(grid, shapes, strict=True)):
+        largest = _largest(structure, nodal)
+        for axes, member in zip(row, members, strict=True):
+            draw_mode(axes, structure, member, nodal, largest)
+        row[0].set_ylabel(f"mode {mode + 1}")
+        words = f"{found.modes.frequencies[mode]:.4g} Hz: {found.words(mode)}"
+        row[0].set_title("\n".join(textwrap.wrap(words, _WIDE * len(members))), fontsize="small", loc="left")
+        if not any(line.get_label() in _MOTIONS for axes in row for line in axes.lines):
+            row[0].text(0.5, 0.75, "no member moves", transform=row[0].transAxes, ha="center", color="0.3")
+    for axes, member in zip(grid[-1], members, strict=True):
+        axes.set_xlabel(f"along {member}, mm")
+    handles = {
+        name: line for axes in grid.ravel() for line, name in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", fontsize="small", ncols=4)
+    if title:
+        figure.suptitle(wrapped(title), fontsize="medium")
+    return figure
+
+
+def _largest(structure: Structure, nodal: FloatArray) -> float:
+    """Return the largest motion of the members' lines and surfaces; one where only other parts move."""
+    moved = np.abs(deflection(structure.beams, nodal, _PARTS))
+    radius = np.concatenate([
+        np.full(part.stop - part.start, structure.model.members[name].section.radius)
+        for name, part in structure.model.mesh.element_ranges().items()
+    ])  # fmt: skip
+    largest = max(float(moved[..., :3].max()), float((moved[..., 3] * radius[:, None]).max()))
+    return largest if largest > 0.0 else 1.0

@@ -1,0 +1,166 @@
+"""Tables of what models cost and by how much they err."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+
+from rich.table import Table
+
+from flexcam.analysis.error_estimate import Error
+from flexcam.analysis.model_choice import Choice
+from flexcam.analysis.trade import Reference, Traded
+from flexcam.dynamics import Cause
+from flexcam.report.terminal import table
+
+_SHOWN = {"m": (1e3, "mm"), "m/s": (1.0, "m/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
+_ROUNDING = 1e-10
+"""Part of a number below which an error is rounding: of the stiffness of many elements it leaves some 1e-11."""
+
+_DIGITS = 12
+"""Behind the point."""
+
+_KINDS = ("lift", "velocity", "acceleration")
+
+
+TRADE_LEGEND = "* no other model beats it in both work and error; work is unknowns times steps of the run"
+"""What the marks and the heads of `trade_table` mean."""
+
+
+def trade_table(against: Reference, found: Sequence[Traded]) -> Table:
+    """Return the ladder of a case."""
+    kinds = _quantities(against)
+    rows = [
+        ("*" if one.best else "", one.rung, str(one.steps), str(one.unknowns), f"{one.work:.3g}", f"{one.seconds:.3g}",
+         *(_percent(one.errors.get(kind)) for kind in kinds), "" if one.status.ok else str(one.status.cause))
+        for one in found
+    ]  # fmt: skip
+    own = (_percent(against.errors[kind] / against.size[kind] if against.size[kind] > 0.0 else 0.0) for kind in kinds)
+    rows.append(("", "reference", str(against.steps), "", "", "", *own, "its own error"))
+    heads = ("", "model", "steps/rev", "unknowns", "work", "cpu s", *(f"{kind}, %" for kind in kinds), "")
+    norm = {"max": "largest", "rms": "rms", None: "rms, of forces the largest"}[against.norm]
+    return table(f"What a cheaper model costs in error ({norm}; as a part of the largest value)", heads, rows)
+
+
+def _quantities(against: Reference) -> list[str]:
+    return [*(kind for kind in _KINDS if kind in against.errors), *(k for k in against.errors if k not in _KINDS)]
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100.0 * share:.2g}"
+
+
+def trade_words(against: Reference, found: Sequence[Traded]) -> list[str]:
+    """Return what is doubtful about a ladder, in words."""
+    return [*_rough(against), *_refused(found)]
+
+
+def _refused(found: Sequence[Traded]) -> list[str]:
+    """Return which models were not run, and the first reason."""
+    refused = [one for one in found if one.status.cause is Cause.REFUSED]
+    if not refused:
+        return []
+    models = {one.rung: [str(other.steps) for other in refused if other.rung == one.rung] for one in refused}
+    told = "; ".join(f"{name} at {', '.join(steps)}" for name, steps in models.items())
+    return [f"Not run, as the method of the case refuses such steps: {told}. The first: {refused[0].status.text}"]
+
+
+def _rough(against: Reference) -> list[str]:
+    shares = {name: error / against.size[name] for name, error in against.errors.items() if against.size[name] > 0.0}
+    rough = [f"{name} ({_percent(share)} %)" for name, share in shares.items() if share > _ROUGH]
+    if not rough:
+        return []
+    unsure = f"Warning: the reference itself is not sure of {', '.join(rough)}"
+    return [f"{unsure}: bounces, or motions that its steps do not see; errors of that size say nothing, nor do marks"]
+
+
+_ROUGH = 0.05
+"""Part of a quantity's size from which on the error of the reference is told in words."""
+
+
+def trade_json(against: Reference, found: Sequence[Traded]) -> dict[str, object]:
+    """Return the same as ``--json`` prints it."""
+    own = {name: error / against.size[name] if against.size[name] else 0.0 for name, error in against.errors.items()}
+    return {
+        "reference": {"steps_per_revolution": against.steps, "errors": own, "sizes": against.size},
+        "rungs": [traded_json(one) for one in found],
+        "warnings": trade_words(against, found),
+    }
+
+
+def traded_json(one: Traded) -> dict[str, object]:
+    """Return a rung as ``--json`` prints it."""
+    return {
+        "model": one.rung, "words": one.words, "steps_per_revolution": one.steps, "unknowns": one.unknowns,
+        "work": one.work, "cpu_seconds": one.seconds, "errors": one.errors, "best": one.best,
+        "status": str(one.status.cause),
+    }  # fmt: skip
+
+
+def trade_csv(against: Reference, found: Sequence[Traded]) -> str:
+    """Return the ladder as comma-separated values."""
+    kinds = _quantities(against)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["model", "steps_per_revolution", "unknowns", "work", "cpu_s", *kinds, "best", "status"])
+    for one in found:
+        errors = [one.errors.get(kind, "") for kind in kinds]
+        writer.writerow([one.rung, one.steps, one.unknowns, one.work, one.seconds, *errors, one.best, one.status.cause])
+    return text.getvalue()
+
+
+def error_table(errors: Sequence[Error]) -> Table:
+    """Return the numbers of a run with how far they may be off."""
+    rows = [
+        (one.quantity, plus_minus(one), *(_share(one, part) for part in (one.time, one.space, one.model)), _held(one))
+        for one in errors
+    ]
+    heads = ("quantity", "largest", "by the steps", "by the elements", "by the model", "")
+    return table("How far the numbers may be off", heads, rows)
+
+
+def plus_minus(one: Error) -> str:
+    """Return a number with its error, such as ``10.43 ± 0.02 mm``."""
+    factor, unit = _SHOWN[one.unit]
+    value, error = factor * one.size, factor * one.total
+    if not error > _ROUNDING * value:
+        return f"{value:.10g} {unit}"
+    digits = max(1 - math.floor(math.log10(error)), 0)
+    if digits > _DIGITS:
+        return f"{value:.{_DIGITS}g} ± {error:.2g} {unit}"
+    return f"{value:.{digits}f} ± {error:.{digits}f} {unit}"
+
+
+def _share(one: Error, error: float) -> str:
+    return f"{100.0 * error / one.size:.2g} %" if one.size > 0.0 else ""
+
+
+def _held(one: Error) -> str:
+    return "" if one.holds else "no estimate holds: shorter steps do not bring the runs together"
+
+
+def choice_words(choice: Choice) -> list[str]:
+    """Return which model was chosen, why, and what the next cheaper would have cost."""
+    one = choice.found
+    named = f"{one.rung} ({one.words}), {one.steps} steps per revolution, {one.unknowns} unknowns"
+    errors = ", ".join(f"{kind} {_percent(error)} %" for kind, error in one.errors.items())
+    if not choice.met:
+        return [f"The tolerance is not met: {choice.why}. What was run is the closest: {named}; errors: {errors}"]
+    words = [f"Chosen of {choice.tried} models tried: {named}; errors: {errors}"]
+    if choice.cheaper is not None:
+        less = choice.cheaper
+        saved = f"{100.0 * less.work / one.work:.0f} % of the work" if one.work else "as much work"
+        errs = ", ".join(f"{kind} {_percent(error)} %" for kind, error in less.errors.items())
+        words.append(f"Cheaper and not good enough: {less.rung}, {less.steps} steps per revolution, {saved}; {errs}")
+    return words
+
+
+def choice_json(choice: Choice) -> dict[str, object]:
+    """Return a choice as ``--json`` prints it."""
+    cheaper = None if choice.cheaper is None else traded_json(choice.cheaper)
+    return {
+        "met": choice.met, "tried": choice.tried, "why": choice.why, "model": traded_json(choice.found),
+        "cheaper": cheaper,
+    }  # fmt: skip

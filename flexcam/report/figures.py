@@ -1,0 +1,343 @@
+"""Curves of a report: every probe, channel and energy of its results, in as few points as their look needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.core.units import shown
+from flexcam.dynamics import STATE, Outline, Response
+from flexcam.fem.elements.beam import Beams
+from flexcam.fem.frames import ROTATIONS
+from flexcam.fem.mesh import Mesh
+from flexcam.fem.recovery import deflection
+from flexcam.report.content import Album, Chart, Curve, Panel, Scene, Shape
+from flexcam.report.sentences import Subject
+from flexcam.valvetrain import Structure
+
+_SERIES = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
+_WITHIN = 1e-4
+"""Part of its range by which a drawn curve may miss the true one: below a pixel of a large screen."""
+
+_FIRST = 4
+"""So many times the points of the others may the first chart of an album have, which is the one that is seen."""
+
+_LONG = 40_000
+"""Points of a history from which on stretches are looked at instead of points."""
+
+_ROOM, _ROOM_OF_ONE = 55_000, 2_500
+"""Points of all curves of a page, some 600 kB, and what of them the words of every result take."""
+
+_MOST, _LEAST = 3000, 100
+"""Points of a curve."""
+
+_MOST_CURVES = 300
+"""What a page can hold; the first are the probes that the case lists."""
+
+Runs = Mapping[str, tuple[Response, Response | None]]
+"""By name: what a result holds, and the same with rigid members."""
+
+
+def thinned(x: FloatArray, y: FloatArray, most: int = _MOST) -> tuple[FloatArray, FloatArray]:
+    """Return a curve in few of its points, straight between them, its extremes among them.
+
+    The points farthest from the line through those kept are added until none is far: D. H. Douglas and T. K. Peucker,
+    Cartographica 10, 1973, all stretches at once. Of very many points only the least and the largest of every short
+    stretch are looked at.
+    """
+    if len(x) <= 2:
+        return x, y
+    if len(x) > _LONG:
+        peaks = _peaks(y, _LONG // 4)
+        x, y = x[peaks], y[peaks]
+    off = _WITHIN * float(np.ptp(y))
+    while (kept := _kept(x, y, off)).sum() > most:
+        off *= 2.0
+    return x[kept], y[kept]
+
+
+def _peaks(y: FloatArray, stretches: int) -> IntArray:
+    """Return where the least and the largest value of every stretch are, and both ends."""
+    begin = np.linspace(0, len(y), stretches + 1).astype(int)
+    each = [(a + int(one(y[a:b]))) for a, b in pairwise(begin.tolist()) for one in (np.argmin, np.argmax)]
+    return np.unique([0, *each, len(y) - 1])
+
+
+def _kept(x: FloatArray, y: FloatArray, within: float) -> NDArray[np.bool_]:
+    kept = np.zeros(len(x), dtype=bool)
+    kept[[0, -1, int(np.argmin(y)), int(np.argmax(y))]] = True
+    while True:
+        at = np.flatnonzero(kept)
+        off = np.abs(y - np.interp(x, x[at], y[at]))
+        off[at] = 0.0
+        stretch = np.clip(np.searchsorted(at, np.arange(len(x)), side="right"), 1, len(at) - 1) - 1
+        farthest = np.maximum.reduceat(off, at[:-1])[stretch]
+        more = (off == farthest) & (off > within)
+        if not more.any():
+            return kept
+        kept |= more
+
+
+def albums(runs: Runs, main: str) -> list[Album]:
+    """Return all curves of some results."""
+    first = [one for one, _ in runs.values()]
+    probes = list(dict.fromkeys(name for one in first for name in scalars(one.outline)))
+    probes = [name for name in probes if name == main or _moves(first, name)]
+    probes.sort(key=lambda name: name != main)
+    channels = list(dict.fromkeys(name for one in first for name, _ in one.outline.channels))
+    shown_channels = [name for name in channels if not name.startswith(("energy.", STATE))]
+    shown_channels.sort(key=lambda name: not (name.startswith("contacts.") and name.endswith(".force")))
+    room = max(_MOST_CURVES // len(runs), 1)
+    found = [
+        Album("Motion", "probe", tuple(_motion(runs, name) for name in probes[: max(room // 6, 1)])),
+        Album(
+            "Forces and more", "channel", tuple(_channel(runs, name) for name in shown_channels[: max(room // 4, 1)])
+        ),
+        Album("Energy", "result", tuple(_energy(name, one) for name, (one, _) in runs.items())),
+    ]
+    held = [replace(one, charts=tuple(c for c in one.charts if any(p.curves for p in c.panels))) for one in found]
+    return _fitting([album for album in held if album.charts], max(_ROOM - _ROOM_OF_ONE * len(runs), _LEAST))
+
+
+def _fitting(made: list[Album], room: int) -> list[Album]:
+    """Return albums that a page has room for: those curves thinned further that have the most points."""
+    most = _MOST
+    while most > _LEAST and sum(len(curve.x) for album in made for curve in _of(album)) > room:
+        most = 3 * most // 4
+        made = [replace(one, charts=_lighter(one.charts, most)) for one in made]
+    return made
+
+
+def _lighter(charts: tuple[Chart, ...], most: int) -> tuple[Chart, ...]:
+    return tuple(_coarser(chart, most * (1 if i else _FIRST)) for i, chart in enumerate(charts))
+
+
+def _of(album: Album) -> list[Curve]:
+    return [curve for chart in album.charts for panel in chart.panels for curve in panel.curves]
+
+
+def _coarser(chart: Chart, most: int) -> Chart:
+    panels = tuple(replace(panel, curves=tuple(_fewer(c, most) for c in panel.curves)) for panel in chart.panels)
+    return replace(chart, panels=panels)
+
+
+def _fewer(curve: Curve, most: int) -> Curve:
+    if len(curve.x) <= most:
+        return curve
+    x, y = thinned(curve.x, curve.y, most)
+    return replace(curve, x=x, y=y)
+
+
+def left_over(runs: Runs) -> list[str]:
+    """Return whether a report of some results has no room for all of their curves, in words."""
+    first = [one for one, _ in runs.values()]
+    room = max(_MOST_CURVES // len(runs), 1)
+    probes = {name for one in first for name in scalars(one.outline) if _moves(first, name)}
+    channels = {name for one in first for name, _ in one.outline.channels}
+    if len(probes) <= max(room // 6, 1) and len(channels) <= max(room // 4, 1):
+        return []
+    return ["There are more curves than a page holds: the first probes and channels are shown, the result has all"]
+
+
+def scalars(outline: Outline) -> list[str]:
+    """Return the names of all scalar probes of a run."""
+    return [
+        name if len(components) == 1 else f"{name}.{one}" for name, components in outline.probes for one in components
+    ]
+
+
+def _moves(responses: Sequence[Response], name: str) -> bool:
+    having = [one for one in responses if name in scalars(one.outline) and len(one.time)]
+    return any(float(np.ptp(one[name].displacement)) > 0.0 for one in having)
+
+
+def _motion(runs: Runs, name: str) -> Chart:
+    unit = "rad" if name.rpartition(".")[2] in ROTATIONS else "m"
+    panels = tuple(_motion_panel(runs, name, series, unit + per) for series, per in _SERIES.items())
+    return Chart(name, _words(panels), panels)
+
+
+def _motion_panel(runs: Runs, name: str, series: str, unit: str) -> Panel:
+    def values(one: Response) -> FloatArray | None:
+        return getattr(one[name], series) if name in scalars(one.outline) else None
+
+    return _panel(runs, series, unit, values)
+
+
+def _channel(runs: Runs, name: str) -> Chart:
+    unit = next(unit for one, _ in runs.values() for channel, unit in one.outline.channels if channel == name)
+    label = " ".join(name.split(".")[1:]).replace("_", " ")
+    panel = _panel(runs, label, unit, lambda one: one.channels.get(name))
+    return Chart(name.replace(".", " ").replace("_", " "), _words([panel]), (panel,))
+
+
+def _energy(name: str, response: Response) -> Chart:
+    parts = {key.removeprefix("energy."): v for key, v in response.channels.items() if key.startswith("energy.")}
+    angle = np.degrees(response.angle)
+    curves = [
+        Curve(part, i, False, *thinned(angle, values)) for i, (part, values) in enumerate(parts.items()) if values.any()
+    ]
+    panel = Panel("energy, J", tuple(curves))
+    return Chart(name or "this result", _words([panel]), (panel,) if curves else ())
+
+
+def _panel(runs: Runs, label: str, unit: str, values: Callable[[Response], FloatArray | None]) -> Panel:
+    factor, symbol = shown(unit)
+    curves: list[Curve] = []
+    for group, (name, pair) in enumerate(runs.items()):
+        for one, rigid in zip(pair, (False, True), strict=True):
+            history = None if one is None else values(one)
+            if one is not None and history is not None and len(history):
+                called = ", ".join(filter(None, (name, "rigid" if rigid else "" if name else "flexible")))
+                curves.append(Curve(called, group, rigid, *thinned(np.degrees(one.angle), factor * history)))
+    return Panel(f"{label}, {symbol}" if symbol else label, tuple(curves))
+
+
+def _words(panels: Sequence[Panel]) -> tuple[str, ...]:
+    """Return panels in words: from where to where every curve goes, and at which cam angles."""
+    return tuple(
+        f"{panel.label.partition(',')[0]}{f' ({curve.name})' if curve.name else ''}: {_range(curve, panel)}"
+        for panel in panels
+        for curve in panel.curves
+    )
+
+
+def _range(curve: Curve, panel: Panel) -> str:
+    unit = panel.label.partition(", ")[2]
+    low, high = int(np.argmin(curve.y)), int(np.argmax(curve.y))
+    ends = [f"{curve.y[i]:.4g} {unit} at {curve.x[i]:.4g} deg" for i in (low, high)]
+    return f"from {ends[0]} to {ends[1]}"
+
+
+_PARTS = 6
+"""Of an element, where a page has room for them."""
+
+_POINTS = 240
+"""Of all scenes of a page: with modes and frames some 250 kB."""
+
+_FRAMES = 48
+"""Of the motion of a run."""
+
+_SAME_PLACE = 1e-9
+"""m."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """Points on members: of which element, and at which of its parts, shape (p,) each."""
+
+    element: IntArray
+    part: IntArray
+    parts: int
+    ranges: dict[str, tuple[int, int]]
+
+    def of_nodes(self, ends: IntArray, nodal: FloatArray) -> FloatArray:
+        """Return what nodes have, straight between them: shape (..., nodes, 3) to (..., p, 3)."""
+        x = (self.part / self.parts)[:, None]
+        first, second = ends[self.element].T
+        return (1.0 - x) * nodal[..., first, :] + x * nodal[..., second, :]
+
+    def of_beams(self, beams: Beams, nodal: FloatArray) -> FloatArray:
+        """Return the deflection, from shape (..., nodes, 6) to (..., p, 3), global axes."""
+        local = deflection(beams, nodal, self.parts)[..., self.element, self.part, :3]
+        return np.einsum("pji,...pj->...pi", beams.triads[self.element], local)
+
+
+def scene(about: Subject, share: int = 1) -> Scene | None:
+    """Return the members of a result and how they move."""
+    mesh = about.result.mesh
+    ends = mesh.elements()
+    if not len(ends):
+        return None
+    lines = _lines(mesh, _POINTS // share)
+    points = lines.of_nodes(ends, mesh.nodes)
+    shapes = (*_modes(about, lines), *_motion_scene(about, lines))
+    return Scene(points, lines.ranges, _names(mesh, points), shapes) if shapes else None
+
+
+def _lines(mesh: Mesh, room: int) -> _Lines:
+    """Return points along the members, as many as there is room for, ends and at least one between among them."""
+    elements = len(mesh.elements())
+    parts = min(max(room // elements, 1), _PARTS)
+    every = -(-elements * parts // room)
+    element: list[IntArray] = []
+    ranges: dict[str, tuple[int, int]] = {}
+    count = 0
+    for name, part in mesh.element_ranges().items():
+        last = (part.stop - part.start) * parts
+        along = np.array(sorted({*range(0, last, every), last // 2, last}))
+        element.append(part.start * parts + along)
+        ranges[name] = (count, count + len(along))
+        count += len(along)
+    of = [
+        np.minimum(one // parts, part.stop - 1)
+        for one, part in zip(element, mesh.element_ranges().values(), strict=True)
+    ]
+    return _Lines(np.concatenate(of), np.concatenate(element) - parts * np.concatenate(of), parts, ranges)
+
+
+def _names(mesh: Mesh, points: FloatArray) -> dict[str, int]:
+    """Return the named places that lie on the lines; names of one place stand together."""
+    found: dict[int, list[str]] = {}
+    for name, nodes in mesh.points.items():
+        if len(nodes) == 1:
+            away = np.linalg.norm(points - mesh.nodes[nodes[0]], axis=1)
+            if away.min() < _SAME_PLACE:
+                found.setdefault(int(np.argmin(away)), []).append(name)
+    return {", ".join(names): at for at, names in found.items()}
+
+
+def _modes(about: Subject, lines: _Lines) -> list[Shape]:
+    if about.known is None or about.modes is None:
+        return []
+    found, structure = about.modes, about.known.structure
+    moved = lines.of_beams(structure.beams, structure.dofs.nodal_modes(found.modes.shapes.T, about.result.mesh.extent))
+    return [
+        Shape(f"mode {i + 1}, {frequency:.4g} Hz", found.words(i) + _unseen(structure, shares), moved[i : i + 1])
+        for i, (frequency, shares) in enumerate(zip(found.modes.frequencies.tolist(), found.shares, strict=True))
+    ]
+
+
+def _unseen(structure: Structure, shares: Mapping[str, float]) -> str:
+    """Return that what moves most in a mode is no member, and so not among the lines; empty where it is one."""
+    most = max(shares, key=lambda part: shares[part], default="")
+    return f". What moves most, {most}, is no member: the lines show only what moves with it" * (
+        most in _beside(structure)
+    )
+
+
+def _beside(structure: Structure) -> set[str]:
+    """Return the parts of modes that no line shows: rockers, springs, and masses off the members."""
+    model = structure.model
+    lines = set(model.mesh.elements().ravel().tolist())
+    off = (
+        name
+        for name, part in model.masses.items()
+        if model.rocker_at(part.at) is not None or model.mesh.node(part.at) not in lines
+    )
+    return {
+        *(f"mass {name}" for name in off),
+        *(f"rocker {name}" for name in model.rockers),
+        *(f"spring {name}" for name in model.springs),
+    }
+
+
+def _motion_scene(about: Subject, lines: _Lines) -> list[Shape]:
+    """Return the motion of the run over its last revolution, or over what there is of it."""
+    response = about.result.response
+    if len(response.field_time) < 2:
+        return []
+    last = response.field_angle > response.field_angle[-1] - 2.0 * np.pi * (1.0 + 1e-9)
+    at = np.flatnonzero(last)[:: -(-int(last.sum()) // _FRAMES)]
+    nodal = response.fields.displacement[at].reshape(len(at), -1, 6)
+    beams = None if about.known is None else about.known.structure.beams
+    ends = about.result.mesh.elements()
+    moved = lines.of_nodes(ends, nodal[..., :3]) if beams is None else lines.of_beams(beams, nodal)
+    degrees = np.degrees(response.field_angle[at[[0, -1]]])
+    words = f"The computed motion from {degrees[0]:.4g} to {degrees[1]:.4g} deg of cam angle"
+    return [Shape("the run", words, moved)]

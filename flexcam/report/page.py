@@ -1,0 +1,253 @@
+"""A report as one page that needs no network: text, data and programs in one file.
+
+Jinja writes the page, with every value escaped unless it is a program of ours; the curves are plotly.js, which the
+package plotly carries. What may run in the page is named by its hash, so nothing that came in with a case can.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import pkgutil
+from collections.abc import Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam import __version__
+from flexcam.analysis.comparison import Comparison, between
+from flexcam.analysis.limits import margins
+from flexcam.analysis.model_checks import shared
+from flexcam.analysis.preparation import figures_of, scalar_probe
+from flexcam.case.case import Case
+from flexcam.core.errors import FlexcamError, InputError, refuse
+from flexcam.core.units import RPM
+from flexcam.report import sentences
+from flexcam.report.content import Album, Asked, Chapter, Chart, Picture, Report, Scene, extras, origin, sheets
+from flexcam.report.figures import Runs, albums, left_over, scalars, scene
+from flexcam.report.formatting import told_apart
+from flexcam.report.run_checks import Watched, run_doubts
+from flexcam.report.sentences import Known, Subject
+from flexcam.valvetrain import Metric
+
+_PAGE = Path(__file__).parent / "template"
+_LARGE = 5000.0
+"""Numbers beyond which single precision would show on the cam angle."""
+
+_SINGLE = 1e37
+"""Numbers beyond which single precision has none: those of a run that diverged."""
+
+_ESCAPED = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
+
+
+def page(report: Report) -> str:
+    """Return a report as HTML."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from markupsafe import Markup
+
+    ours = Markup  # what stands in a page as it is: our own programs, and data escaped by `embedded`
+    scripts = [_plotly(), _text("curves.js"), _text("shapes.js")]
+    jinja = Environment(loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+                        lstrip_blocks=True)  # fmt: skip
+    return jinja.get_template("page.html").render(
+        report=report, version=__version__, style=ours(_text("page.css")), scripts=[ours(one) for one in scripts],
+        policy=_policy(scripts), data=ours(embedded(_data(report))), image=_image,
+    )  # fmt: skip
+
+
+def embedded(content: object) -> str:
+    r"""Return a value as JSON that can stand inside a script element, whatever its strings are."""
+    text = json.dumps(content, allow_nan=False)
+    for character, escape in _ESCAPED.items():
+        text = text.replace(character, escape)
+    return text
+
+
+def _text(name: str) -> str:
+    return (_PAGE / name).read_text(encoding="utf-8")
+
+
+def _plotly() -> str:
+    """Return plotly.js; `import plotly` would load far more than this file."""
+    return (pkgutil.get_data("plotly", "package_data/plotly.min.js") or b"").decode()
+
+
+def _policy(scripts: list[str]) -> str:
+    """Return what the page may do: run these programs, style itself, show pictures of its own; nothing from outside."""
+    hashes = (base64.b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts)
+    allowed = " ".join(f"'sha256-{one}'" for one in hashes)
+    return f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:"
+
+
+def _image(picture: Picture) -> str:
+    """Return a picture as an address that holds it."""
+    return "data:image/png;base64," + base64.b64encode(picture.png).decode()
+
+
+def _data(report: Report) -> dict[str, object]:
+    """Return what the programs of the page draw."""
+    scenes = [_scene(chapter.scene) if chapter.scene else None for chapter in report.chapters]
+    return {"albums": [_album(one) for one in report.albums], "scenes": scenes}
+
+
+def _album(album: Album) -> dict[str, object]:
+    return {"title": album.title, "charts": [_chart(one) for one in album.charts]}
+
+
+def _chart(chart: Chart) -> dict[str, object]:
+    return {
+        "name": chart.name,
+        "words": list(chart.words),
+        "panels": [
+            {
+                "label": panel.label,
+                "curves": [
+                    {
+                        "name": one.name,
+                        "group": one.group,
+                        "rigid": one.rigid,
+                        "x": _numbers(one.x),
+                        "y": _numbers(one.y),
+                    }
+                    for one in panel.curves
+                ],
+            }
+            for panel in chart.panels
+        ],
+    }
+
+
+def _scene(scene: Scene) -> dict[str, object]:
+    return {
+        "points": _numbers(scene.points),
+        "lines": [{"name": name, "from": first, "to": last} for name, (first, last) in scene.lines.items()],
+        "names": [{"name": name, "at": at} for name, at in scene.names.items()],
+        "shapes": [
+            {"name": one.name, "words": one.words, "count": len(one.frames), "frames": _numbers(one.frames)}
+            for one in scene.shapes
+        ],
+    }
+
+
+def _numbers(values: NDArray[np.float64]) -> Mapping[str, str]:
+    """Return an array as plotly.js takes it: base64 of its bytes, single precision where that is enough."""
+    largest = float(np.abs(values).max(initial=0.0))
+    kind = "f8" if largest > _SINGLE or (largest > _LARGE and _rising(values)) else "f4"
+    return {"dtype": kind, "bdata": base64.b64encode(np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()).decode()}
+
+
+def _rising(values: NDArray[np.float64]) -> bool:
+    return values.ndim == 1 and bool((np.diff(values) >= 0.0).all())
+
+
+def report_of(subjects: Sequence[Subject], *, probe: str | None = None, asked: Asked | None = None) -> Report:
+    """Return a report on results."""
+    names = _names(subjects)
+    mains = [_main(one, probe) for one in subjects]
+    chapters = tuple(
+        _chapter(one, name, main, asked or Asked(), len(subjects))
+        for one, name, main in zip(subjects, names, mains, strict=True)
+    )
+    runs = {name: (one.result.response, one.rigid) for name, one in zip(names, subjects, strict=True)}
+    main = next(filter(None, mains), "")
+    title = chapters[0].title if len(chapters) == 1 else ", ".join(names)
+    return Report(title, chapters, tuple(albums(runs, main)), tuple(left_over(runs)), _still(runs, main))
+
+
+def _names(subjects: Sequence[Subject]) -> list[str]:
+    """Return what tells results apart: nothing for a single one."""
+    speeds = [one.known.case.told_speed if one.known else "" for one in subjects]
+    return told_apart([one.stem for one in subjects], speeds) if len(subjects) > 1 else [""]
+
+
+def _main(about: Subject, probe: str | None) -> str:
+    """Return the probe that stands for a result; empty where it has none."""
+    response = about.result.response
+    saved = scalars(response.outline)
+    if probe is not None:
+        history = response[probe]
+        if history.displacement.ndim != 1:
+            raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components))
+        return probe
+    if about.known is None or not about.known.ready.model.probes:
+        return next(iter(saved), "")
+    return scalar_probe(about.known.ready)
+
+
+def _chapter(about: Subject, name: str, main: str, asked: Asked, share: int) -> Chapter:
+    kept, known, status = about.result.about, about.known, about.result.response.status
+    title = kept.get("title", "") or about.stem
+    ended = [] if status.ok else [f"The run did not reach its end. {status}"]
+    if known is None:
+        return Chapter(
+            name, title, (), (), (*ended, *about.lacking), tuple(sheets(about, None, [])), (), scene(about, share),
+            kept.get("case", ""), origin(about),
+        )  # fmt: skip
+    figures = figures_of(known.ready, known.response)
+    compared, lacking = _compared(about, known, main)
+    more = extras(known.case, main, asked) if status.ok and main else []
+    summary = [*sentences.modelled(about, known, figures), *_in_hand(known.case)]
+    doubts = _doubts(known, figures, drawn_rigid=about.rigid is not None) if len(known.response.time) else []
+    return Chapter(
+        name=name,
+        title=f"{title}, {known.case.told_speed}",
+        verdict=tuple(sentences.verdict(compared)) if compared and status.ok else (),
+        summary=(*summary, *chain.from_iterable(one.sentences for one in more)),
+        warnings=(*ended, *doubts, *about.lacking, *lacking),
+        sheets=(*chain.from_iterable(one.sheets for one in more), *sheets(about, compared, figures)),
+        pictures=tuple(chain.from_iterable(one.pictures for one in more)),
+        scene=scene(about, share),
+        case=known.case.text,
+        origin=origin(about),
+    )
+
+
+def _doubts(known: Known, figures: list[Metric], *, drawn_rigid: bool) -> list[str]:
+    """Return what is doubtful, in a place that says already that these are warnings."""
+    watched = Watched.again(known.ready, known.response)
+    found = run_doubts(known.ready, watched, figures, known.response.stats)
+    found += shared(known.ready.model, known.case.speed) if drawn_rigid else []
+    told = [one.removeprefix("Warning: ") for one in found]
+    return [f"{one[:1].upper()}{one[1:]}." for one in told]
+
+
+def _compared(about: Subject, known: Known, main: str) -> tuple[Comparison | None, list[str]]:
+    """Return a result against its rigid train, or why that cannot be."""
+    if about.rigid is None or not main:
+        return None, []
+    if not np.ptp(about.rigid[main].displacement):
+        remedy = "name a point that the cam moves under output.probes"
+        return None, [f"Not in this report: the comparison with a rigid train; nothing moves {main} in it: {remedy}."]
+    try:
+        speed = known.case.speed / RPM
+        return between(about.result.response, about.rigid, main, speed, ("flexible", "rigid")), []
+    except InputError as refusal:
+        return None, [f"Not in this report: the comparison with a rigid train; {refusal}"]
+
+
+def _in_hand(case: Case) -> list[str]:
+    try:
+        return sentences.left_in_hand(margins(case), case.turns)
+    except FlexcamError:  # a train without balance at full lift has nothing in hand; its run says why
+        return []
+
+
+def _still(runs: Runs, main: str) -> Picture | None:
+    """Return the motion of the main probe as a picture."""
+    moved = {name: pair for name, pair in runs.items() if len(pair[0].time) and main in scalars(pair[0].outline)}
+    if not moved:
+        return None
+    from flexcam.plotting.figures import png_of
+    from flexcam.plotting.histories import contact_forces, motion_figure
+
+    own = {name: one for name, (one, _) in moved.items()}
+    rigid = {name: one for name, (_, one) in moved.items() if one is not None}
+    common = [
+        name for name in contact_forces(next(iter(own.values()))) if all(name in one.channels for one in own.values())
+    ]
+    figure = motion_figure(own, main, common[:1], rigid=rigid)
+    words = f"Displacement, velocity and acceleration of {main} over the cam angle; the page says it in words below."
+    return Picture(f"Motion of {main}", png_of(figure), words)

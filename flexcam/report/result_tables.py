@@ -1,0 +1,144 @@
+"""Tables about a run and its result."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+from flexcam.case.case import Case
+from flexcam.core import FloatArray
+from flexcam.core.units import shown
+from flexcam.dynamics import Response, Stats
+from flexcam.dynamics.memory import Extremes
+from flexcam.fem.frames import ROTATIONS
+from flexcam.io import Result, Verified
+from flexcam.report.formatting import decimals, fixed
+from flexcam.report.run_checks import balances
+from flexcam.report.terminal import facts, table
+from flexcam.valvetrain import MemberStrength, Metric
+
+
+def run_table(case: Case, extremes: Extremes) -> Table:
+    """Return the extremes of every probe."""
+    moved = [
+        (name if len(components) == 1 else f"{name}.{component}", component in ROTATIONS, 1e3 * np.array(bounds))
+        for name, components in extremes.outline.probes
+        for component, *bounds in zip(components, *extremes.probe(name), strict=True)
+    ]
+    largest = max((float(np.abs(bounds).max()) for _, turns, bounds in moved if not turns), default=0.0)
+    least = min(_STILL, _PART * largest)
+    rows = [(name, *_bounds(bounds, "mrad" if turns else "mm")) for name, turns, bounds in moved
+            if float(np.abs(bounds).max()) > least]  # fmt: skip
+    title = f"{case.title}, {case.told_speed}"
+    return table(title, ("probe", "least", "largest"), rows or [("no probe moves", "", "")])
+
+
+def operation_table(figures: Sequence[Metric]) -> Table:
+    """Return what the train did in the last revolution."""
+    rows: list[tuple[str, str]] = []
+    for figure in figures:
+        factor, unit = shown(figure.unit)
+        words = figure.name.replace(".", " ").replace("_", " ")
+        rows.append((words, f"{factor * figure.value + 0.0:.4g} {unit}".rstrip()))  # + 0.0: a zero without a sign
+    return facts("The train in the last revolution", rows)
+
+
+def periodicity(response: Response) -> float | None:
+    """Return by how much the start of a run misses returning, as a part of the motion; None where it was not asked."""
+    return response.stats.periodicity if response.stats.periodicity >= 0.0 else None
+
+
+def imbalance(response: Response) -> float | None:
+    """Return the largest force out of balance, as a part of the largest force; None where it was not looked at."""
+    return response.stats.imbalance if response.stats.imbalance >= 0.0 else None
+
+
+def strength_table(members: Mapping[str, MemberStrength]) -> Table:
+    """Return the most stressed place of every member."""
+    rows = [
+        (name, f"{one.von_mises / 1e6:.4g}", f"{one.mean / 1e6:.4g}", f"{one.alternating / 1e6:.4g}",
+         f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "not stated", one.place)
+        for name, one in members.items()
+    ]  # fmt: skip
+    head = ("stress, MPa", "von Mises", "mean", "alternating", "fatigue safety", "at")
+    return table("Stresses at the saved instants", head, rows)
+
+
+def unknowns(response: Response) -> str:
+    """Return of how many unknowns a result is, and how many of them were integrated, as far as that is known."""
+    every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
+    if not response.stats.told:
+        return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
+    count = f"{every} unknowns" + (f", {integrated} integrated" if integrated != every else "")
+    return count + _ENGINES.get(response.stats.engine, "")
+
+
+_ENGINES = {"modal": ", modal engine", "kernel": ", kernel engine"}
+"""Ways through time, in words."""
+
+
+def verified_words(path: Path, found: Verified) -> str:
+    """Return that a file is sound, and by what that is known."""
+    partial = "" if found.complete else ". The run that wrote it did not come to its end; what it holds is whole"
+    return f"{path} is sound: {found.datasets} datasets, {found.bytes} bytes, as they were written{partial}"
+
+
+def stats_json(stats: Stats) -> dict[str, object]:
+    """Return the figures of a run for JSON, as far as they are known."""
+    return asdict(stats) if stats.told else {"steps": stats.steps, **({"size": stats.size} if stats.size else {})}
+
+
+def _warned(result: Result) -> list[tuple[str, str]]:
+    """Return what was doubtful about the run, and about the numbers of its case."""
+    told = dict.fromkeys([*result.warnings, *result.about.get("warnings", "").splitlines()])
+    return [("warning", one.removeprefix("Warning: ")) for one in told] or [("warnings", "none")]
+
+
+def _seconds(stats: Stats) -> str:
+    return f", {stats.seconds:.3g} s" if stats.told else ""
+
+
+def _bounds(bounds: FloatArray, unit: str) -> list[str]:
+    largest = float(np.abs(bounds).max())
+    places = 4 if largest >= _TOLD else decimals(largest, 4)
+    return [f"{fixed(float(one), places)} {unit}" for one in bounds]
+
+
+_STILL, _PART = 5e-5, 1e-5
+"""A probe stands still that moves less, mm or mrad, and in a small train less than this part of the largest motion."""
+
+_TOLD = 1e-3
+"""Motion, mm or mrad, of which four decimals say enough."""
+
+_ELSEWHERE = ("case", "resolved", "overrides", "warnings")
+"""Texts of a result that its table tells in other rows, or not at all."""
+
+
+def info_table(result: Result) -> Table:
+    """Return what a result file holds."""
+    response = result.response
+    about = [(name, text) for name, text in result.about.items() if name not in _ELSEWHERE]
+    rows = [
+        ("run", str(response.status)),
+        ("steps", f"{response.stats.steps} of {unknowns(response)}{_seconds(response.stats)}"),
+        *(
+            [("periodic within", f"{response.stats.periodicity:.3g} of the motion")]
+            if response.stats.periodicity >= 0.0
+            else []
+        ),
+        *([("energy balance", told)] if (told := balances(Extremes.of(response), response.stats)) else []),
+        ("saved", f"{len(response.time)} instants of the probes, {len(response.field_time)} of the fields"),
+        ("probes", ", ".join(name for name, _ in response.outline.probes) or "none"),
+        ("channels", ", ".join(f"{name} [{unit}]" for name, unit in response.outline.channels) or "none"),
+        ("fields", ", ".join([*result.field_names, *result.recovered])),
+        ("members", ", ".join(f"{name} ({len(line) - 1})" for name, line in result.mesh.lines.items()) or "none"),
+        *about,
+        *_warned(result),
+        ("overrides", ", ".join(json.loads(result.about["overrides"])) or "none"),
+    ]
+    return facts("Result", rows)

@@ -1,0 +1,175 @@
+"""The terminal: results to standard output, a progress bar to standard error, tables without lines."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import contextmanager, suppress
+from functools import partial
+from textwrap import fill
+
+from rich.console import Console, HighlighterType, JustifyMethod, OverflowMethod
+from rich.style import Style
+from rich.table import Table
+from rich.text import Text
+
+from flexcam.core.errors import printable
+from flexcam.dynamics import Block, Sink, Stats, Status
+
+
+def out() -> Console:
+    """Return the console of results; tables keep one width where nobody reads along, and brackets are brackets."""
+    width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
+    return _Out(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False, soft_wrap=False)
+
+
+class _Out(Console):
+    """A console that obeys no text, and leaves it to the command line how to end when its reader goes away."""
+
+    def render_str(
+        self,
+        text: str,
+        *,
+        style: str | Style = "",
+        justify: JustifyMethod | None = None,
+        overflow: OverflowMethod | None = None,
+        emoji: bool | None = None,
+        markup: bool | None = None,
+        highlight: bool | None = None,
+        highlighter: HighlighterType | None = None,
+    ) -> Text:
+        """Return a text for the terminal; a title from a file may hold what would command it."""
+        return super().render_str(
+            printable(text),
+            style=style,
+            justify=justify,
+            overflow=overflow,
+            emoji=emoji,
+            markup=markup,
+            highlight=highlight,
+            highlighter=highlighter,
+        )
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
+def note(sentence: str) -> None:
+    """Tell something beside the answer, on standard error; where nobody can be told, the exit code still says it."""
+    with suppress(OSError):  # full, or without a reader
+        sys.stderr.write(printable(f"{sentence}\n"))
+
+
+def print_json(content: object) -> None:
+    """Print one JSON object to standard output; numbers that are not finite are a fault of flexcam."""
+    sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+class _Bar:
+    """Sink that moves a progress bar."""
+
+    def __init__(self, advance: Callable[[float], None]) -> None:
+        self._advance = advance
+
+    def write(self, block: Block) -> None:
+        self._advance(len(block.time))
+
+    def close(self, status: Status, stats: Stats) -> None:
+        del status, stats
+
+
+@contextmanager
+def progress(steps: int) -> Generator[list[Sink]]:
+    """Show a progress bar on standard error while a run goes on, if somebody sees it."""
+    if not sys.stderr.isatty():
+        yield []
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    columns = ("steps", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        yield [_Bar(partial(shown.advance, shown.add_task("steps", total=steps + 1)))]
+
+
+@contextmanager
+def counting(total: int | None, what: str) -> Generator[Callable[[int], None]]:
+    """Show how many of many things are finished, their rate and the time left, if somebody sees it."""
+    if total == 0 or not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (what, BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task(what, total=total, rate="")
+
+        def advance(count: int) -> None:
+            shown.advance(task, count)
+            shown.update(task, rate=_rate(shown.tasks[0].speed))
+
+        yield advance
+
+
+def _rate(speed: float | None) -> str:
+    """Return how many are finished per second, or how many seconds one takes."""
+    if not speed:
+        return ""
+    return f"{speed:.1f}/s" if speed >= 1.0 else f"{1.0 / speed:.1f} s each"
+
+
+def bare(title: str) -> Table:
+    """Return a table without lines, as wide as its title at least."""
+    gap = (0, _GAP, 0, 0)
+    made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=gap)
+    made.min_width = len(printable(title))
+    return made
+
+
+def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+    """Return a plain table, first column to the left, numbers to the right."""
+    made, cells = bare(title), [list(row) for row in rows]
+    longest = [max((len(row[i]) for row in cells), default=0) for i in range(len(columns))]
+    heads, most = list(columns), out().width
+    whole = sum(size + 1 for size in longest if size <= _NUMBER) <= most  # else their digits take more lines
+    if _width(heads, longest) > most:  # numbers are never cut: their heads take more lines, and gaps are small
+        heads = [fill(head, width) for head, width in zip(columns, _widths(columns, longest, most), strict=True)]
+        made.padding = (0, 1, 0, 0)
+    for i, (head, size) in enumerate(zip(heads, longest, strict=True)):
+        words = i == 0 or (i == len(columns) - 1 and size > _NUMBER)
+        made.add_column(head, justify="left" if words else "right", no_wrap=whole and size <= _NUMBER, overflow="fold")
+    for row in cells:
+        made.add_row(*row)
+    return made
+
+
+_NUMBER = 14
+"""Letters of a cell up to which it is a number, with its unit perhaps, and not words that may go over several lines."""
+
+_GAP = 3
+
+
+def _widths(heads: Sequence[str], longest: Sequence[int], most: int) -> list[int]:
+    """Return how wide columns are whose heads take several lines; words are broken where numbers would be cut."""
+    words = [max(map(len, head.split()), default=1) for head in heads]
+    for letters in range(max(words, default=1), 0, -1):
+        widths = [max(size, min(letters, word), 1) for size, word in zip(longest, words, strict=True)]
+        if sum(widths) + len(widths) <= most:
+            return widths
+    return [max(size, 1) for size in longest]
+
+
+def _width(heads: Sequence[str], longest: Sequence[int]) -> int:
+    return sum(max(len(head), size) + _GAP for head, size in zip(heads, longest, strict=True)) - _GAP
+
+
+def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
+    """Return a table of names and what is to be said of them."""
+    made = bare(title)
+    made.show_header = False
+    made.add_column()
+    made.add_column()
+    for name, text in rows:
+        made.add_row(name, text)
+    return made

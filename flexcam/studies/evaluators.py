@@ -1,0 +1,299 @@
+"""Who evaluates the variants of a study: this process, or several that stay ready between generations."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from flexcam.analysis.limits import Search
+from flexcam.case.case import Case
+from flexcam.case.fault_report import filled
+from flexcam.case.reader import CaseFile, read_case
+from flexcam.core import FloatArray
+from flexcam.core.errors import Fault, InputError, gathered, refuse
+from flexcam.dynamics import Advance, Cause, RunFailedError, Status, track_progress
+from flexcam.io import file_beside, toml_text
+from flexcam.studies.axes import axis
+from flexcam.studies.evaluation import Row, refused
+from flexcam.studies.executors import end_with_parent, ended, one_thread, pipes_may_break, undisturbed
+from flexcam.studies.quantities import number_of, overrides_of, quantities
+
+_DIGITS = 15
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A number of a case that a study varies.
+
+    Parameters
+    ----------
+    key
+        Of the case.
+    low, high
+        Its ends, in its unit.
+    unit
+        As written, else that of SI; empty for a plain number.
+    stands
+        Where the case stands, as a part of the interval; None where that is not known.
+    """
+
+    key: str
+    low: float
+    high: float
+    unit: str = ""
+    stands: float | None = None
+
+    def text(self, value: float) -> str:
+        """Return the value as it is laid over a case."""
+        return f"{value:.{_DIGITS}g}{self.unit}"
+
+
+def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Variable, ...]:
+    """Return the variables of several ``KEY=LOW:HIGHunit``."""
+    found, faults = gathered(lambda setting: _variable(case, setting, f"{option} {setting}"), settings)
+    faults += given_twice(option, [one.key for one in found])
+    if faults:
+        raise InputError(faults)
+    return tuple(found)
+
+
+def given_twice(option: str, keys: Sequence[str]) -> list[Fault]:
+    """Return a fault for every key that stands more than once: a variant has one value of it."""
+    twice = dict.fromkeys(key for key in keys if keys.count(key) > 1)
+    return [Fault(option, repr(key), "every key once", "it is given twice", "") for key in twice]
+
+
+def _variable(case: Case, setting: str, where: str) -> Variable:
+    key, _, spec = (part.strip() for part in setting.partition("="))
+    number = number_of(case, key, where)  # or there is no such key
+    if not spec:
+        raise refuse(where, "no interval", f"{key}=LOW:HIGHunit, such as {key}=0.9:1.1{number.unit.removeprefix('SI')}")
+    ends = axis(key, spec, where=where)
+    low, *_, high = ends.values[0], ends.values[-1]
+    if not ends.interval or low.number is None or high.number is None:
+        raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "anything between may be taken")
+    first, last = (number_at(case, key, end.text, where) for end in (low, high))
+    stands = (number.value - first) / (last - first) if last != first else None
+    return Variable(key, low.number, high.number, ends.unit or number.unit.removeprefix("SI"), stands)
+
+
+def number_at(case: Case, key: str, text: str, where: str) -> float:
+    """Return the number that a case has with a text in its place."""
+    try:
+        there = read_case(case.path, (*case.overrides, *overrides_of(case, {key: text})))
+    except InputError as refusal:
+        raise InputError(replace(fault, where=where) for fault in refusal.faults) from None
+    return number_of(there, key, where).value
+
+
+Runs = Callable[[Sequence[tuple[str, ...]]], Iterator[Row]]
+"""Evaluates variants, given by the values laid over a case: one after the other, or on many processors. Rows come in
+the order of the variants, each once it is finished, so that a study that is stopped keeps those it has."""
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """What a study evaluates: points of its variables, each once.
+
+    Parameters
+    ----------
+    case
+        The case as it stands.
+    variables
+        What is varied.
+    runs
+        Evaluates variants.
+    """
+
+    case: Case
+    variables: tuple[Variable, ...]
+    runs: Runs
+    _known: dict[tuple[str, ...], Row] = field(default_factory=dict[tuple[str, ...], Row], init=False)
+
+    def overrides(self, point: FloatArray) -> tuple[str, ...]:
+        """Return what is laid over the case at a point, shape (k,), each value in the unit of its variable."""
+        pairs = zip(self.variables, np.asarray(point).tolist(), strict=True)
+        return overrides_of(self.case, {one.key: one.text(value) for one, value in pairs})
+
+    def rows(self, points: FloatArray) -> list[Row]:
+        """Return the rows of some points, shape (m, k)."""
+        asked = [self.overrides(point) for point in np.asarray(points)]
+        new = list(dict.fromkeys(one for one in asked if one not in self._known))
+        for one, row in zip(new, self.runs(new) if new else (), strict=True):
+            self._known[one] = row
+        return [self._known[one] for one in asked]
+
+    def knows(self, point: FloatArray) -> bool:
+        """Tell whether a point, shape (k,), has been evaluated."""
+        return self.overrides(point) in self._known
+
+    @property
+    def evaluated(self) -> int:
+        """How many points have been evaluated so far."""
+        return len(self._known)
+
+
+def serial(
+    file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
+    *, runs: int = 1, advance: Advance | None = None,
+) -> Runs:  # fmt: skip
+    """Return what evaluates variants one after the other."""
+
+    def run(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
+        for one in track_progress(variants, advance):
+            yield variant_row(file, (*fixed, *one), names, search, runs)
+
+    return run
+
+
+def variant_row(
+    file: CaseFile, overrides: Sequence[str], names: Sequence[str], search: Search | None = None, runs: int = 1
+) -> Row:
+    """Return what is asked of one variant of a case."""
+    try:
+        case = file.read(overrides)
+    except InputError as refusal:
+        return refused(refusal)
+    return quantities(case, names, search, runs)
+
+
+def column(rows: Sequence[Row], name: str) -> FloatArray:
+    """Return one quantity of several rows."""
+    return np.array([row.scalars.get(name, np.nan) for row in rows], dtype=float)
+
+
+Asked = tuple[CaseFile, tuple[str, ...], tuple[str, ...], Search | None, int]
+"""Case file, values laid over it, names of quantities, where limits are looked for, and how many variants there are."""
+
+_asked: list[Asked] = []
+"""What a worker process was given, once."""
+
+_LOST = Status(
+    Cause.WORKER_LOST, "a process that evaluates variants was killed", "memory is the usual cause: take fewer --workers"
+)
+
+
+@contextmanager
+def evaluators(
+    file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
+    *, workers: int = 1, runs: int = 1, advance: Advance | None = None,
+) -> Generator[Runs]:  # fmt: skip
+    """Give what evaluates variants, for as long as a study goes on."""
+    if workers < 1:
+        raise refuse("--workers", workers, "a whole number from 1")
+    if workers == 1:
+        yield serial(file, fixed, names, search, runs=runs, advance=advance)
+        return
+    bare = CaseFile(file.path, file.text, file.raw)  # meshes do not travel; every process reads its own
+    asked = bare, tuple(fixed), tuple(names), search, runs
+    # spawn: threads and locks of this process stay out of the workers, on every system
+    context = multiprocessing.get_context("spawn")
+    before = {process.pid for process in multiprocessing.active_children()}
+    with one_thread(), pipes_may_break():
+        pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(asked,))
+
+        def evaluated(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
+            try:
+                with undisturbed():
+                    rows = [pool.submit(_row, one) for one in variants]
+                for row in track_progress(rows, advance):
+                    yield row.result()
+            except BrokenProcessPool:
+                raise RunFailedError(_LOST) from None
+
+        try:
+            yield evaluated
+        finally:
+            ended(pool, before)
+
+
+def _begin(asked: Asked) -> None:
+    end_with_parent()
+    _asked.append(asked)
+
+
+def _row(overrides: tuple[str, ...]) -> Row:
+    file, fixed, names, search, runs = _asked[-1]
+    return variant_row(file, (*fixed, *overrides), names, search, runs)
+
+
+_NOT_RUN = Row(Status(Cause.INTERRUPTED, "the study was stopped before its turn", "run the study again"))
+
+
+class Kept:
+    """Evaluates variants; after a Ctrl-C those that are left have a row that says so.
+
+    Parameters
+    ----------
+    runs
+        Evaluates variants.
+
+    Attributes
+    ----------
+    done, asked
+        Variants finished, and asked for.
+    """
+
+    def __init__(self, runs: Runs) -> None:
+        self._runs = runs
+        self.done = self.asked = 0
+
+    def __call__(self, variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
+        """Yield a row per variant; a Ctrl-C before the first is one, as nothing could be kept."""
+        self.asked += len(variants)
+        rows, left = iter(self._runs(variants)), len(variants)
+        while left and (row := self._next(rows)):
+            left -= 1
+            yield row
+        yield from [_NOT_RUN] * left
+
+    def _next(self, rows: Iterator[Row]) -> Row | None:
+        try:
+            row = next(rows)
+        except KeyboardInterrupt:
+            if not self.done:
+                raise
+            return None
+        self.done += 1
+        return row
+
+    @property
+    def stopped(self) -> bool:
+        """Whether some were asked for and not finished."""
+        return self.done < self.asked
+
+    @property
+    def status(self) -> Status:
+        """How the study ended."""
+        if not self.stopped:
+            return Status()
+        text = f"stopped by the user after {self.done} of {self.asked} variants; what is told is of these alone"
+        return Status(Cause.INTERRUPTED, text, "the same command evaluates all of them")
+
+
+def case_text(case: Case, target: Path, told: Sequence[str] = ()) -> str:
+    """Return a case with every value filled in, as TOML that is read from another folder."""
+    moved = _named_from(filled(case.record), case.path, target.parent)
+    head = "".join(f"# {line}\n" for line in told)
+    return head + toml_text(cast("dict[str, Any]", moved))
+
+
+def _named_from(value: object, case: Path, new: Path) -> object:
+    """Return tables whose texts that name a file beside the case name it from another folder."""
+    if isinstance(value, dict):
+        return {name: _named_from(one, case, new) for name, one in cast("dict[str, object]", value).items()}
+    if isinstance(value, list):
+        return [_named_from(one, case, new) for one in cast("list[object]", value)]
+    if isinstance(value, str) and Path(value).suffix and not os.path.isabs(value):
+        old = file_beside(case, value)
+        return value if old is None else Path(os.path.relpath(old, new)).as_posix()
+    return value

@@ -1,0 +1,435 @@
+"""Chunks given to workers until every one has its rows, whatever happens to the workers."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import signal
+import socket
+import threading
+import warnings
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from multiprocessing import resource_tracker
+from pathlib import Path
+from typing import Any, Protocol
+from urllib.parse import urlsplit
+
+from flexcam import __version__
+from flexcam.core.errors import InputError, refuse, said
+from flexcam.dynamics import Cause, RunFailedError, Status
+from flexcam.io import scratch
+from flexcam.studies.evaluation import Chunk, Outcome, Row, evaluated
+from flexcam.studies.plan import Bundle
+
+Variants = Sequence[tuple[str, ...]]
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """Workers that are ready.
+
+    Parameters
+    ----------
+    submit
+        Gives them some variants; the future holds the outcomes.
+    window
+        How many chunks should be under way; more only wait.
+    lost
+        What a future raises whose worker died.
+    """
+
+    submit: Callable[[Variants], Future[list[Outcome]]]
+    window: int
+    lost: tuple[type[BaseException], ...]
+
+
+class Workers(Protocol):
+    """Who runs chunks."""
+
+    def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
+        """Return workers that have the case; they end with the context."""
+        ...
+
+
+@dataclass(frozen=True)
+class Here:
+    """The process that asks, one chunk after the other: for few variants, and to see what happens."""
+
+    def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
+        """Return this process."""
+        return _here(bundle, histories)
+
+
+@dataclass(frozen=True)
+class Processes:
+    """Processes of this machine.
+
+    Parameters
+    ----------
+    count
+        How many; each has one thread of linear algebra.
+    """
+
+    count: int
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise refuse("--workers", self.count, "a whole number from 1")
+
+    def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
+        """Return new processes, started as they are needed."""
+        return _processes(bundle, self.count, histories)
+
+
+@contextmanager
+def _unpacked(bundle: Bundle) -> Generator[Path]:
+    with scratch() as folder:
+        yield bundle.unpacked(folder)
+
+
+@contextmanager
+def _here(bundle: Bundle, histories: bool) -> Generator[Pool]:
+    def submit(variants: Variants) -> Future[list[Outcome]]:
+        future: Future[list[Outcome]] = Future()
+        future.set_result(evaluated(case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels))
+        return future
+
+    with _unpacked(bundle) as case:
+        yield Pool(submit, 1, ())
+
+
+@contextmanager
+def _processes(bundle: Bundle, count: int, histories: bool) -> Generator[Pool]:
+    with _unpacked(bundle) as case, one_thread(), pipes_may_break():
+        before = {process.pid for process in multiprocessing.active_children()}
+        # spawn: threads and locks of this process stay out of the workers, on every system
+        executor = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=end_with_parent)
+
+        def submit(variants: Variants) -> Future[list[Outcome]]:
+            with undisturbed():
+                return executor.submit(
+                    evaluated, case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels
+                )
+
+        with undisturbed():
+            awake = executor.submit(_version)
+        try:
+            yield Pool(submit, count + 1, (BrokenProcessPool,))
+            if awake.done() and awake.exception() is not None:
+                raise RunFailedError(_ASLEEP)
+        finally:
+            ended(executor, before)
+
+
+_ASLEEP = Status(
+    Cause.WORKER_LOST,
+    "no worker process could begin",
+    'a script that sweeps needs its last part under: if __name__ == "__main__":',
+)
+
+
+def _version() -> str:
+    return __version__
+
+
+def ended(executor: Executor, before: set[int | None]) -> None:
+    """End the processes of an executor, in the middle of a run if need be."""
+    for process in multiprocessing.active_children():
+        if process.pid not in before:
+            process.terminate()
+    # Once, and waiting: a second call would forget to cancel, and a thread left behind trips over its own exit.
+    executor.shutdown(wait=True, cancel_futures=True)
+
+
+def end_with_parent() -> None:
+    """Make a worker process end when its parent is gone, however it went."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.join,), daemon=True).start()
+
+
+def _end_with(joined: Callable[[], None]) -> None:
+    joined()
+    os._exit(1)
+
+
+@contextmanager
+def one_thread() -> Generator[None]:
+    """Give the linear algebra of processes started meanwhile one thread each."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
+
+
+@contextmanager
+def pipes_may_break() -> Generator[None]:
+    """Let a pipe to a process that died raise, as Python means it to, instead of ending this process.
+
+    Libraries such as Gmsh's give the signal its deadly default back behind Python's back.
+    """
+    if not hasattr(signal, "SIGPIPE") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGPIPE, signal.SIG_IGN if before is None else before)
+
+
+@contextmanager
+def undisturbed() -> Generator[None]:
+    """Let processes and threads started meanwhile not see a Ctrl-C: this process decides how a sweep ends."""
+    if not hasattr(signal, "pthread_sigmask"):  # not on every system
+        yield
+        return
+    resource_tracker.ensure_running()  # its own start would end the block
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+Outcomes = list[Outcome]
+
+_KILLER = Status(
+    Cause.WORKER_LOST,
+    "the process that ran this variant alone was killed, as the ones before it",
+    "memory is the usual cause: save fewer fields (output.field_every), or run fewer at a time (--workers)",
+)
+_GONE = Status(Cause.WORKER_LOST, "the connection to the scheduler was lost", "--resume does the rest")
+
+
+def executed(
+    bundle: Bundle, chunks: Sequence[Chunk], workers: Workers, *, histories: bool = False
+) -> Generator[tuple[Chunk, Outcomes]]:
+    """Run chunks and yield each with its outcomes, as they come.
+
+    A chunk whose worker was killed is tried again by itself, and then its variants one by one: one that kills its
+    worker alone becomes a row that says so.
+    """
+    waiting, suspects = deque(chunks), deque[Chunk]()
+    while waiting:
+        with workers.ready(bundle, histories=histories) as pool:
+            for chunk, future in _through(pool, waiting):
+                if _lost(pool, future):
+                    suspects.append(chunk)
+                else:
+                    yield chunk, future.result()
+        while suspects:
+            chunk = suspects.popleft()
+            yield chunk, _alone(bundle, chunk, workers, histories)
+
+
+def _through(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, Future[Outcomes]]]:
+    """Yield chunks and their finished futures; those that a broken pool did not take go on waiting."""
+    running: dict[Future[Outcomes], Chunk] = {}
+    broken = False
+    while running or (waiting and not broken):
+        while waiting and not broken and len(running) < pool.window:
+            try:
+                running[pool.submit(waiting[0].variants)] = waiting[0]
+                waiting.popleft()
+            except pool.lost:
+                broken = True
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            yield running.pop(future), future
+
+
+def _lost(pool: Pool, future: Future[Outcomes]) -> bool:
+    if future.cancelled():
+        raise RunFailedError(_GONE)
+    fault = future.exception()
+    return isinstance(fault, pool.lost)
+
+
+def _alone(bundle: Bundle, chunk: Chunk, workers: Workers, histories: bool) -> Outcomes:
+    """Return the outcomes of a chunk during which a worker was killed."""
+    whole = _tried(bundle, chunk.variants, workers, histories)
+    if whole is not None:
+        return whole
+    single = [_tried(bundle, (variant,), workers, histories) for variant in chunk.variants]
+    return [outcome for one in single for outcome in one or [Outcome(Row(_KILLER))]]
+
+
+def _tried(bundle: Bundle, variants: Sequence[tuple[str, ...]], workers: Workers, histories: bool) -> Outcomes | None:
+    """Return the outcomes of variants that nothing else runs beside; None if their worker was killed again."""
+    with workers.ready(bundle, histories=histories) as pool:
+        try:
+            return pool.submit(variants).result()
+        except pool.lost:
+            return None
+
+
+_PATIENCE = 5.0
+"""Seconds that a scheduler, and then its workers, have to answer."""
+
+LOCAL = "local"
+"""Address that asks for workers of Dask on this machine."""
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Workers of a Dask cluster.
+
+    Parameters
+    ----------
+    address
+        Of its scheduler, such as ``tcp://10.0.0.1:8786``; ``local`` for workers of this machine.
+    count
+        Workers of a local one; a cluster has those it has.
+    """
+
+    address: str
+    count: int = 1
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise refuse("--workers", self.count, "a whole number from 1", "somebody must run the variants")
+
+    def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
+        """Return the workers of the cluster."""
+        return _cluster(self, bundle, histories)
+
+
+@contextmanager
+def _cluster(asked: Cluster, bundle: Bundle, histories: bool) -> Generator[Pool]:
+    if find_spec("distributed") is None:
+        why, remedy = "Dask is not installed", "pip install 'flexcam[cluster]'"
+        raise refuse("--scheduler", asked.address, "processes of this machine (--workers)", why, remedy)
+    from distributed import KilledWorker
+
+    with _quiet(), warnings.catch_warnings(), ExitStack() as stack:
+        warnings.filterwarnings("ignore", module="distributed")  # large cases, other versions of other packages
+        client = stack.enter_context(_client(asked))
+        _answers(client, asked)
+        # A task that gives the case, and not the case itself: Dask makes it again where a worker is lost.
+        case = client.submit(_same, bundle, key=f"flexcam-{bundle.digest}-{id(bundle)}")
+        executor = client.get_executor(pure=False)
+
+        def submit(variants: Variants) -> Future[list[Outcome]]:
+            return executor.submit(
+                evaluated, case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels
+            )
+
+        yield Pool(submit, _EVERYTHING, (KilledWorker,))
+
+
+@contextmanager
+def _quiet() -> Generator[None]:
+    """Keep Dask's own log out of what a user reads: a lost worker is told by its rows, a lost scheduler by a status."""
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
+    levels = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
+
+
+_EVERYTHING = 1_000_000
+
+
+@contextmanager
+def _client(asked: Cluster) -> Generator[Any]:
+    from distributed import Client, LocalCluster
+
+    if asked.address == LOCAL:
+        quiet: dict[str, Any] = {"dashboard_address": None, "silence_logs": logging.CRITICAL}
+        with undisturbed():
+            local = LocalCluster(n_workers=asked.count, threads_per_worker=1, processes=True, **quiet)
+        with local, Client(local, timeout=_PATIENCE) as client:
+            yield client
+        return
+    _greet(asked)
+    with Client(asked.address, timeout=_PATIENCE) as client:
+        yield client
+
+
+def _greet(asked: Cluster) -> None:
+    """Refuse an address where no scheduler answers in time; Dask's own client may wait for ever."""
+    import asyncio
+
+    from distributed.core import rpc
+    from distributed.security import Security
+
+    security: Any = Security()
+
+    async def greeted() -> None:
+        async with asyncio.timeout(_PATIENCE):
+            made: Any = rpc(asked.address, connection_args=security.get_connection_args("client"))
+            async with made as scheduler:
+                await scheduler.identity()
+
+    try:
+        _ = urlsplit(asked.address).port  # Dask takes one beyond 65535 for another
+        asyncio.run(greeted())
+    except OSError as fault:  # also of the time that is over
+        raise _nobody(asked, *_silence(fault)) from None
+    except (ValueError, TypeError) as fault:
+        raise _nobody(asked, str(fault), "write it as tcp://HOST:PORT") from None
+    except (MemoryError, EOFError, RuntimeError, LookupError, AttributeError):
+        raise _nobody(asked, "something else does", "check the port") from None
+
+
+def _silence(fault: BaseException) -> tuple[str, str]:
+    """Return why nobody answered, which Dask tries again until the time is over, and what to do."""
+    first = fault
+    while (behind := first.__cause__ or first.__context__) is not None:
+        first = behind
+    if isinstance(first, ConnectionRefusedError):
+        return "the connection is refused: no program listens on that port", "start one there: dask scheduler"
+    if isinstance(first, socket.gaierror):
+        return f"no machine is known by that name ({first.strerror})", "check the name, or give the number"
+    if isinstance(first, OSError) and first.errno:
+        return said(first), "check the address and the network"
+    why = "it keeps silent: no scheduler, or a firewall or a machine that is off"
+    return why, "check that a scheduler runs there and its port is open"
+
+
+def _nobody(asked: Cluster, why: str, remedy: str) -> InputError:
+    told = f"none answers there within {_PATIENCE:g} s: {why}"
+    given = asked.address or "nothing"
+    return refuse("--scheduler", given, "the address of a Dask scheduler", told, f"{remedy}; or use --workers N")
+
+
+def _answers(client: Any, asked: Cluster) -> None:  # noqa: ANN401 - distributed has no types
+    """Refuse a cluster without workers, or with workers that would compute something else."""
+    try:
+        client.wait_for_workers(1, timeout=_PATIENCE)
+    except TimeoutError:
+        why, remedy = "the scheduler has no workers", f"start some: dask worker {asked.address}"
+        raise refuse("--scheduler", asked.address, "a cluster with workers", why, remedy) from None
+    try:
+        found = {str(version) for version in client.run(_version_cluster).values()}
+    except ModuleNotFoundError as fault:
+        raise _other(asked, str(fault)) from None
+    if found != {__version__}:
+        raise _other(asked, f"they have flexcam {', '.join(sorted(found))}")
+
+
+def _other(asked: Cluster, why: str) -> InputError:
+    return refuse("--scheduler", asked.address, f"workers with flexcam {__version__}", why, "install it there")
+
+
+def _version_cluster() -> str:
+    return __version__
+
+
+def _same(bundle: Bundle) -> Bundle:
+    return bundle

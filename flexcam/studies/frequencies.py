@@ -1,0 +1,93 @@
+"""Derivatives of natural frequencies by numbers of a case, from derivatives of the matrices."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.core import FloatArray, Triplets
+from flexcam.dynamics import Modes, modes
+
+_SAME = 1e-6
+"""Part of a frequency by which another may differ and count as the same."""
+
+_BESIDE = 6
+"""Modes beyond the highest asked for: those of the same frequency are among them."""
+
+Pair = tuple[Triplets, Triplets]
+"""Mass and stiffness."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyDerivative:
+    """Derivatives of natural frequencies.
+
+    Parameters
+    ----------
+    frequencies
+        Hz, shape (k,).
+    values
+        Derivatives, Hz per unit of the parameter, shape (k,).
+    repeated
+        Which of them belong to frequencies that are the same: these part, and the derivatives of a group are those of
+        its branches, the least first.
+    """
+
+    frequencies: FloatArray
+    values: FloatArray
+    repeated: tuple[bool, ...]
+
+
+def frequency_derivatives(
+    middle: Pair, beside: Sequence[Pair], step: float, count: int, free: FloatArray | None = None
+) -> FrequencyDerivative:
+    """Return the derivatives of the lowest natural frequencies that are no free motions.
+
+    With mass-orthonormal shapes, ``d(omega^2)/dp = x^T (dK/dp - omega^2 dM/dp) x``: R. L. Fox and M. P. Kapoor, AIAA
+    J. 6 (1968) 2426. Where frequencies are the same, the derivatives are the eigenvalues of that matrix on their
+    shapes. Derivatives of the matrices are by differences, exact where entries are polynomials of up to the fourth
+    degree in the parameter, as most are.
+    """
+    found = _modes(middle, count, free)
+    omegas, shapes = found.omegas[found.rigid :], found.shapes[:, found.rigid :]
+    dM, dK = (_differenced([pair[i] for pair in beside], step) for i in (0, 1))
+    values = np.zeros(len(omegas))
+    repeated = np.zeros(len(omegas), dtype=bool)
+    for group in _groups(omegas):
+        x, square = shapes[:, group], float(np.mean(omegas[group])) ** 2
+        slopes = np.linalg.eigvalsh(_symmetric(x.T @ dK.times_all(x) - square * (x.T @ dM.times_all(x))))
+        values[group] = slopes / (2.0 * math.sqrt(square))
+        repeated[group] = len(group) > 1
+    turn = 2.0 * math.pi
+    told = slice(0, count)
+    return FrequencyDerivative(omegas[told] / turn, values[told] / turn, tuple(repeated[told].tolist()))
+
+
+def _modes(pair: Pair, count: int, free: FloatArray | None) -> Modes:
+    rigid = 0 if free is None else free.shape[1]
+    return modes(*pair, None if free is None else rigid + count + _BESIDE, free=free)
+
+
+def _differenced(matrices: Sequence[Triplets], step: float) -> Triplets:
+    """Return the derivative of a matrix; entries that do not change cancel exactly."""
+    far_below, below, above, far_above = (one.dense() for one in matrices)
+    whole, half = (far_above - far_below) / (2.0 * step), (above - below) / step
+    return Triplets.from_dense((4.0 * half - whole) / 3.0)
+
+
+def _groups(omegas: FloatArray) -> list[list[int]]:
+    """Return the positions of frequencies that are the same, a list each."""
+    found: list[list[int]] = []
+    for i, omega in enumerate(omegas.tolist()):
+        if found and omega - omegas[found[-1][-1]] <= _SAME * omega:
+            found[-1].append(i)
+        else:
+            found.append([i])
+    return found
+
+
+def _symmetric(matrix: FloatArray) -> FloatArray:
+    return 0.5 * (matrix + matrix.T)

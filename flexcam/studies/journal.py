@@ -1,0 +1,150 @@
+"""The rows that are finished, kept as they come: a line of JSON per chunk, so that nothing is run twice.
+
+The first line says which plan it belongs to. A line counts when its end is written; what a crash left behind it is cut
+off. Numbers are written so that they are read back to the last bit.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from flexcam.core.errors import InputError, refuse, said
+from flexcam.dynamics import Cause, Status
+from flexcam.io import hold, made_folder
+from flexcam.studies.evaluation import Row
+
+_WORDS = {
+    "format": "the format of the journal",
+    "flexcam": "the version of flexcam",
+    "case": "the case, or a file it names",
+    "plan": "the keys, their values, or how they are sampled",
+    "histories": "whether histories are kept",
+    "channels": "whether scalars beside those of the probes are computed",
+}
+"""What a journal belongs to, and how it is called."""
+
+
+class Journal:
+    """The journal of a sweep, open for more rows.
+
+    Parameters
+    ----------
+    path
+        The ``.jsonl`` file; its folder is made if it does not exist.
+    belongs
+        What it belongs to: plain facts by name.
+    resume
+        Whether to go on with one that is there.
+    overwrite
+        Whether to begin anew where one is there.
+
+    Attributes
+    ----------
+    rows
+        Chunk index to its rows, of what was found.
+    """
+
+    def __init__(
+        self, path: Path, belongs: Mapping[str, Any], *, resume: bool = False, overwrite: bool = False
+    ) -> None:
+        if path.exists() and not (resume or overwrite):
+            why, remedy = "a sweep was begun here", "--resume finishes it, --overwrite begins anew"
+            raise refuse("journal", str(path), "none, or --resume", why, remedy)
+        made_folder(path.parent)
+        self._path, self._head, self._fresh = path, dict(belongs), True
+        try:
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        except OSError as fault:
+            raise refuse("journal", str(path), "a file that can be written", said(fault)) from None
+        try:
+            _lock(self._file, path)
+            self.rows, self._end = _read(path, belongs) if resume else (dict[int, list[Row]](), 0)
+        except InputError:
+            self.close()
+            raise
+
+    def add(self, index: int, rows: Sequence[Row]) -> None:
+        """Keep the rows of a chunk; they are on the disk when this returns."""
+        if self._fresh:  # until there is something to keep, what was there stays as it was
+            os.ftruncate(self._file, self._end)
+            os.lseek(self._file, self._end, os.SEEK_SET)
+            self._fresh = False
+            if not self._end:
+                self._line(self._head)
+        units = {name: unit for row in rows for name, unit in row.units.items()}
+        self._line({"chunk": index, "units": units, "rows": [_told(row) for row in rows]})
+
+    def close(self) -> None:
+        """Let go of the file; one that holds nothing is removed."""
+        if not os.fstat(self._file).st_size:
+            self._path.unlink(missing_ok=True)
+        os.close(self._file)
+
+    def _line(self, content: Mapping[str, Any]) -> None:
+        left = (json.dumps(content, allow_nan=False) + "\n").encode()
+        while left:
+            left = left[os.write(self._file, left) :]
+        os.fsync(self._file)
+
+
+def begun_with(path: Path, fact: str) -> bool:
+    """Tell whether a journal that is there says so of a plain fact of what it belongs to."""
+    try:
+        with path.open("rb") as file:
+            return json.loads(file.readline())[fact] is True
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def _lock(file: int, path: Path) -> None:
+    """Refuse a journal that another sweep writes; the lock ends with the process, whatever ends it."""
+    try:
+        hold(file)
+    except BlockingIOError:
+        raise refuse(
+            "journal", str(path), "one that nobody writes", "another sweep is running here", "wait for it"
+        ) from None
+
+
+def _read(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, list[Row]], int]:
+    """Return the rows of a journal, and how many bytes of it are whole lines."""
+    content = path.read_bytes()
+    end = content.rfind(b"\n") + 1
+    lines = content[:end].splitlines()
+    if not lines:
+        return {}, 0
+    try:
+        head, *chunks = [json.loads(line) for line in lines]
+        _same(path, head, belongs)
+        return {int(one["chunk"]): [_row(row, one["units"]) for row in one["rows"]] for one in chunks}, end
+    except (ValueError, KeyError, TypeError, AttributeError) as fault:
+        if isinstance(fault, InputError):
+            raise
+        raise refuse(
+            "journal", str(path), "the journal of a sweep", f"it is damaged: {fault}", "--overwrite begins anew"
+        ) from None
+
+
+def _same(path: Path, head: Mapping[str, Any], belongs: Mapping[str, Any]) -> None:
+    other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
+    if other:
+        given = f"{path}, of another sweep"
+        why = f"what differs: {'; '.join(other)}"
+        raise refuse(
+            "journal", given, "the journal of this sweep", why, "--overwrite begins anew, -o names another folder"
+        )
+
+
+def _told(row: Row) -> dict[str, Any]:
+    status = row.status
+    told: dict[str, Any] = {"cause": str(status.cause), "text": status.text, "remedy": status.remedy}
+    return {**told, "scalars": dict(row.scalars), "seconds": round(row.seconds, 3)}
+
+
+def _row(told: Mapping[str, Any], units: Mapping[str, str]) -> Row:
+    status, scalars = Status(Cause(told["cause"]), told["text"], told["remedy"]), told["scalars"]
+    return Row(status, scalars, {name: units[name] for name in scalars}, told["seconds"])

@@ -1,0 +1,312 @@
+"""The best variant of a case: differential evolution over the intervals, then a trust region about the best."""
+
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.studies.evaluation import Row
+from flexcam.studies.evaluators import Points
+from flexcam.studies.objective import Constraint, Goal, costs, feasible, violations
+from flexcam.studies.plan import checked_seed
+
+_PER_VARIABLE, _FEWEST, _MOST = 6, 12, 64
+"""Points of a generation: so many per variable, within bounds."""
+
+_GLOBAL = 0.7
+"""Part of the evaluations that look everywhere; the others close in on the best."""
+
+_REGION = 0.05
+"""First radius of the trust region, as a part of the intervals."""
+
+_LARGE = 1e30
+_FAR = 10.0
+"""Violation beyond which more of it says nothing to a model of the bounds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A question for the best variant.
+
+    Parameters
+    ----------
+    points
+        What can be evaluated; variables lie within their intervals.
+    goals
+        One; two where a front is asked for.
+    bounds
+        Constraints.
+    """
+
+    points: Points
+    goals: tuple[Goal, ...]
+    bounds: tuple[Constraint, ...] = ()
+
+    def scaled(self, parts: FloatArray) -> FloatArray:
+        """Return points in the units of their variables from parts of the intervals, shape (m, k)."""
+        low, high = (np.array([getattr(one, end) for one in self.points.variables]) for end in ("low", "high"))
+        return low + np.clip(parts, 0.0, 1.0) * (high - low)
+
+    def parts(self, points: FloatArray) -> FloatArray:
+        """Return points as parts of the intervals, shape (m, k)."""
+        low, high = (np.array([getattr(one, end) for one in self.points.variables]) for end in ("low", "high"))
+        return (points - low) / (high - low)
+
+    @property
+    def stands(self) -> FloatArray | None:
+        """Where the case stands, as parts of the intervals, shape (k,); None if it stands outside one."""
+        parts = [one.stands for one in self.points.variables]
+        known = [part for part in parts if part is not None and 0.0 <= part <= 1.0]
+        return np.array(known) if len(known) == len(parts) else None
+
+    def unit(self, name: str, rows: Sequence[Row]) -> str:
+        """Return the unit of a quantity; empty for a plain number."""
+        unit = next((row.units[name] for row in rows if name in row.units), "")
+        return "" if unit == "1" else unit
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluations:
+    """Everything that was evaluated on the way, in its order.
+
+    Parameters
+    ----------
+    points
+        In the units of the variables, shape (m, k).
+    parts
+        The same as parts of the intervals.
+    rows
+        One per point.
+    costs
+        What was to be small, shape (m, goals).
+    violations
+        By how much bounds were passed, shape (m, bounds + 1).
+    stopped
+        Whether a Ctrl-C ended the search before it was finished.
+    """
+
+    points: FloatArray
+    parts: FloatArray
+    rows: tuple[Row, ...]
+    costs: FloatArray
+    violations: FloatArray
+    stopped: bool = False
+
+    @property
+    def best(self) -> int | None:
+        """Position of the best variant within all bounds; None where there is none."""
+        inside = np.flatnonzero(feasible(self.violations))
+        return int(inside[np.argmin(self.costs[inside, 0])]) if len(inside) else None
+
+    @property
+    def nearest(self) -> int:
+        """Position of the variant that passes the bounds least."""
+        passed = np.maximum(self.violations, 0.0).sum(axis=1)
+        return int(np.argmin(passed))
+
+    def outside(self, at: int, bound: int) -> float:
+        """Return how far the nearest variant lies that passes a bound, in the largest part of an interval.
+
+        Bounds that jump, such as lost contact, show no slack: this tells whether they decide. Infinite where no variant
+        passes the bound; zero if the variant itself does.
+        """
+        passing = (self.violations[:, bound] > 0.0) & np.array([row.status.ok for row in self.rows])
+        steps = np.abs(self.parts - self.parts[at]).max(axis=1)
+        return float(steps[passing].min(initial=np.inf))
+
+
+class Judge:
+    """Evaluates points of a design and remembers everything.
+
+    Parameters
+    ----------
+    design
+        The question.
+    """
+
+    def __init__(self, design: Design) -> None:
+        self._design = design
+        self._seen: dict[tuple[float, ...], tuple[Row, FloatArray, FloatArray]] = {}
+
+    @property
+    def count(self) -> int:
+        """How many points have been evaluated."""
+        return len(self._seen)
+
+    def judged(self, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return costs, shape (m, goals), and violations, shape (m, bounds + 1), at parts of the intervals, (m, k)."""
+        design = self._design
+        at = design.scaled(np.asarray(parts, dtype=float))
+        keys = [tuple(point) for point in at.tolist()]
+        new = list(dict.fromkeys(key for key in keys if key not in self._seen))
+        try:
+            self._see(new)
+        except KeyboardInterrupt:
+            self._see([key for key in new if design.points.knows(np.array(key))])
+            raise
+        found = [self._seen[key] for key in keys]
+        shape = len(found), len(design.goals)
+        cost = np.array([one[1] for one in found]).reshape(shape)
+        return cost, np.array([one[2] for one in found]).reshape(len(found), len(design.bounds) + 1)
+
+    def _see(self, points: Sequence[tuple[float, ...]]) -> None:
+        if points:
+            rows, design = self._design.points.rows(np.array(points)), self._design
+            cost, passed = costs(rows, design.goals), violations(rows, design.bounds, design.goals)
+            self._seen.update(zip(points, zip(rows, cost, passed, strict=True), strict=True))
+
+    def evaluations(self) -> Evaluations:
+        """Return everything that was evaluated so far."""
+        rows, cost, passed = zip(*self._seen.values(), strict=True)
+        points = np.array(list(self._seen))
+        return Evaluations(points, self._design.parts(points), rows, np.array(cost), np.array(passed))
+
+    def after(self, search: Callable[[], None]) -> Evaluations:
+        """Return everything that was evaluated once a search has ended, also by a Ctrl-C."""
+        try:
+            search()
+        except KeyboardInterrupt:
+            if not self.count:
+                raise
+            return replace(self.evaluations(), stopped=True)
+        return self.evaluations()
+
+
+def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evaluations:
+    """Look for the best variant within bounds.
+
+    Differential evolution (R. Storn and K. Price, J. Global Optim. 11 (1997) 341) evaluates whole generations, with the
+    bounds before the goal: J. Lampinen, Proc. CEC (2002) 1468. Then COBYQA, a trust region of quadratic models without
+    derivatives (T. M. Ragonneau and Z. Zhang, 2024), closes in on the best.
+    """
+    if len(design.goals) != 1:
+        raise refuse("goals", len(design.goals), "one", "of several there is a front")
+    generation = generation_size(len(design.points.variables))
+    if evaluations < 2 * generation:
+        raise refuse("--evaluations", evaluations, f"{2 * generation} or more", "two generations")
+    checked_seed(seed)
+    judge = Judge(design)
+
+    def search() -> None:
+        _evolve(judge, design, generation, int(_GLOBAL * evaluations), seed)
+        left = evaluations - judge.count
+        if left > 0:
+            _close_in(judge, judge.evaluations(), design, left)
+
+    return judge.after(search)
+
+
+def generation_size(variables: int) -> int:
+    """Return the points of a generation."""
+    return min(max(_PER_VARIABLE * variables, _FEWEST), _MOST)
+
+
+def _evolve(judge: Judge, design: Design, generation: int, most: int, seed: int) -> None:
+    from scipy.optimize import Bounds, NonlinearConstraint, differential_evolution
+    from scipy.stats import qmc
+
+    rng, variables = np.random.default_rng(seed), len(design.points.variables)
+    start = qmc.LatinHypercube(variables, seed=rng).random(generation)
+    if design.stands is not None:
+        start[0] = design.stands  # what is found is no worse than the case as it stands
+
+    def cost(x: FloatArray) -> FloatArray:
+        return np.minimum(judge.judged(x.T)[0][:, 0], _LARGE)
+
+    def passed(x: FloatArray) -> FloatArray:
+        return judge.judged(np.atleast_2d(x.T))[1].T
+
+    cube, inside = Bounds(np.zeros(variables), np.ones(variables)), NonlinearConstraint(passed, -np.inf, 0.0)
+    differential_evolution(
+        cost,  # pyright: ignore[reportArgumentType] - vectorized
+        cube, constraints=inside, init=start, maxiter=max(most // generation - 1, 1), polish=False,
+        updating="deferred", vectorized=True, rng=rng, tol=1e-6,
+    )  # fmt: skip
+
+
+def _close_in(judge: Judge, known: Evaluations, design: Design, most: int) -> None:
+    from scipy.optimize import Bounds, NonlinearConstraint, minimize
+
+    start = known.parts[known.nearest if known.best is None else known.best]
+    finite = known.costs[np.isfinite(known.costs)]
+    size = float(np.ptp(finite)) if len(finite) > 1 else 1.0
+    worst = float(finite.max()) if len(finite) else 0.0
+
+    def cost(x: FloatArray) -> float:
+        found = float(judge.judged(x[None, :])[0][0, 0])
+        return min(found, worst + size) / (size or 1.0)
+
+    def passed(x: FloatArray) -> FloatArray:
+        return np.minimum(judge.judged(x[None, :])[1][0, :-1], _FAR)
+
+    count = len(start)
+    minimize(
+        cost, start, method="COBYQA", bounds=Bounds(np.zeros(count), np.ones(count)),
+        constraints=NonlinearConstraint(passed, -np.inf, 0.0) if design.bounds else (),
+        options={"maxfev": most, "initial_tr_radius": _REGION, "final_tr_radius": 1e-5},
+    )  # fmt: skip
+
+
+# pymoo has no stubs, and leaves the types of its keyword arguments open.
+
+
+def pareto(design: Design, *, evaluations: int = 400, seed: int = 0) -> Evaluations:
+    """Look for the front of two goals.
+
+    NSGA-II: K. Deb et al., IEEE Trans. Evol. Comput. 6 (2002) 182, as pymoo has it.
+    """
+    if len(design.goals) != 2:
+        raise refuse("goals", len(design.goals), "two", "a front is between two")
+    if find_spec("pymoo") is None:
+        raise refuse("optimize", "two goals", "one goal", "pymoo is not installed", "pip install 'flexcam[design]'")
+    size = 2 * generation_size(len(design.points.variables))
+    if evaluations < 2 * size:
+        raise refuse("--evaluations", evaluations, f"{2 * size} or more", "two generations")
+    checked_seed(seed)
+    judge = Judge(design)
+
+    def search() -> None:
+        if design.stands is not None:
+            judge.judged(design.stands[None])  # the front is no worse than the case as it stands
+        _evolve_pareto(judge, design, size, evaluations // size, seed)
+
+    return judge.after(search)
+
+
+def _evolve_pareto(judge: Judge, design: Design, size: int, generations: int, seed: int) -> None:
+    from pymoo.algorithms.moo.nsga2 import NSGA2
+    from pymoo.core.evaluator import Evaluator
+    from pymoo.core.problem import Problem
+    from pymoo.problems.static import StaticProblem
+
+    variables, bounds = len(design.points.variables), len(design.bounds) + 1
+    problem = Problem(n_var=variables, n_obj=2, n_ieq_constr=bounds, xl=0.0, xu=1.0)
+    algorithm = NSGA2(pop_size=size)
+    algorithm.setup(problem, termination=("n_gen", generations), seed=seed, verbose=False)
+    while algorithm.has_next():
+        asked: Any = algorithm.ask()
+        cost, passed = judge.judged(np.asarray(asked.get("X"), dtype=float))
+        Evaluator().eval(StaticProblem(problem, F=np.minimum(cost, 1e30), G=passed), asked)
+        algorithm.tell(infills=asked)
+
+
+def front(found: Evaluations) -> list[int]:
+    """Return which variants within all bounds no other beats in both goals."""
+    inside = np.flatnonzero(feasible(found.violations) & np.isfinite(found.costs).all(axis=1)).tolist()
+    kept = [i for i in inside if not any(_beats(found.costs[j], found.costs[i]) for j in inside)]
+    first: dict[tuple[float, ...], int] = {}
+    for i in kept:
+        first.setdefault(tuple(found.costs[i].tolist()), i)
+    return sorted(first.values(), key=lambda i: float(found.costs[i, 0]))
+
+
+def _beats(one: FloatArray, other: FloatArray) -> bool:
+    return bool((one <= other).all() and (one < other).any())

@@ -1,0 +1,284 @@
+"""Numbers of a case by their key, and variants of the case with others in their place."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+from flexcam.analysis.limits import LIMITS, Search, bracketed_limits, limits_of
+from flexcam.cams import Event, event_extremes, harmonics, joints
+from flexcam.case.builder import build_model
+from flexcam.case.case import Case
+from flexcam.case.fault_report import own_unit
+from flexcam.core.errors import Fault, InputError, did_you_mean, refuse
+from flexcam.core.units import RPM, shaft_name
+from flexcam.dynamics import Cause, RunFailedError, Status, raise_if_interrupted
+from flexcam.studies.evaluation import Row, evaluate, of_motion, refused, scalar_names
+from flexcam.studies.tables import unknown_scalar
+from flexcam.valvetrain import build_structure, model_modes
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of a case.
+
+    Parameters
+    ----------
+    key
+        Such as ``springs.valve.stiffness``; of a number in a list with its position: ``rockers.rocker.arms.1``.
+    value
+        SI.
+    unit
+        SI unit; empty for a plain number, ``SI`` where it cannot be told.
+    """
+
+    key: str
+    value: float
+    unit: str
+
+
+def number_of(case: Case, key: str, where: str) -> Number:
+    """Return a number of a case."""
+    known = dict(_leaves(case.record.model_dump(mode="json", by_alias=True), ""))
+    numbers = [name for name, value in known.items() if isinstance(value, float)]
+    if key not in known:
+        near = did_you_mean(key, numbers) or did_you_mean(
+            key.rpartition(".")[2], [n.rpartition(".")[2] for n in numbers]
+        )
+        allowed = f"the key of a number of the case, such as {', '.join(numbers[:6])}"
+        raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check --echo prints them all")
+    value = known[key]
+    if not isinstance(value, float):
+        given = f"{key} = {value!r}" if value is not None else f"{key}, which is not given"
+        why = "only a number that may be a little larger can be varied"
+        raise refuse(
+            where, given, "the key of a number with a fraction", why, "give it a number" if value is None else ""
+        )
+    unit = own_unit(case.record, key.split("."))
+    return Number(key, value, "SI" if unit is None else unit)
+
+
+def _leaves(value: object, path: str) -> Iterator[tuple[str, object]]:
+    """Yield what stands in nested tables and lists, by its dotted key."""
+    if isinstance(value, dict):
+        inner = cast("dict[str, object]", value)
+    elif isinstance(value, list):
+        inner = {str(i): one for i, one in enumerate(cast("list[object]", value))}
+    else:
+        yield path, value
+        return
+    for name, one in inner.items():
+        yield from _leaves(one, f"{path}.{name}" if path else name)
+
+
+def overrides_of(case: Case, values: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the overrides that put values into a case; a list is written as a whole, with its other numbers."""
+    record = case.record.model_dump(mode="json", by_alias=True)
+    lists: dict[str, list[Any]] = {}
+    found: dict[str, str] = {}
+    for key, text in values.items():
+        parent, _, last = key.rpartition(".")
+        if not (last.isdigit() and isinstance(there := _at(record, parent), list)):
+            found[key] = text
+            continue
+        changed = lists.setdefault(parent, [*cast("list[Any]", there)])
+        changed[int(last)] = _number_or_text(text)
+        found[parent] = json.dumps(changed, ensure_ascii=False)
+    return tuple(f"{key}={text}" for key, text in found.items())
+
+
+def _at(record: Mapping[str, Any], path: str) -> object:
+    value: object = record
+    for step in path.split("."):
+        value = cast("dict[str, object]", value).get(step) if isinstance(value, dict) else None
+    return value
+
+
+def _number_or_text(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+_FREQUENCY = re.compile(r"frequency\.([1-9]\d{0,2})$")
+_CAM = re.compile(r"cams\.(.+)\.(area|velocity|acceleration|deceleration|jerk)$")
+_LIMIT = "limits."
+_CAM_UNITS = {
+    "area": "m rad", "velocity": "m/rad", "acceleration": "m/rad^2", "deceleration": "m/rad^2", "jerk": "m/rad^3",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number that something was asked for.
+
+    Parameters
+    ----------
+    value
+        In its unit.
+    unit
+        SI, but rpm where a limit is a speed.
+    """
+
+    value: float
+    unit: str
+
+
+def frequency_number(name: str) -> int | None:
+    """Return which natural frequency a name means, from 1; None if it means none."""
+    found = _FREQUENCY.match(name)
+    return int(found[1]) if found else None
+
+
+def quantities(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> Row:
+    """Return what is asked of a case."""
+    begun = time.perf_counter()
+    try:
+        found = measured(case, names, search, runs)
+    except InputError as refusal:
+        return refused(refusal)
+    except RunFailedError as failure:
+        raise_if_interrupted(failure.status)
+        return Row(failure.status)
+    values = {name: found[name].value for name in names if name in found}
+    units = {name: found[name].unit for name in values}
+    return Row(Status(), values, units, time.perf_counter() - begun)
+
+
+def measured(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> dict[str, Quantity]:
+    """Return what is asked of a case, or raise."""
+    found = _frequencies(case, names) | _limits(case, names, search, runs)
+    found |= _cams(case, names) | _numbers(case, names)
+    of_a_run = [name for name in names if name not in found and not name.startswith(_LIMIT)]
+    if not of_a_run:
+        return found
+    row = complete(evaluate(case, runs=runs, channels=not of_motion(of_a_run)))
+    if lacking := [name for name in of_a_run if name not in row.scalars]:
+        raise InputError(_unknown(name, row.scalars, case.record.cams) for name in lacking)
+    return found | {name: Quantity(row.scalars[name], row.units[name]) for name in of_a_run}
+
+
+def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None:
+    """Refuse what a case cannot be asked, before anything is run."""
+    limits, runs = _split(name for name in names if not _known_at_once(case, name))
+    known = scalar_names(case) if runs else []
+    faults = [_unknown(name, known, case.record.cams) for name in runs if name not in known]
+    met = [_LIMIT + one for one in limits_of(case)] if limits else []
+    faults += [Fault("scalar", repr(name), ", ".join(met), _no_limit(name), did_you_mean(name, met))
+               for name in limits if name not in met]  # fmt: skip
+    if faults:
+        raise InputError(replace(fault, where=where) for fault in faults)
+
+
+def _no_limit(name: str) -> str:
+    return "the case lacks the part" if name.removeprefix(_LIMIT) in LIMITS else "there is no such limit"
+
+
+def _known_at_once(case: Case, name: str) -> bool:
+    """Tell whether a name is that of a frequency, a cam's number or a number of the case."""
+    cam = _CAM.match(name)
+    return bool(frequency_number(name) or (cam and cam[1] in case.record.cams) or _number(case, name))
+
+
+def _split(names: Iterable[str]) -> tuple[list[str], list[str]]:
+    """Return limits, and scalars of a run."""
+    every = list(names)
+    return [n for n in every if n.startswith(_LIMIT)], [n for n in every if not n.startswith(_LIMIT)]
+
+
+def _unknown(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
+    of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_UNITS]
+    near = did_you_mean(name, [*known, "frequency.1", *(_LIMIT + one for one in LIMITS), *of_cams])
+    others = "frequency.N, limits.NAME, cams.NAME.area and its like, or the key of a number"
+    allowed = f"{unknown_scalar(name, known).allowed}; {others}"
+    return Fault("scalar", repr(name), allowed, "the case has no other", near)
+
+
+def complete(row: Row) -> Row:
+    """Return a row, if it is complete."""
+    if row.status.cause is Cause.REFUSED:
+        raise refuse("case", "as it stands", "a case that can be run", row.status.text)
+    if not row.status.ok:
+        raise RunFailedError(row.status)
+    return row
+
+
+def _frequencies(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
+    asked = {name: number for name in names if (number := frequency_number(name))}
+    if not asked:
+        return {}
+    found = model_modes(build_structure(build_model(case))).modes
+    elastic = found.frequencies[found.rigid :]
+    for name, number in asked.items():
+        if number > len(elastic):
+            raise refuse("scalar", name, f"frequency.1 to frequency.{len(elastic)}", "the model has no more modes")
+    return {name: Quantity(float(elastic[number - 1]), "Hz") for name, number in asked.items()}
+
+
+def _limits(case: Case, names: Sequence[str], search: Search | None, runs: int) -> dict[str, Quantity]:
+    asked = [name.removeprefix(_LIMIT) for name in names if name.startswith(_LIMIT)]
+    if not asked:
+        return {}
+    if unknown := [one for one in asked if one not in LIMITS]:
+        allowed = ", ".join(_LIMIT + one for one in LIMITS)
+        raise refuse("scalar", f"{_LIMIT}{unknown[0]}", allowed, "", did_you_mean(unknown[0], LIMITS))
+    scale, unit = case.turns, f"{shaft_name(case.turns)} rpm"
+    where = search or Search(0.5 * case.speed, 2.0 * case.speed, 10.0 * RPM / scale)
+    found = bracketed_limits(case, where, asked, runs=runs)
+    if lacking := [one for one in asked if one not in found]:
+        raise refuse(
+            "scalar", f"{_LIMIT}{lacking[0]}", ", ".join(_LIMIT + one for one in found), "the case lacks the part"
+        )
+    if broken := [one for one in found.values() if one.rpm is None and "not known" in one.words]:
+        raise RunFailedError(Status(Cause.NO_CONVERGENCE, broken[0].words))
+    return {_LIMIT + n: Quantity(scale * one.rpm, unit) for n, one in found.items() if one.rpm is not None}
+
+
+def _cams(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
+    asked = {
+        name: (found[1], found[2]) for name in names if (found := _CAM.match(name)) and found[1] in case.record.cams
+    }
+    model = build_model(case) if asked else None
+    return {
+        name: Quantity(_of_lift(model.cams[cam].event, kind), _CAM_UNITS[kind])
+        for name, (cam, kind) in asked.items()
+        if model is not None
+    }
+
+
+def _of_lift(event: Event, kind: str) -> float:
+    """Return a number of a lift, by the cam angle."""
+    if kind == "area":
+        return 2.0 * math.pi * float(harmonics(event, 1)[0].real)
+    if kind == "jerk" and any(one.steps[2] for one in joints(event)):
+        raise refuse("scalar", "the jerk of a lift", "a lift whose acceleration does not step", "it is infinite there")
+    low, high = event_extremes(event, _ORDERS[kind])
+    if kind == "deceleration":
+        return -low.value
+    return high.value if kind == "acceleration" else max(abs(low.value), abs(high.value))
+
+
+_ORDERS = {"velocity": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
+"""Of the derivative by the cam angle."""
+
+
+def _numbers(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
+    found: dict[str, Quantity] = {}
+    for name in names:
+        number = _number(case, name)
+        if number is not None:
+            found[name] = Quantity(number.value, number.unit)
+    return found
+
+
+def _number(case: Case, name: str) -> Number | None:
+    try:
+        return number_of(case, name, "scalar")
+    except InputError:
+        return None

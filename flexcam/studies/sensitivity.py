@@ -1,0 +1,319 @@
+"""Derivatives by central differences of two steps, with an estimate of their error."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexcam.case.builder import build_model
+from flexcam.case.case import Case
+from flexcam.case.reader import CaseFile
+from flexcam.core import FloatArray
+from flexcam.core.errors import InputError, gathered, refuse
+from flexcam.studies.evaluation import Row
+from flexcam.studies.evaluators import Runs, column
+from flexcam.studies.frequencies import Pair, frequency_derivatives
+from flexcam.studies.plan import checked_seed
+from flexcam.studies.quantities import Number, complete, frequency_number, number_of, overrides_of
+from flexcam.valvetrain import Structure, build_structure
+
+STEPS = (-1.0, -0.5, 0.5, 1.0)
+"""Where a function is evaluated beside its point, in steps."""
+
+_LARGE = 0.05
+"""Part of a derivative from which its error is no longer a detail."""
+
+_SAME_JUMP = 0.8
+"""Ratio of a slope's jump at half the step to that at the whole one: 1/2 for smooth functions, 1 for a kink."""
+
+_NOISE = 1e-9
+"""Change of a function, as a part of it, that is only rounding."""
+
+
+@dataclass(frozen=True)
+class Derivative:
+    """A derivative of a function of one variable.
+
+    Parameters
+    ----------
+    value
+        By Richardson's extrapolation of two central differences: the error of fourth order in the step.
+    error
+        By how much extrapolation changed it.
+    smooth
+        Whether the function looks smooth: else the derivative means little, whatever the error says.
+    """
+
+    value: float
+    error: float
+    smooth: bool
+
+
+def central(middle: float, beside: FloatArray, step: float) -> Derivative:
+    """Return the derivative of a function from values beside a point.
+
+    Exact for polynomials of up to the fourth degree. L. F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307.
+    """
+    far_below, below, above, far_above = (float(one) for one in beside)
+    whole, half = (far_above - far_below) / (2.0 * step), (above - below) / step
+    value = (4.0 * half - whole) / 3.0
+    error = abs(value - half)
+    pairs = ((far_above, far_below, step), (above, below, 0.5 * step))
+    jumps = [abs(up - 2.0 * middle + down) / h for up, down, h in pairs]
+    size = max(abs(value), _NOISE * abs(middle) / step, float(np.finfo(float).tiny))
+    kink = jumps[1] > _LARGE * size and jumps[1] > _SAME_JUMP * jumps[0]
+    return Derivative(value, error, not (kink or error > _LARGE * size))
+
+
+def logarithmic(derivative: float, parameter: float, value: float) -> float:
+    """Return by how many percent a value changes if a parameter grows by one percent."""
+    return parameter * derivative / value if value != 0.0 else math.nan
+
+
+_MATRIX_STEP = 1e-3
+"""Part of a number by which matrices are differenced: cut off at 1e-12, rounding at 1e-13."""
+
+RELATIVE_STEP = 0.01
+"""Part of a number by which responses are differenced: their largest values carry the noise of the time step."""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """A derivative of something asked of a case.
+
+    Parameters
+    ----------
+    scalar, unit, value
+        What was asked for, its unit and value.
+    by
+        The number of the case.
+    derivative
+        In the scalar's unit per the number's; NaN where there is none.
+    error
+        Estimate of its error; None where it is analytic.
+    logarithmic
+        Percent of the scalar per percent of the number; NaN where the scalar is zero.
+    smooth
+        Whether the scalar looks smooth there; False for frequencies that are the same and part.
+    note
+        What must be said of it; empty otherwise.
+    """
+
+    scalar: str
+    unit: str
+    value: float
+    by: Number
+    derivative: float
+    error: float | None
+    logarithmic: float
+    smooth: bool
+    note: str
+
+
+def numbers_of(case: Case, keys: Sequence[str], option: str = "--to") -> list[Number]:
+    """Return the numbers that derivatives are taken by."""
+    found, faults = gathered(lambda key: _not_zero(number_of(case, key, option), option), dict.fromkeys(keys))
+    if faults:
+        raise InputError(faults)
+    return found
+
+
+def _not_zero(number: Number, option: str) -> Number:
+    if number.value == 0.0:
+        why, remedy = "a step is a part of the number", f"give it a small value first: --set {number.key}=..."
+        raise refuse(option, f"{number.key} = 0", "a number that is not zero", why, remedy)
+    return number
+
+
+def sensitivities(
+    file: CaseFile, fixed: Sequence[str], names: Sequence[str], keys: Sequence[str], runs: Runs,
+    *, relative_step: float = RELATIVE_STEP,
+) -> list[Sensitivity]:  # fmt: skip
+    """Return the derivatives of several scalars by several numbers."""
+    if not 1e-8 <= relative_step <= 0.2:
+        raise refuse("--relative-step", relative_step, "1e-8 to 0.2", "a part of each number")
+    case = file.read(fixed)
+    numbers = numbers_of(case, keys)
+    frequencies = [name for name in names if frequency_number(name)]
+    responses = [name for name in names if name not in frequencies]
+    found = {
+        (one.scalar, number.key): one
+        for number in numbers
+        for one in _of_frequencies(file, fixed, case, frequencies, number)
+    }
+    if responses:
+        found |= _of_responses(case, responses, numbers, runs, relative_step)
+    return [found[name, number.key] for name in dict.fromkeys(names) for number in numbers]
+
+
+def _of_frequencies(
+    file: CaseFile, fixed: Sequence[str], case: Case, names: Sequence[str], number: Number
+) -> list[Sensitivity]:
+    if not names:
+        return []
+    step = abs(number.value) * _MATRIX_STEP
+    count = max(frequency_number(name) or 0 for name in names)
+    structure = build_structure(build_model(case))
+    beside = [_matrices(file, (*fixed, *one), structure) for one in _variants(case, number, step)]
+    found = frequency_derivatives((structure.mass, structure.stiffness), beside, step, count, structure.free)
+    return [_frequency(name, found.frequencies, found.values, found.repeated, number) for name in names]
+
+
+def _frequency(
+    name: str, frequencies: np.ndarray, values: np.ndarray, repeated: Sequence[bool], number: Number
+) -> Sensitivity:
+    i = (frequency_number(name) or 0) - 1
+    if i >= len(frequencies):
+        raise refuse("--of", name, f"frequency.1 to frequency.{len(frequencies)}", "the model has no more modes")
+    value, slope = float(frequencies[i]), float(values[i])
+    note = "one of several equal frequencies: the slopes are those of their branches" if repeated[i] else ""
+    relative = logarithmic(slope, number.value, value)
+    return Sensitivity(name, "Hz", value, number, slope, None, relative, not repeated[i], note)
+
+
+def _matrices(file: CaseFile, overrides: Sequence[str], like: Structure) -> Pair:
+    one = build_structure(build_model(file.read(overrides)))
+    if one.mass.size != like.mass.size:
+        raise refuse(
+            "--to", overrides[-1], "a number that leaves the unknowns as they are", "their matrices are compared"
+        )
+    return one.mass, one.stiffness
+
+
+def _variants(case: Case, number: Number, step: float) -> list[tuple[str, ...]]:
+    return [overrides_of(case, {number.key: repr(number.value + part * step)}) for part in STEPS]
+
+
+def _of_responses(
+    case: Case, names: Sequence[str], numbers: Sequence[Number], runs: Runs, relative_step: float
+) -> dict[tuple[str, str], Sensitivity]:
+    steps = [abs(number.value) * relative_step for number in numbers]
+    variants = [one for number, step in zip(numbers, steps, strict=True) for one in _variants(case, number, step)]
+    middle, *rows = runs([(), *variants])
+    complete(middle)
+    found: dict[tuple[str, str], Sensitivity] = {}
+    for i, (number, step) in enumerate(zip(numbers, steps, strict=True)):
+        beside = rows[len(STEPS) * i : len(STEPS) * (i + 1)]
+        for name in names:
+            found[name, number.key] = _response(name, middle, beside, number, step)
+    return found
+
+
+def _response(name: str, middle: Row, beside: Sequence[Row], number: Number, step: float) -> Sensitivity:
+    value, unit = middle.scalars.get(name, math.nan), middle.units.get(name, "")
+    values = column(beside, name)
+    if math.isnan(value) or np.isnan(values).any():
+        failed = next((row.status for row in (middle, *beside) if not row.status.ok), None)
+        note = "not known on both sides: " + (str(failed) if failed else "it is not met in the range looked at")
+        return Sensitivity(name, unit, value, number, math.nan, None, math.nan, False, note)
+    found: Derivative = central(value, values, step)
+    note = "" if found.smooth else "not smooth here: contacts that open or close, or noise; a derivative means little"
+    relative = logarithmic(found.value, number.value, value)
+    return Sensitivity(name, unit, value, number, found.value, found.error, relative, found.smooth, note)
+
+
+_CONFIDENCE = 0.95
+_RESAMPLES = 499
+
+
+@dataclass(frozen=True, eq=False)
+class SobolIndices:
+    """Indices of one scalar.
+
+    Parameters
+    ----------
+    first, total
+        Share of the variance that a variable brings about alone, and with all it acts together with, shape (k,).
+    first_interval, total_interval
+        Low and high ends of the 95 % intervals by bootstrap, shape (2, k).
+    variance
+        Of the scalar; indices are zero where it is.
+    used
+        Base points used: a power of two, after those were left out at which something failed.
+    asked
+        Base points asked for.
+    """
+
+    first: FloatArray
+    total: FloatArray
+    first_interval: FloatArray
+    total_interval: FloatArray
+    variance: float
+    used: int
+    asked: int
+
+
+Function = Callable[[FloatArray], FloatArray]
+"""Points of the unit cube, shape (m, k), to values of s scalars, shape (m, s); NaN where there is none."""
+
+
+def sobol_indices(function: Function, dimensions: int, count: int, *, seed: int = 0) -> list[SobolIndices]:
+    """Return the Sobol indices of scalars over the unit cube.
+
+    Variables are taken as independent and even over their intervals. Points are those of a scrambled Sobol sequence;
+    estimators and bootstrap are those of `scipy.stats.sobol_indices`: A. Saltelli et al., Comput. Phys. Commun. 181
+    (2010) 259.
+    """
+    checked_count(count)
+    checked_seed(seed)
+    a, b, mixed = _points(dimensions, count, seed)
+    each = np.stack([a, b, *mixed], axis=1)  # base point by base point: a study that is stopped has whole ones
+    parts = function(each.reshape(-1, dimensions)).reshape(count, dimensions + 2, -1)
+    return [_indices(parts[:, :, i].T, count, seed) for i in range(parts.shape[2])]
+
+
+def checked_count(count: int) -> None:
+    """Refuse a number of base points that Sobol's sequence does not have."""
+    if count < 2 or count & (count - 1):
+        near = f"{1 << (max(count, 2).bit_length() - 1)} or {1 << max(count, 2).bit_length()}"
+        raise refuse("--sobol", count, "a power of two from 2", "Sobol's sequence is even over the space there", near)
+
+
+def _points(dimensions: int, count: int, seed: int) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+    """Return the points A and B, and per variable A with the column of B."""
+    from scipy.stats import qmc
+
+    both = qmc.Sobol(2 * dimensions, seed=np.random.default_rng(seed)).random(count)
+    a, b = both[:, :dimensions], both[:, dimensions:]
+    own = np.eye(dimensions, dtype=bool)
+    return a, b, [np.where(own[i], b, a) for i in range(dimensions)]
+
+
+def _indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
+    """Return the indices from values at A, B and the mixed points, shape (k + 2, n)."""
+    from scipy import stats
+
+    whole = values[:, ~np.isnan(values).any(axis=0)]
+    used = 1 << (whole.shape[1].bit_length() - 1) if whole.shape[1] else 0
+    if used < 2:
+        given = f"{whole.shape[1]} of {asked} base points with a number"
+        raise refuse("--sobol", given, "two or more", "the others failed", "narrow the intervals, or take more points")
+    a, b, mixed = whole[:1, :used], whole[1:2, :used], whole[2:, None, :used]
+    k, variance = len(mixed), float(np.var(np.concatenate([a, b])))
+    if variance <= 0.0:
+        nothing = np.zeros(k)
+        return SobolIndices(nothing, nothing, np.zeros((2, k)), np.zeros((2, k)), 0.0, used, asked)
+    several = (
+        mixed if k > 1 else np.repeat(mixed, 2, axis=0)
+    )  # of a single variable scipy makes bare numbers, and fails
+    found = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": several}, n=used, rng=np.random.default_rng(seed))
+    first, total = np.ravel(found.first_order)[:k], np.ravel(found.total_order)[:k]
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a variable without any effect has nothing to resample
+        ends = found.bootstrap(confidence_level=_CONFIDENCE, n_resamples=_RESAMPLES)
+    intervals = [
+        _interval(one.confidence_interval.low, one.confidence_interval.high, index)
+        for one, index in ((ends.first_order, first), (ends.total_order, total))
+    ]
+    return SobolIndices(first, total, intervals[0], intervals[1], variance, used, asked)
+
+
+def _interval(low: ArrayLike, high: ArrayLike, index: FloatArray) -> FloatArray:
+    """Return both ends, shape (2, k); the index itself where resampling gave none."""
+    both = np.array([np.ravel(low)[: len(index)], np.ravel(high)[: len(index)]], dtype=float)
+    return np.where(np.isfinite(both), both, index)

@@ -1,0 +1,415 @@
+"""Scalars asked for by name, held against what the variants can have before any of them runs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+
+from flexcam import __version__
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.resources import affordable
+from flexcam.analysis.run import budget_of
+from flexcam.case.case import Case
+from flexcam.case.reader import CaseFile
+from flexcam.case.toml_lines import Places
+from flexcam.core.errors import Fault, InputError, refuse
+from flexcam.dynamics import Cause, RunFailedError, Status
+from flexcam.io import free_to_write, made_folder
+from flexcam.studies.axes import LIMIT, Axis, axes, axis
+from flexcam.studies.evaluation import Chunk, Outcome, Row, chunk_size, chunks_of, of_motion, scalar_names
+from flexcam.studies.executors import Here, Workers, executed
+from flexcam.studies.journal import Journal, begun_with
+from flexcam.studies.plan import Bundle, Plan, bundle_of, made_plan, opened, sample
+from flexcam.studies.tables import Table, begins_one, can_write_parquet, tabulated, unknown_scalar, write_table
+
+_MANY = 1000
+"""Variants above which the ends of the axes are looked at first: reading one takes half a millisecond and more."""
+
+_NAMED = 3
+"""Variants and values that a report names."""
+
+
+@dataclass
+class _Group:
+    """Variants that are refused for the same reason at the same key."""
+
+    fault: Fault
+    variants: list[int] = field(default_factory=list[int])
+    given: dict[str, None] = field(default_factory=dict[str, None])
+
+
+def validated(file: CaseFile, plan: Plan) -> Case:
+    """Check every variant of a plan."""
+    variants = plan.variants
+    if len(variants) > _MANY:  # an unknown key or a wrong unit shows before thousands of variants repeat it
+        _check(file, plan, ends(plan))
+    _check(file, plan, range(len(variants)))
+    return file.read(variants[0])
+
+
+def _check(file: CaseFile, plan: Plan, some: Sequence[int]) -> None:
+    variants, groups = plan.variants, dict[tuple[str, str, str], _Group]()
+    for i in some:
+        _gather(file, plan, variants[i], i, groups)
+    if groups:
+        raise InputError(_summed(group, len(some)) for group in groups.values())
+
+
+def ends(plan: Plan) -> list[int]:
+    """Return the variants with the first and the last value of every axis; those of a sample are its first and last."""
+    if plan.sample is not None:
+        return sorted({0, len(plan) - 1})
+    found, stride = {0}, len(plan)
+    for count in plan.shape:
+        stride //= count
+        found.add((count - 1) * stride)
+    return sorted(found)
+
+
+def _gather(
+    file: CaseFile, plan: Plan, overrides: Sequence[str], i: int, groups: dict[tuple[str, str, str], _Group]
+) -> None:
+    try:
+        file.read(overrides)
+    except InputError as refusal:
+        for fault in refusal.faults:
+            placed = _placed(fault, plan.axes)
+            group = groups.setdefault((placed.where, fault.allowed, fault.why), _Group(placed))
+            group.variants.append(i)
+            group.given[fault.given] = None
+
+
+def _placed(fault: Fault, axes: Sequence[Axis]) -> Fault:
+    """Return a fault at the option of the axis that it is about; else as it stands in the case."""
+    for one in axes:
+        if f"--set {one.key}=" in fault.where:
+            return replace(fault, where=one.where)
+    return fault
+
+
+def _summed(group: _Group, count: int) -> Fault:
+    given = list(group.given)
+    more = f" and {len(given) - _NAMED} more" if len(given) > _NAMED else ""
+    fault = replace(group.fault, given=", ".join(given[:_NAMED]) + more)
+    return replace(fault, why="; ".join(part for part in (fault.why, _which(group.variants, count)) if part))
+
+
+def _which(variants: Sequence[int], count: int) -> str:
+    """Return which of the variants looked at are meant; nothing where it is all of them."""
+    if len(variants) == count:
+        return ""
+    named = ", ".join(str(i + 1) for i in variants[:_NAMED])
+    more = f" and {len(variants) - _NAMED} more" if len(variants) > _NAMED else ""
+    return f"in variant{'s' if len(variants) > 1 else ''} {named}{more}"
+
+
+def check_names(file: CaseFile, plan: Plan, names: Sequence[str]) -> None:
+    """Refuse scalars that no variant can have.
+
+    What a case is made of decides which scalars it has, and numbers hardly ever do: variants are looked at only until
+    every name is found, the first and the last of every axis and each of the values that are words.
+    """
+    known, left = dict[str, None](), list(names)
+    for one in _told_apart(file, plan) if left else ():
+        known |= dict.fromkeys(one)
+        left = [name for name in left if not begins_one(name, known)]
+        if not left:
+            return
+    if known:
+        faults = [unknown_scalar(name, known) for name in left]
+        raise InputError(replace(fault, where="--scalars") for fault in faults)
+
+
+def _told_apart(file: CaseFile, plan: Plan) -> Iterator[list[str]]:
+    """Yield the names that variants can have; one whose parts do not fit together is passed over."""
+    variants = plan.variants
+    words = [f"{one.key}={value.text}" for one in plan.axes if not one.numeric for value in one.values]
+    with_words = [next((i for i, one in enumerate(variants) if word in one), 0) for word in words]
+    for i in dict.fromkeys([*ends(plan), *with_words]):
+        try:
+            yield scalar_names(file.read(variants[i]))
+        except InputError:
+            continue
+
+
+GRID = "grid"
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A checked sweep: every variant can be read.
+
+    Parameters
+    ----------
+    name
+        Of the case; its files are named after it.
+    title
+        Of the case.
+    plan
+        The variants.
+    bundle
+        The case and its files, as they were when it was checked.
+    size
+        Variants per chunk.
+    scalars
+        Which are kept, by name or beginning; all where empty. Of the probes alone, nothing else is computed.
+    """
+
+    name: str
+    title: str
+    plan: Plan
+    bundle: Bundle
+    size: int
+    scalars: tuple[str, ...] = ()
+
+    @property
+    def chunks(self) -> tuple[Chunk, ...]:
+        """The plan in chunks."""
+        return chunks_of(self.plan, self.size)
+
+    def about(self) -> dict[str, str]:
+        """Return what its table says of itself: the case, the plan and what computed it."""
+        plan = {
+            "set": {one.key: [value.text for value in one.values] for one in self.plan.axes},
+            "intervals": [one.key for one in self.plan.axes if one.interval],
+            "sample": None if self.plan.sample is None else asdict(self.plan.sample),
+        }
+        packages = ("numpy", "scipy", "h5py")
+        return {
+            "title": self.title,
+            "case_file": self.bundle.name,
+            "case": self.bundle.files[self.bundle.name].decode(),
+            "files": self.bundle.digest,
+            "plan": json.dumps(plan),
+            "flexcam": __version__,
+            **{package: version(package) for package in packages},
+        }
+
+    def belongs(self, *, histories: bool) -> dict[str, object]:
+        """Return what a journal of it belongs to."""
+        plan = hashlib.sha256(json.dumps([self.size, self.plan.variants]).encode()).hexdigest()
+        return {
+            "format": 1, "flexcam": __version__, "case": self.bundle.digest, "plan": plan, "histories": histories,
+            "variants": len(self.plan), "channels": self.bundle.channels,
+        }  # fmt: skip
+
+
+def study(
+    path: str | Path, settings: Sequence[str] = (), *, sampled: str | None = None, seed: int | None = None,
+    scalars: Sequence[str] = (), limit: int = LIMIT,
+) -> Study:  # fmt: skip
+    """Return the sweep of a case, every variant of it checked."""
+    file = CaseFile.opened(path)
+    own = file.sweep
+    if limit < 1:
+        raise refuse("--limit", limit, "a whole number from 1", "it is the most variants that are run")
+    found = _axes(file, settings, limit)
+    how = sampled if sampled is not None else (own.sample if own else None) or GRID
+    if seed is not None and how == GRID:
+        why, remedy = "every combination is run, and none is drawn", "add --sample, or leave it out"
+        raise refuse("--seed", seed, "--seed with --sample only", why, remedy)
+    number = seed if seed is not None else own.seed if own else 0
+    plan = made_plan(found, None if how == GRID else sample(how, number), limit=limit)
+    first = validated(file, plan)
+    if first.record.fidelity.estimate:
+        where, why = first.place(("fidelity", "estimate")), "a sweep keeps what was computed, without estimates"
+        raise refuse(where, "true", "false", why, "--set fidelity.estimate=false")
+    kept = tuple(scalars or (own.scalars if own else ()))
+    check_names(file, plan, kept)
+    bundle = replace(bundle_of(file, plan), channels=not of_motion(kept))
+    return Study(first.name, first.record.title, plan, bundle, chunk_size(plan, first), kept)
+
+
+def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ...]:
+    """Return the axes of the case's own table, with those of the command line over them and behind them."""
+    own, places, faults = file.sweep, Places.of_text(file.text), list[Fault]()
+    found: dict[str, Axis] = {}
+    given = {setting.partition("=")[0].strip() for setting in settings}
+    for key, spec in (own.set_ if own else {}).items():
+        if key in given:
+            found[key] = axis(key, "0")  # keeps its place
+            continue
+        try:
+            found[key] = axis(key, spec, where=places.place(("sweep", "set", key)), limit=limit)
+        except InputError as refusal:
+            faults += refusal.faults
+    try:
+        found |= {one.key: one for one in axes(settings, limit=limit)}
+    except InputError as refusal:
+        faults += refusal.faults
+    faults += [_strange(one) for one in found.values() if one.key.partition(".")[0] == "sweep"]
+    if faults:
+        raise InputError(faults)
+    return tuple(found.values())
+
+
+def _strange(one: Axis) -> Fault:
+    return Fault(
+        one.where, one.key, "a key of the mechanism or its run", "it says how to sweep", "see --sample, --seed"
+    )
+
+
+def afford(asked: Study, folder: Path | None = None, *, together: int = 1) -> None:
+    """Refuse a sweep for whose first variants there is no room."""
+    first = opened(asked.bundle).read(asked.plan.variants[0])
+    afford_case(first, folder, runs=len(asked.plan), together=min(together, len(asked.plan)))
+
+
+def afford_case(case: Case, folder: Path | None = None, *, runs: int = 1, together: int = 1) -> None:
+    """Refuse many runs of a case for which there is no room."""
+    periodic = case.record.run.start == "periodic"  # that state takes many revolutions to find
+    try:
+        ready = prepare(case.with_run({"start": "equilibrium"}) if periodic else case)
+    except (InputError, RunFailedError):  # its own row will say so
+        return
+    needs = budget_of(ready)
+    affordable(replace(needs, file=runs * needs.file), folder, together=together)
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where the files of a sweep go, and what may be done to those that are there.
+
+    Parameters
+    ----------
+    folder
+        Made if it does not exist.
+    resume, overwrite
+        Whether to finish what is there, or to replace it.
+    histories
+        Whether every variant's result file is kept.
+    parquet
+        Whether a Parquet table is written too.
+    """
+
+    folder: Path
+    resume: bool = False
+    overwrite: bool = False
+    histories: bool = False
+    parquet: bool = False
+
+    def tables(self, name: str) -> list[Path]:
+        """Return the tables of a sweep of that name."""
+        return [self.folder / f"{name}.sweep{end}" for end in (".h5", ".csv", *([".parquet"] if self.parquet else []))]
+
+    def journal(self, name: str) -> Path:
+        """Return the journal of a sweep of that name."""
+        return self.folder / f"{name}.sweep.jsonl"
+
+    def history(self, name: str, variant: int, ending: str) -> Path:
+        """Return the result file of a variant, counted from 1."""
+        return self.folder / f"{name}.sweep" / f"variant-{variant:05d}{ending}"
+
+    def kept(self, name: str) -> list[Path]:
+        """Return the result files of variants that are there, of this sweep or of an earlier one."""
+        return sorted((self.folder / f"{name}.sweep").glob("variant-*.vtkhdf*"))
+
+
+def swept(asked: Study, workers: Workers | None = None, *, advance: Callable[[int], None] | None = None) -> Table:
+    """Run a sweep and return its table; nothing is written."""
+    rows: dict[int, list[Row]] = {}
+    for chunk, outcomes in executed(asked.bundle, asked.chunks, workers or Here()):
+        rows[chunk.index] = [one.row for one in outcomes]
+        if advance:
+            advance(len(outcomes))
+    return _tabulated(asked, rows)
+
+
+def sweep_files(
+    asked: Study, target: Target, workers: Workers | None = None, *, advance: Callable[[int], None] | None = None
+) -> tuple[Table, list[Path]]:
+    """Run a sweep with a journal and write its tables."""
+    if target.parquet:
+        can_write_parquet()
+    asked = _complete(asked, target)
+    try:
+        with _opened(asked, target) as journal:
+            table = _kept(_journaled(asked, target, journal, workers or Here(), advance or _silent), asked.scalars)
+            return table, [write_table(table, path, overwrite=True) for path in target.tables(asked.name)]
+    except KeyboardInterrupt:
+        raise RunFailedError(_stopped(asked, target)) from None
+
+
+def _complete(asked: Study, target: Target) -> Study:
+    """Return a sweep that computes all scalars where its journal has them, or result files are kept."""
+    begun = target.resume and begun_with(target.journal(asked.name), "channels")
+    return replace(asked, bundle=replace(asked.bundle, channels=True)) if begun or target.histories else asked
+
+
+def _journaled(asked: Study, target: Target, journal: Journal, workers: Workers, tell: Callable[[int], None]) -> Table:
+    """Run what the journal does not have, and return the table of everything."""
+    rows = dict(journal.rows)
+    tell(sum(len(some) for some in rows.values()))
+    left = [chunk for chunk in asked.chunks if chunk.index not in rows]
+    stale = target.kept(asked.name) if target.histories and not rows else []
+    for chunk, outcomes in executed(asked.bundle, left, workers, histories=target.histories):
+        while stale:  # those of an earlier sweep would stand beside a table that does not have their variants
+            stale.pop().unlink()
+        _keep_histories(asked, target, chunk, outcomes)
+        rows[chunk.index] = [one.row for one in outcomes]
+        journal.add(chunk.index, rows[chunk.index])
+        tell(len(outcomes))
+    return _tabulated(asked, rows)
+
+
+def _stopped(asked: Study, target: Target) -> Status:
+    """Return how a sweep ends that was interrupted: what is kept is what the journal has."""
+    path, kept = target.journal(asked.name), 0
+    if path.exists():
+        with _opened(asked, replace(target, resume=True)) as journal:
+            kept = sum(len(some) for some in journal.rows.values())
+    text = f"stopped by the user: {kept} of {len(asked.plan)} variants are kept in {path}"
+    return Status(Cause.INTERRUPTED, text, "the same command with --resume does the rest")
+
+
+def _kept(table: Table, names: Sequence[str]) -> Table:
+    """Return a table with the scalars asked for."""
+    try:
+        return table.keeping(names) if names else table
+    except InputError as refusal:
+        remedy = "nothing is lost: --resume with other --scalars writes the tables at once"
+        mended = [replace(one, remedy="; ".join(filter(None, (one.remedy, remedy)))) for one in refusal.faults]
+        raise InputError(mended) from None
+
+
+def _silent(count: int) -> None:
+    del count
+
+
+@contextmanager
+def _opened(asked: Study, target: Target) -> Generator[Journal]:
+    """Open the journal of a sweep whose tables may be written."""
+    path, belongs = target.journal(asked.name), asked.belongs(histories=target.histories)
+    ours = target.resume and path.exists()
+    for table in target.tables(asked.name):
+        free_to_write("table", table, overwrite=target.overwrite or ours)
+    if target.histories and not (target.overwrite or ours) and (kept := target.kept(asked.name)):
+        why, remedy = "nothing is written over", "--overwrite replaces them, -o names another folder"
+        raise refuse("histories", f"{len(kept)} in {kept[0].parent}", "none from an earlier sweep", why, remedy)
+    journal = Journal(path, belongs, resume=target.resume, overwrite=target.overwrite)
+    try:
+        yield journal
+    finally:
+        journal.close()
+
+
+def _keep_histories(asked: Study, target: Target, chunk: Chunk, outcomes: Sequence[Outcome]) -> None:
+    """Write the result files of a chunk, each complete or not there."""
+    for i, outcome in enumerate(outcomes):
+        if outcome.history is not None:
+            ending, content = outcome.history
+            path = target.history(asked.name, chunk.first + i + 1, ending)
+            made_folder(path.parent)
+            partial = path.with_name(f"{path.name}.part")
+            partial.write_bytes(content)
+            os.replace(partial, path)
+
+
+def _tabulated(asked: Study, rows: dict[int, list[Row]]) -> Table:
+    return tabulated(asked.plan, [row for _, some in sorted(rows.items()) for row in some], asked.about())

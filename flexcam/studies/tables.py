@@ -1,0 +1,367 @@
+"""What a sweep found: a row per variant, with its inputs, its scalars and how its run ended."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py  # pyright: ignore[reportMissingTypeStubs]
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.core.errors import Fault, InputError, did_you_mean, refuse
+from flexcam.dynamics import Cause, Response, Status
+from flexcam.io import free_to_write, guarded, made_folder, seal, seal_fault, whole
+from flexcam.io.exports import component_unit
+from flexcam.io.result_writer import SERIES
+from flexcam.studies.evaluation import Row
+from flexcam.studies.plan import Plan
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """Values of one varied key, a value per variant.
+
+    Parameters
+    ----------
+    name
+        The key.
+    unit
+        Of the numbers, as the plan wrote it; empty for SI and for words.
+    values
+        Shape (variants,): numbers, or texts where a value is none.
+    """
+
+    name: str
+    unit: str
+    values: FloatArray | tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The results of a sweep.
+
+    Parameters
+    ----------
+    inputs
+        The varied keys.
+    scalars
+        Name to values, SI, shape (variants,); NaN where a variant has none. No file holds a NaN.
+    units
+        SI unit of each scalar.
+    statuses
+        How every variant's run ended.
+    shape
+        Values along every axis of a grid, which runs as its rows do; empty for a sampled plan.
+    about
+        Case, plan and versions, as texts.
+    """
+
+    inputs: tuple[Column, ...]
+    scalars: Mapping[str, FloatArray]
+    units: Mapping[str, str]
+    statuses: tuple[Status, ...]
+    shape: tuple[int, ...] = ()
+    about: Mapping[str, str] = field(default_factory=dict[str, str])
+
+    def __len__(self) -> int:
+        return len(self.statuses)
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """Return a scalar of all variants, shape (variants,); NaN where there is none."""
+        if name not in self.scalars:
+            raise InputError([unknown_scalar(name, self.scalars)])
+        return self.scalars[name]
+
+    @property
+    def failed(self) -> tuple[int, ...]:
+        """Indices of the variants whose runs are not complete."""
+        return tuple(i for i, status in enumerate(self.statuses) if not status.ok)
+
+    def on_grid(self, name: str) -> FloatArray:
+        """Return a scalar over the axes of a grid."""
+        if not self.shape:
+            raise refuse("table", "a sampled plan", "a grid", "its points lie on no axes")
+        return self[name].reshape(self.shape)
+
+    def keeping(self, names: Sequence[str]) -> Table:
+        """Return the table with some of its scalars."""
+        kept: dict[str, FloatArray] = {}
+        if self.scalars and (unknown := [name for name in names if not begins_one(name, self.scalars)]):
+            raise InputError(unknown_scalar(name, self.scalars) for name in unknown)
+        for name in names:
+            kept |= {one: values for one, values in self.scalars.items() if _under(one, name)}
+        units = {name: self.units[name] for name in kept}
+        return Table(self.inputs, kept, units, self.statuses, self.shape, self.about)
+
+
+def tabulated(plan: Plan, rows: Sequence[Row], about: Mapping[str, str] | None = None) -> Table:
+    """Return the table of a plan."""
+    units = {name: unit for row in reversed(rows) for name, unit in row.units.items()}
+    names = list(dict.fromkeys(name for row in rows for name in row.scalars))
+    scalars = {name: np.array([row.scalars.get(name, np.nan) for row in rows], dtype=float) for name in names}
+    shape = plan.shape if plan.sample is None else ()
+    statuses = tuple(row.status for row in rows)
+    return Table(_inputs(plan), scalars, {name: units[name] for name in names}, statuses, shape, about or {})
+
+
+def _inputs(plan: Plan) -> tuple[Column, ...]:
+    columns: list[Column] = []
+    for axis, values in zip(plan.varied, zip(*plan.points, strict=True), strict=True):
+        numbers = [value.number for value in values if value.number is not None]
+        told = np.array(numbers, dtype=float) if axis.numeric else tuple(value.text for value in values)
+        columns.append(Column(axis.key, axis.unit if axis.numeric else "", told))
+    return tuple(columns)
+
+
+def _under(name: str, asked: str) -> bool:
+    return name == asked or name.startswith(f"{asked}.")
+
+
+def begins_one(name: str, known: Iterable[str]) -> bool:
+    """Tell whether a name is that of a scalar, or the beginning of one."""
+    return any(_under(one, name) for one in known)
+
+
+_LISTED = 24
+"""Scalars that a message names one by one; of more it names the beginnings."""
+
+
+def unknown_scalar(name: str, known: Iterable[str]) -> Fault:
+    """Return the fault of a scalar that no variant can have."""
+    names = list(known)
+    parts = [one.split(".") for one in names]
+    begins = list(dict.fromkeys(".".join(part[:i]) for part in parts for i in range(1, len(part))))
+    groups = list(dict.fromkeys(".".join(part[:2]) for part in parts))
+    allowed = ", ".join(names if len(names) <= _LISTED else groups) or "(no run was completed)"
+    head = "a name that begins with " if len(names) > _LISTED else ""
+    return Fault("scalars", repr(name), head + allowed, "", did_you_mean(name, [*begins, *names]))
+
+
+def table_frame(table: Table) -> pd.DataFrame:
+    """Return a table as a data frame."""
+    _installed("pandas")
+    import pandas as pd
+
+    columns: dict[str, Any] = {one.name: list(one.values) for one in table.inputs}
+    columns |= dict(table.scalars)
+    columns["status"] = [str(one.cause) for one in table.statuses]
+    columns["message"] = [one.text if one.message else "" for one in table.statuses]
+    frame = pd.DataFrame(columns, index=pd.RangeIndex(1, len(table) + 1, name="variant"))
+    frame.attrs["units"] = {**{one.name: one.unit for one in table.inputs}, **table.units}
+    return frame
+
+
+def table_dataset(table: Table) -> xr.Dataset:
+    """Return a table as an xarray dataset: the axes of a grid are its dimensions."""
+    _installed("xarray")
+    import xarray as xr
+
+    shape = table.shape or (len(table),)
+    names = [one.name for one in table.inputs]
+    dimensions = names if table.shape else ["variant"]
+    coordinates: dict[str, Any] = {}
+    for i, one in enumerate(table.inputs):
+        values = np.asarray(one.values)
+        if table.shape:
+            values = np.moveaxis(values.reshape(shape), i, 0).reshape(shape[i], -1)[:, 0]
+        coordinates[one.name] = ([one.name if table.shape else "variant"], values, {"units": one.unit})
+    if not table.shape:
+        coordinates["variant"] = np.arange(1, len(table) + 1)
+    causes = np.array([str(one.cause) for one in table.statuses]).reshape(shape)
+    data: dict[str, Any] = {
+        name: (dimensions, values.reshape(shape), {"units": table.units[name]})
+        for name, values in table.scalars.items()
+    }
+    return xr.Dataset({**data, "status": (dimensions, causes)}, coords=coordinates, attrs=dict(table.about))
+
+
+def history_frame(response: Response) -> pd.DataFrame:
+    """Return the histories of a run as a data frame."""
+    _installed("pandas")
+    import pandas as pd
+
+    columns = _columns(response)
+    frame = pd.DataFrame(
+        {name: values for name, (values, _) in columns.items()}, index=pd.Index(response.time, name="time")
+    )
+    frame.attrs["units"] = {"time": "s", **{name: unit for name, (_, unit) in columns.items()}}
+    return frame
+
+
+def history_dataset(response: Response) -> xr.Dataset:
+    """Return the histories of a run as an xarray dataset over time."""
+    _installed("xarray")
+    import xarray as xr
+
+    columns = {name: (["time"], values, {"units": unit}) for name, (values, unit) in _columns(response).items()}
+    angle = columns.pop("cam_angle")
+    return xr.Dataset(columns, coords={"time": (["time"], response.time, {"units": "s"}), "cam_angle": angle})
+
+
+def _columns(response: Response) -> dict[str, tuple[Any, str]]:
+    """Return every history by name, with its unit."""
+    found: dict[str, tuple[Any, str]] = {"cam_angle": (response.angle, "rad")}
+    for probe, components in response.outline.probes:
+        history = response[probe]
+        for series, unit in SERIES.items():
+            values = getattr(history, series).reshape(len(response.time), -1)
+            for component, column in zip(components, values.T, strict=True):
+                name = probe if len(components) == 1 else f"{probe}.{component}"
+                found[f"{name}.{series}"] = (column, component_unit(component, unit))
+    units = dict(response.outline.channels)
+    return found | {name: (values, units[name]) for name, values in response.channels.items()}
+
+
+def _installed(package: str) -> None:
+    if find_spec(package) is None:
+        raise refuse(
+            "data frames", package, "a package that is installed", "it comes with the extra 'tables'",
+            "pip install 'flexcam[tables]'",
+        )  # fmt: skip
+
+
+FORMAT = "2"
+"""Since 2 a table has a seal."""
+
+
+def write_hdf5(table: Table, path: Path) -> None:
+    """Write a table with everything that is known of it."""
+    opened: Any = h5py.File(path, "w", libver="latest", locking=False)
+    with opened as file:
+        about = file.create_group("about")
+        for name, text in {"format": FORMAT, **table.about}.items():
+            _texts(about, name, [text])
+        file.attrs["shape"] = np.array(table.shape, dtype=np.int64)
+        inputs = file.create_group("inputs", track_order=True)
+        for column in table.inputs:
+            if isinstance(column.values, tuple):
+                _texts(inputs, column.name, column.values)
+            else:
+                _numbers(inputs, column.name, column.values, column.unit)
+        scalars, valid = (file.create_group(name, track_order=True) for name in ("scalars", "valid"))
+        for name, values in table.scalars.items():
+            known = np.isfinite(values)
+            _numbers(scalars, name, np.where(known, values, 0.0), table.units[name])
+            valid.create_dataset(name, data=known, track_times=False)
+        status = file.create_group("status", track_order=True)
+        for name in ("cause", "text", "remedy"):
+            _texts(status, name, [str(getattr(one, name)) for one in table.statuses])
+        seal(file)
+
+
+def _numbers(group: Any, name: str, values: Any, unit: str) -> None:  # noqa: ANN401 - h5py has no types
+    group.create_dataset(name, data=values, track_times=False).attrs["unit"] = np.bytes_(unit.encode())
+
+
+def _texts(group: Any, name: str, texts: Sequence[str]) -> None:  # noqa: ANN401
+    """Write texts of one length: HDF5's heap for others is not the same twice."""
+    encoded = [text.encode() for text in texts]
+    module: Any = h5py
+    kind = module.string_dtype("utf-8", max([1, *map(len, encoded)]))
+    group.create_dataset(name, data=np.array(encoded, dtype=kind), track_times=False)
+
+
+def read_table(path: str | Path) -> Table:
+    """Read the table of a sweep."""
+    source = Path(path)
+    with guarded(source, "table", "the HDF5 table of a sweep (.sweep.h5)") as file:
+        return _table(file, source)
+
+
+def _table(file: Any, source: Path) -> Table:  # noqa: ANN401
+    about = {name: _read_texts(item)[0] for name, item in file["about"].items()}
+    form = about.pop("format")
+    if form not in ("1", FORMAT):
+        raise refuse("table", f"{source} of format {form}", f"up to format {FORMAT}", "it is newer", "update flexcam")
+    if form != "1" and (fault := seal_fault(file)):
+        raise InputError([fault])
+    status = zip(*(_read_texts(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
+    scalars = {name: np.where(file["valid"][name][()], item[()], np.nan) for name, item in file["scalars"].items()}
+    return Table(
+        inputs=tuple(_column(name, item) for name, item in file["inputs"].items()),
+        scalars=scalars,
+        units={name: _unit(item) for name, item in file["scalars"].items()},
+        statuses=tuple(Status(Cause(cause), text, remedy) for cause, text, remedy in status),
+        shape=tuple(int(n) for n in file.attrs["shape"]),
+        about=about,
+    )
+
+
+def _column(name: str, item: Any) -> Column:  # noqa: ANN401
+    if "unit" in item.attrs:
+        return Column(name, _unit(item), item[()])
+    return Column(name, "", tuple(_read_texts(item)))
+
+
+def _unit(item: Any) -> str:  # noqa: ANN401
+    return bytes(item.attrs["unit"]).decode()
+
+
+def _read_texts(item: Any) -> list[str]:  # noqa: ANN401
+    return [bytes(text).decode() for text in item[()]]
+
+
+ENDINGS = (".h5", ".csv", ".parquet")
+
+
+def write_table(table: Table, path: Path, *, overwrite: bool = False) -> Path:
+    """Write a table as its name ends: ``.h5``, ``.csv`` or ``.parquet``."""
+    if path.suffix not in ENDINGS:
+        raise refuse("table", str(path), f"a name that ends in {', '.join(ENDINGS)}")
+    if path.suffix == ".parquet":
+        can_write_parquet()
+    free_to_write("table", path, overwrite=overwrite)
+    made_folder(path.parent)
+    with whole(path) as draft:
+        {".h5": write_hdf5, ".csv": _write_csv, ".parquet": _write_parquet}[path.suffix](table, draft)
+    return path
+
+
+def can_write_parquet() -> None:
+    """Refuse Parquet where what writes it is not installed."""
+    missing = [name for name in ("pandas", "pyarrow") if find_spec(name) is None]
+    if missing:
+        why, remedy = f"{' and '.join(missing)} are not installed", "pip install 'flexcam[tables]'"
+        raise refuse("--parquet", "a Parquet table", "an HDF5 or a CSV one", why, remedy)
+
+
+def csv_text(table: Table) -> str:
+    """Return a table as CSV: a head with units, an empty cell where a variant has no number."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    head = [_headed(one.name, one.unit) for one in table.inputs]
+    head += [_headed(name, table.units[name]) for name in table.scalars]
+    writer.writerow(["variant", *head, "status", "message"])
+    columns = [*(one.values for one in table.inputs), *table.scalars.values()]
+    for i, status in enumerate(table.statuses):
+        writer.writerow([i + 1, *(_cell(values[i]) for values in columns), str(status.cause), status.message])
+    return text.getvalue()
+
+
+def _headed(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
+
+
+def _cell(value: float | str) -> str:
+    if isinstance(value, str):
+        return value
+    return repr(float(value)) if np.isfinite(value) else ""
+
+
+def _write_csv(table: Table, path: Path) -> None:
+    path.write_text(csv_text(table), encoding="utf-8", newline="")
+
+
+def _write_parquet(table: Table, path: Path) -> None:
+
+    table_frame(table).to_parquet(path)

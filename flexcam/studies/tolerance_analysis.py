@@ -1,0 +1,161 @@
+"""Tolerance study: how the scatter of parts moves a scalar."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from flexcam.case.case import Case
+from flexcam.core import FloatArray
+from flexcam.core.errors import InputError, gathered, refuse
+from flexcam.core.units import DIMENSIONS, parse
+from flexcam.studies.evaluators import given_twice, number_at
+from flexcam.studies.plan import checked_seed
+from flexcam.studies.quantities import number_of
+
+_SPEC = re.compile(r"\s*(?:(normal|uniform)\s*:)?\s*(?:±|\+-|\+/-)\s*(\S.*?)\s*$")
+_SIGMAS = 3.0
+"""Standard deviations from the middle to the end of a normal scatter: 99.7 % of the parts lie between."""
+
+_CUT = 5.0
+"""Standard deviations at which a normal scatter is cut: one part in two millions lies beyond."""
+
+QUANTILES = (0.01, 0.05, 0.5, 0.95, 0.99)
+"""Shares of the variants below the numbers that a scatter tells."""
+FORMS = "±2%, ±0.05mm, or normal:±2%"
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How a number of a case scatters from part to part.
+
+    Parameters
+    ----------
+    key
+        Of the case.
+    middle, half
+        Middle and half width, SI.
+    kind
+        Even between both ends, or normal with the ends at three standard deviations.
+    """
+
+    key: str
+    middle: float
+    half: float
+    kind: Literal["uniform", "normal"]
+
+    def value(self, part: float) -> float:
+        """Return the number below which a share of all parts lies, 0 to 1; a normal one is cut at five deviations."""
+        if self.kind == "uniform":
+            return self.middle + self.half * (2.0 * part - 1.0)
+        from statistics import NormalDist
+
+        beyond = NormalDist().cdf(-_CUT)
+        return self.middle + self.half / _SIGMAS * NormalDist().inv_cdf(min(max(part, beyond), 1.0 - beyond))
+
+
+def scatters_of(case: Case, settings: Sequence[str], option: str = "--tolerance") -> tuple[Scatter, ...]:
+    """Return the scatter of several ``KEY=±SPEC``."""
+    found, faults = gathered(lambda setting: _scatter(case, setting, f"{option} {setting}"), settings)
+    faults += given_twice(option, [one.key for one in found])
+    if faults:
+        raise InputError(faults)
+    return tuple(found)
+
+
+def _scatter(case: Case, setting: str, where: str) -> Scatter:
+    key, equals, spec = setting.partition("=")
+    match = _SPEC.match(spec)
+    if not equals or match is None:
+        raise refuse(where, repr(spec or setting), f"KEY={FORMS}", "", "such as springs.valve.stiffness=±5%")
+    number = number_of(case, key.strip(), where)
+    kind: Literal["uniform", "normal"] = "normal" if match[1] == "normal" else "uniform"
+    half = _half(match[2], number.value, number.unit, where)
+    if not half > 0.0:
+        raise refuse(where, repr(spec), "a width above zero", "nothing scatters")
+    found = Scatter(number.key, number.value, half, kind)
+    widest = 100.0 if kind == "uniform" else 100.0 * _SIGMAS / _CUT
+    if match[2].endswith("%") and half >= 0.01 * widest * abs(number.value):
+        why = "some parts would have a number of zero or of the other sign"
+        raise refuse(where, repr(spec), f"less than ±{widest:g} %", why, f"such as {key}=±5%")
+    for end in (0.0, 1.0):
+        number_at(case, number.key, repr(found.value(end)), where)  # or the case cannot take such a part
+    return found
+
+
+def _half(text: str, middle: float, unit: str, where: str) -> float:
+    """Return the half width: a part of the middle, or a quantity of the number's own kind."""
+    if text.endswith("%"):
+        return abs(middle) * parse(text, "number", where)
+    kinds = [name for name, one in DIMENSIONS.items() if one.si == unit]
+    if not kinds:
+        raise refuse(
+            where, repr(text), "a part such as ±2%", "the unit of this number depends on what else stands there"
+        )
+    return parse(text, kinds[0], where)
+
+
+def sampled(scatters: Sequence[Scatter], count: int, seed: int = 0) -> FloatArray:
+    """Return numbers of scattered parts."""
+    if count < 8:
+        raise refuse("--count", count, "a whole number from 8", "mean and spread mean nothing with fewer")
+    from scipy.stats import qmc
+
+    parts = qmc.LatinHypercube(len(scatters), seed=np.random.default_rng(checked_seed(seed))).random(count)
+    return np.array([[one.value(part) for one, part in zip(scatters, row, strict=True)] for row in parts.tolist()])
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """How a scalar scatters.
+
+    Parameters
+    ----------
+    values
+        Of the sets of parts that have one, shape (n,).
+    missing
+        Sets without: their run failed, or a limit was not met.
+    mean, deviation
+        Mean and standard deviation.
+    quantiles
+        By `QUANTILES`.
+    ranks
+        Rank correlation with each number (Spearman), shape (k,): which part the scatter follows, and which way.
+    """
+
+    values: FloatArray
+    missing: int
+    mean: float
+    deviation: float
+    quantiles: Mapping[float, float]
+    ranks: FloatArray
+
+
+def spread(points: FloatArray, values: FloatArray) -> Spread:
+    """Return how a scalar scatters over sets of parts."""
+    known = ~np.isnan(values)
+    kept = values[known]
+    if len(kept) < 2:
+        nothing = dict.fromkeys(QUANTILES, math.nan)
+        return Spread(kept, int((~known).sum()), math.nan, math.nan, nothing, np.zeros(points.shape[1]) + math.nan)
+    quantiles = {part: float(np.quantile(kept, part)) for part in QUANTILES}
+    ranks = np.array([_correlation(_ranks(points[known, i]), _ranks(kept)) for i in range(points.shape[1])])
+    return Spread(kept, int((~known).sum()), float(kept.mean()), float(kept.std(ddof=1)), quantiles, ranks)
+
+
+def _ranks(values: FloatArray) -> FloatArray:
+    """Return ranks; equal values share the mean of theirs."""
+    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
+    ends = np.cumsum(counts)
+    return (ends - 0.5 * (counts - 1.0))[place]
+
+
+def _correlation(one: FloatArray, other: FloatArray) -> float:
+    x, y = one - one.mean(), other - other.mean()
+    size = math.sqrt(float(x @ x) * float(y @ y))
+    return float(x @ y) / size if size > 0.0 else 0.0

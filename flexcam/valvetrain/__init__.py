@@ -1,0 +1,123 @@
+"""The valve train as a value (`model`), its equations, its rigid model and its metrics.
+
+May import `dynamics`, `fem`, `cams` and `core`. A new part is a dataclass in `parts` and its rows in `structure`; a
+new contact is a function in `contacts`.
+"""
+
+from flexcam.valvetrain.buckling import StiffStrut, buckling_load, stiff_struts
+from flexcam.valvetrain.cam_contact import hertz_line
+from flexcam.valvetrain.camshaft import free_running, free_speed
+from flexcam.valvetrain.compression import compressed_members
+from flexcam.valvetrain.frequency_response import lift_transfer, valve_ratio
+from flexcam.valvetrain.loads import element_loads
+from flexcam.valvetrain.mass_chain import Chain, chain_of, straighten, without_compression
+from flexcam.valvetrain.model import Model
+from flexcam.valvetrain.modes import (
+    ModelModes,
+    ReachedModes,
+    contact_modes,
+    describe_inactive,
+    holding,
+    modal_basis,
+    model_modes,
+    modes_on_the_lift,
+)
+from flexcam.valvetrain.parts import (
+    DAMPING_DEPTH,
+    Adjuster,
+    Cam,
+    CamContact,
+    Contact,
+    GivenLoad,
+    Lash,
+    Lever,
+    MassAt,
+    PublishedLoad,
+    Pulsation,
+    Rocker,
+    Seat,
+    Spring,
+    Wire,
+)
+from flexcam.valvetrain.published_load import follower_train
+from flexcam.valvetrain.resolution import CoarseCam, Resolution, ResolutionSink, coarse_cams
+from flexcam.valvetrain.rigid_model import ANY_SPEED, build_rigid, shared_forces, touching_coils
+from flexcam.valvetrain.strength import MemberStrength, StrengthSink
+from flexcam.valvetrain.structure import Structure, build_structure, member_masses
+from flexcam.valvetrain.system_builder import build_system
+from flexcam.valvetrain.train_metrics import (
+    BOUNCE_HEIGHT,
+    OPEN,
+    Metric,
+    Seating,
+    main_lift,
+    seating,
+    separation,
+    train_metric_names,
+    train_metrics,
+)
+
+__all__ = [
+    "ANY_SPEED",
+    "BOUNCE_HEIGHT",
+    "DAMPING_DEPTH",
+    "OPEN",
+    "Adjuster",
+    "Cam",
+    "CamContact",
+    "Chain",
+    "CoarseCam",
+    "Contact",
+    "GivenLoad",
+    "Lash",
+    "Lever",
+    "MassAt",
+    "MemberStrength",
+    "Metric",
+    "Model",
+    "ModelModes",
+    "PublishedLoad",
+    "Pulsation",
+    "ReachedModes",
+    "Resolution",
+    "ResolutionSink",
+    "Rocker",
+    "Seat",
+    "Seating",
+    "Spring",
+    "StiffStrut",
+    "StrengthSink",
+    "Structure",
+    "Wire",
+    "buckling_load",
+    "build_rigid",
+    "build_structure",
+    "build_system",
+    "chain_of",
+    "coarse_cams",
+    "compressed_members",
+    "contact_modes",
+    "describe_inactive",
+    "element_loads",
+    "follower_train",
+    "free_running",
+    "free_speed",
+    "hertz_line",
+    "holding",
+    "lift_transfer",
+    "main_lift",
+    "member_masses",
+    "modal_basis",
+    "model_modes",
+    "modes_on_the_lift",
+    "seating",
+    "separation",
+    "shared_forces",
+    "stiff_struts",
+    "straighten",
+    "touching_coils",
+    "train_metric_names",
+    "train_metrics",
+    "valve_ratio",
+    "without_compression",
+]

@@ -1,0 +1,131 @@
+"""How much compression the members of a train bear by themselves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.core import DENSE_LIMIT, FloatArray, null_space, pins
+from flexcam.fem.assembly import geometric, stiffness
+from flexcam.fem.dofs import DofMap, dof_map
+from flexcam.fem.elements.beam import Beams
+from flexcam.fem.members import beams
+from flexcam.fem.mesh import Mesh, refined
+from flexcam.valvetrain.model import Model
+from flexcam.valvetrain.structure import Structure, build_structure
+
+
+def buckling_load(structure: Structure, member: str) -> float:
+    """Return the axial compression at which a member buckles by itself in its supports.
+
+    The lowest P of ``K + P Kg(-1)`` over the member's own elements, held where the model holds its nodes; what other
+    members and springs add is left out, so that the load is Euler's for a pushrod between guides. A motion that the
+    supports leave free bends nothing: its ends are taken as hinged there. Elements are divided where less than four
+    lie between supports, as a single one is up to half too stiff.
+    """
+    own = structure.beams.part(structure.model.mesh.element_ranges()[member])
+    if math.isinf(load := _load(own, structure.dofs)) or (parts := _parts(structure.model, member)) == 1:
+        return load
+    return _load(*_divided(structure.model, member, parts))
+
+
+@dataclass(frozen=True)
+class StiffStrut:
+    """A member whose elements are too few for what its axial force does to its bending.
+
+    Parameters
+    ----------
+    member
+        Its name.
+    excess
+        By how much it bears too much in a run before it bends away, as a part of its buckling load; infinite where its
+        supports leave none of its nodes to bend it.
+    elements
+        How many are enough.
+    """
+
+    member: str
+    excess: float
+    elements: int
+
+
+def stiff_struts(model: Model) -> list[StiffStrut]:
+    """Return the members whose elements are too few for their geometric stiffness: they bear too much in a run."""
+    asked = [name for name, member in model.members.items() if member.geometric_stiffness]
+    return list(_stiff(build_structure(model), asked)) if asked else []
+
+
+def _stiff(structure: Structure, members: list[str]) -> Iterator[StiffStrut]:
+    model, ranges = structure.model, structure.model.mesh.element_ranges()
+    for name in members:
+        count = len(model.mesh.lines[name]) - 1
+        if 6 * count > DENSE_LIMIT or (parts := _parts(model, name)) == 1:
+            continue
+        borne, right = _load(structure.beams.part(ranges[name]), structure.dofs), _load(*_divided(model, name, parts))
+        if borne > (1.0 + _TOLD) * right:
+            yield StiffStrut(name, borne / right - 1.0, parts * count)
+
+
+_TOLD = 0.05
+"""Part of the buckling load above which a member bears too much: two elements between supports stay below it."""
+
+
+def _load(alone: Beams, dofs: DofMap) -> float:
+    """Return the lowest load of elements by themselves, N."""
+    K, G = stiffness(alone, dofs), geometric(alone, np.full(len(alone), -1.0), dofs)
+    numbers = dofs.numbers[np.unique(alone.nodes)]
+    used = np.unique(numbers[numbers >= 0])
+    K, squeezed = K.part(used), -G.part(used).dense()
+    free = np.linalg.qr(null_space(K))[0]
+    kept = np.setdiff1d(np.arange(len(used)), pins(free) if free.shape[1] else [])
+    if not len(kept):
+        return math.inf
+    ends = np.isin(used, dofs.numbers[[alone.nodes[0, 0], alone.nodes[-1, 1]], :3])
+    pressed = _hinged(squeezed, free, ends)[np.ix_(kept, kept)]
+    root = np.linalg.cholesky(K.part(kept).dense())
+    scaled = np.linalg.solve(root, np.linalg.solve(root, pressed).T)
+    largest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).max())
+    return 1.0 / largest if largest > 1e-12 * float(np.abs(scaled).max(initial=1.0)) else math.inf
+
+
+_ENOUGH = 4
+"""Elements between supports from which on the load is right to 1 %, however they are held."""
+
+_MANY = 100
+"""Elements of a member up to which they are divided as far: their matrices are dense."""
+
+
+def _parts(model: Model, member: str) -> int:
+    """Return in how many parts each element of a member must be divided, so that there are enough."""
+    line, points = model.mesh.lines[member], model.mesh.points
+    held = {node for point in model.supports for node in points[point].tolist()}
+    inner = [i for i in range(1, len(line) - 1) if int(line[i]) in held]
+    wanted = math.ceil(_ENOUGH / int(np.diff([0, *inner, len(line) - 1]).min()))
+    return min(wanted, max(2, _MANY // len(line)))
+
+
+def _divided(model: Model, member: str, parts: int) -> tuple[Beams, DofMap]:
+    """Return a member's elements, each divided, and their numbering in its supports."""
+    nodes, line = np.unique(model.mesh.lines[member], return_inverse=True)
+    points = {point: np.flatnonzero(np.isin(nodes, model.mesh.points[point])) for point in model.supports}
+    mesh = refined(Mesh(model.mesh.nodes[nodes], {member: line}, points), {member: parts})
+    return beams(mesh, model.members), dof_map(mesh, model.supports.items())
+
+
+def _hinged(pressed: FloatArray, free: FloatArray, ends: NDArray[np.bool_]) -> FloatArray:
+    """Return a geometric stiffness where every deflection comes with the free motion that leaves the ends in place.
+
+    A free motion costs no strain, so that it may be chosen: the least motion of the ends in the free motions' pattern
+    is none. Twist does not move the ends; the pseudo-inverse leaves it out.
+    """
+    seen = free * ends[:, None]
+    still = np.eye(len(free)) - free @ np.linalg.pinv(free.T @ seen, rcond=_UNMOVED, hermitian=True) @ seen.T
+    return still.T @ pressed @ still
+
+
+_UNMOVED = 1e-14
+"""Part of the largest square of the ends' motion that counts as none."""

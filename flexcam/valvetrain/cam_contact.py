@@ -1,0 +1,298 @@
+"""The plane of a cam in space: its directions, and the finger that swings in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+
+from flexcam.cams import FlatFollower, SwingFlatFollower, SwingRollerFollower, undercut
+from flexcam.core import FloatArray
+from flexcam.core.errors import InputError, refuse
+from flexcam.dynamics import (
+    AngleFunction,
+    AngleVector,
+    Channel,
+    ForceLaw,
+    LocalForce,
+    Observable,
+    Observation,
+    constant,
+    derivative,
+    force_sum,
+    hunt_crossley_contact,
+    spring_damper,
+    total,
+)
+from flexcam.valvetrain.cam_functions import (
+    along_lift,
+    around,
+    beside_lift,
+    leaning,
+    lightened,
+    off_pivot,
+    rub,
+    slide,
+    tabled,
+    touched,
+    travelled,
+)
+from flexcam.valvetrain.contacts import Coupling, conservative_force
+from flexcam.valvetrain.hertz_contact import STRAIGHT, HertzLine
+from flexcam.valvetrain.parts import Cam, CamContact
+from flexcam.valvetrain.structure import Structure, find_node
+
+_SAME = 1e-6
+"""Difference of lengths that is a matter of digits written."""
+
+_NEAR = 1e-2
+"""Difference of an arm and its member that is a matter of how a finger was drawn."""
+
+
+def turning(axis: FloatArray) -> FloatArray:
+    """Return the direction of a rotation."""
+    return np.concatenate([np.zeros(3), axis])
+
+
+def to_right(contact: CamContact, cam: Cam) -> FloatArray:
+    """Return the direction to the right of the lift in the profile's drawing, shape (6,)."""
+    return np.concatenate([cam.turn * np.cross(contact.direction[:3], contact.shaft_axis), np.zeros(3)])
+
+
+def sideways(structure: Structure, contact: CamContact, cam: Cam) -> FloatArray:
+    """Return the row of what the cam moves to the right of the follower, in the profile's drawing."""
+    along = to_right(contact, cam)
+    own = structure.row(contact.follower, along) if structure.is_node(contact.follower) else 0.0
+    return structure.row(cam.at, along) - own
+
+
+def refuse_other_arm(structure: Structure, contact: CamContact, cam: Cam, where: str) -> None:
+    """Refuse a follower whose profile is made for another arm than that of the finger it stands for."""
+    swinging = cam.follower
+    if not isinstance(swinging, SwingRollerFollower | SwingFlatFollower):
+        return
+    finger, key = structure.model.rocker_at(contact.follower), f"cams.{contact.cam}.follower"
+    given, why = f"{1e3 * swinging.arm:g} mm", "the cam's profile is made for the path of the finger"
+    if finger is not None:
+        if abs(swinging.arm - finger.arms[0]) > _SAME * finger.arms[0]:
+            allowed = f"{1e3 * finger.arms[0]:g} mm, that of the rocker"
+            raise refuse(f"{key}.arm", given, allowed, why, f"see {where}")
+        return
+    for pivot in pivots(structure, contact):
+        name = structure.model.mesh.node_name(pivot)
+        length, square = _arm(structure, contact, cam, pivot)
+        if min(abs(length - swinging.arm), abs(abs(square) - swinging.arm)) > _NEAR * swinging.arm:
+            allowed = f"{1e3 * length:g} mm, from {name} to {contact.follower}"
+            raise refuse(f"{key}.arm", given, allowed, why, f"see {where}")
+        if swinging.side * square < 0.0:
+            given, allowed = ("clockwise", "counterclockwise")[:: swinging.side]
+            why = f"{name}, about which it turns, lies on the other side of the cam"
+            raise refuse(f"{key}.rotation", given, allowed, why, f"or turn the cam, see {where}")
+
+
+def pivots(structure: Structure, contact: CamContact) -> list[int]:
+    """Return the node about which the follower's member turns in the plane of the cam, if that is just one."""
+    mesh, vector = structure.model.mesh, structure.dofs.vector
+    node = find_node(structure.model, contact.follower, "follower")
+    across = np.concatenate([np.cross(contact.direction[:3], contact.shaft_axis), np.zeros(3)])
+    plane = contact.direction, across
+    held = [n for n in mesh.connected(node).tolist() if not any(vector(n, one).any() for one in plane)]
+    away = mesh.nodes[node] - mesh.nodes[held[:1]]
+    lifts = abs(away @ across[:3]) > _NEAR * np.linalg.norm(away, axis=1)  # a node beyond its pivot only swings aside
+    turns = [n for n in held if vector(n, turning(contact.shaft_axis)).any()]
+    return turns if len(held) == 1 and lifts.all() else []
+
+
+def _arm(structure: Structure, contact: CamContact, cam: Cam, pivot: int) -> tuple[float, float]:
+    """Return the distance of the follower from its pivot, m, and its part square to the lift, inwards positive."""
+    mesh = structure.model.mesh
+    away = mesh.nodes[pivot] - mesh.nodes[mesh.node(contact.follower)]
+    lift, right = (float(away @ one[:3]) for one in (contact.direction, to_right(contact, cam)))
+    return float(np.hypot(lift, right)), right
+
+
+def add_friction(structure: Structure, name: str, contact: CamContact, cam: Cam, force: LocalForce) -> LocalForce:
+    """Return the contact with friction: a second scalar whose rate is the velocity of sliding."""
+    along = sliding_path(structure, name, contact, cam)
+    acting = AngleVector(-along.vectors, along.functions)
+    law = replace(cast("ForceLaw", force.law), friction=(contact.friction, contact.friction_speed))
+    offset = (*force.offset, travelled(cam))
+    return LocalForce(
+        force.name, (*force.sense, along), (*force.act, acting), law, offset, force.switching, force.restitution
+    )  # fmt: skip
+
+
+def sliding_path(structure: Structure, name: str, contact: CamContact, cam: Cam) -> AngleVector:
+    """Return the derivative of the path along the face by the unknowns, per force along the normal.
+
+    By virtual work (C. Lanczos, The Variational Principles of Mechanics, 4th ed., ch. III) the friction T does
+    T times the path of the cam's surface less that of the face. A swinging face at the distance e from its pivot moves
+    along itself by e per angle, lift by arm: that is the moment T e of friction about the pivot. With the force f along
+    the lift, T is mu f over the reach, by which every path is divided here.
+    """
+    where = f"contacts.{name}.friction"
+    if cam.follower is None:
+        remedy = "give base_radius and follower of the cam"
+        raise refuse(where, contact.friction, "a cam with a profile", "the velocity of sliding follows from it", remedy)
+    if np.isfinite(cam.follower.roller_radius):
+        why = "a roller takes the sliding up by turning"
+        raise refuse(where, contact.friction, "a follower with a flat face", why, "leave friction out")
+    twist, right = structure.row(cam.at, turning(contact.shaft_axis)), to_right(contact, cam)
+    if not isinstance(cam.follower, SwingFlatFollower):
+        return AngleVector(np.array([sideways(structure, contact, cam), twist]), (constant(1.0), rub(cam)))
+    rows = [structure.row(cam.at, right), -structure.row(cam.at, contact.direction), twist]
+    rows.append(-_drawn(structure, contact, cam, cam.follower))
+    return AngleVector(np.array(rows), (along_lift(cam), beside_lift(cam), rub(cam), lightened(cam)))
+
+
+def _drawn(structure: Structure, contact: CamContact, cam: Cam, face: SwingFlatFollower) -> FloatArray:
+    """Return the row of how far a swinging face moves along itself, to the right."""
+    along = off_pivot(cam) * structure.row(contact.follower, contact.direction)
+    if not structure.is_node(contact.follower):
+        return along
+    own, turned = (structure.row(contact.follower, d) for d in (to_right(contact, cam), turning(contact.shaft_axis)))
+    if not turned.any():
+        return own + along
+    mesh = structure.model.mesh
+    node, centre = (mesh.nodes[mesh.node(one)] for one in (contact.follower, cam.at))
+    height = face.base_radius - float((node - centre) @ contact.direction[:3])  # of the face above its node
+    return own - cam.turn * height * turned
+
+
+def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling:
+    """Return the contact of a cam and its follower."""
+    cam, where = structure.model.cams[contact.cam], f"contacts.{name}"
+    depth = _depth(structure, contact, cam, where)
+    law = _cam_law(structure, name, contact, cam)
+    force = conservative_force(where, depth, law, cam.event, contact.restitution)
+    torque: Observable = force_sum(0, factor=derivative(cam.event))
+    if contact.friction:
+        force = add_friction(structure, name, contact, cam, force)
+        torque = total(torque, force_sum(1, factor=rub(cam)))
+    return Coupling((), (force,), (
+        Channel(f"{where}.force", "N", force_sum(0)),
+        Channel(f"{where}.torque", "N m", torque),
+        Channel(f"{where}.gap", "m", lambda seen: -seen.gaps[:, 0]),
+        *_profile_channels(structure, name, contact, cam),
+    ))  # fmt: skip
+
+
+def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> AngleVector:
+    """Return the derivative of the depth by the unknowns."""
+    lift, axis = contact.direction, turning(contact.shaft_axis)
+    follower = structure.row(contact.follower, lift, f"{where}.follower")
+    if not follower.any():
+        raise _stands_still(structure, contact.follower, f"{where}.follower")
+    refuse_other_arm(structure, contact, cam, where)
+    twist = structure.row(cam.at, axis)
+    rolls = cam.follower is not None and np.isfinite(cam.follower.roller_radius)
+    swings = isinstance(cam.follower, SwingRollerFollower | SwingFlatFollower)
+    tilts = not rolls and not swings and structure.is_node(contact.follower)  # an arm turns by its lift
+    tilt = structure.row(contact.follower, axis) if tilts else np.zeros_like(twist)
+    rows = [structure.row(cam.at, lift) - follower, twist - tilt]
+    functions: list[AngleFunction] = [constant(1.0), derivative(cam.event)]
+    if swings:  # the normal turns with the arm
+        rows = [twist, structure.row(cam.at, lift), structure.row(cam.at, to_right(contact, cam))]
+        more, by = zip(*_carried(structure, contact, cam), strict=True)
+        return AngleVector(np.array([*rows, *more]), (functions[1], along_lift(cam), beside_lift(cam), *by))
+    if rolls:
+        rows.append(sideways(structure, contact, cam))
+        functions.append(beside_lift(cam))
+    return AngleVector(np.array(rows), tuple(functions))
+
+
+def _carried(structure: Structure, contact: CamContact, cam: Cam) -> list[tuple[FloatArray, AngleFunction]]:
+    """Return rows and functions of what a swinging follower moves away.
+
+    A finger that is a member has its node at the arm's length. A flat face is touched at the distance q from the pivot:
+    there the finger moves by ``u + (q - arm) phi``, with u and phi of its node, and by virtual work the force N bends
+    it as the same force at the node and the couple N (q - arm) do (J. L. Meriam and L. G. Kraige, Engineering
+    Mechanics: Statics, ch. 2, force-couple systems): by lift, N and path are taken q/arm times. A roller's force passes
+    through its centre; along the finger it is the tangent of the pressure angle, measured from the turned arm.
+    """
+    away = -structure.row(contact.follower, contact.direction)
+    if not structure.is_node(contact.follower):
+        return [(away, constant(1.0))]
+    if not isinstance(cam.follower, SwingFlatFollower):
+        return [(away, constant(1.0)), (-structure.row(contact.follower, to_right(contact, cam)), leaning(cam))]
+    turned = structure.row(contact.follower, turning(contact.shaft_axis))
+    if not turned.any():
+        return [(away, constant(1.0))]
+    stiff = cam.follower.side * cam.turn * cam.follower.arm * turned  # what turning about the pivot moves away
+    return [(stiff, constant(1.0)), (away - stiff, lightened(cam))]
+
+
+def _stands_still(structure: Structure, follower: str, where: str) -> InputError:
+    mesh = structure.model.mesh
+    if structure.is_node(follower) and not (structure.dofs.numbers[mesh.node(follower)] >= 0).any():
+        given, why = f"{follower!r}, a node with nothing that moves", "members, masses and springs give a node unknowns"
+        allowed = "a node of a member, or one with a mass or a spring along the lift"
+        if mesh.node(follower) not in mesh.elements():
+            return refuse(where, given, allowed, why, "end a member there, or put a mass on it")
+    given, why = f"{follower!r}, held along the lift", "a follower that cannot move feels no cam"
+    return refuse(where, given, "a point that is free along the lift", why, "free it in [supports]")
+
+
+def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> ForceLaw:
+    if not contact.unilateral:
+        return spring_damper(contact.stiffness or 0.0)
+    if contact.stiffness is not None:
+        return hunt_crossley_contact(contact.stiffness, contact.dissipation)
+    line = hertz_line(structure, name, contact, cam)
+    return line.law() if isinstance(cam.follower, FlatFollower) else line.law(tabled(around(cam).touch.reach))
+
+
+def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -> HertzLine:
+    """Return the line contact of a cam with its follower."""
+    where = f"contacts.{name}.stiffness"
+    if cam.follower is None or cam.width is None:
+        remedy = "give base_radius, follower and width of the cam, or a stiffness"
+        raise refuse(where, "hertz", "a cam with a profile and a width", "the radius of curvature decides", remedy)
+    model = structure.model
+    node = find_node(model, cam.at, where)
+    material = next((m.material for n, m in model.members.items() if node in model.mesh.lines[n]), None)
+    if material is None:
+        given, why = f"hertz, of a cam at {cam.at!r} on no member", "the member says the material"
+        raise refuse(where, given, "a number, or a cam on a member", why)
+    follower, roller = cam.follower, cam.follower.roller_radius
+    own = around(cam).radius
+    curvature = 1.0 / own + 1.0 / roller
+    if (undercut(own, follower) | (curvature < 0.0)).any():
+        given = "a profile that is undercut or hollow under its follower"
+        raise refuse(where, given, "one that touches along a line", "see flexcam cam", "a larger base circle")
+    rolls = bool(np.isfinite(roller))
+    depth = 2.0 * (follower.base_radius + roller) if rolls else follower.base_radius  # the base circle for the cam
+    radius = tabled(1.0 / np.maximum(curvature, 1.0 / (STRAIGHT * depth)))
+    return HertzLine(cam.width, material.E, material.nu, radius, depth, contact.dissipation, rolls)
+
+
+def _profile_channels(structure: Structure, name: str, contact: CamContact, cam: Cam) -> list[Channel]:
+    """Return Hertz pressure, sliding velocity and friction, where the profile is known."""
+    if cam.follower is None:
+        return []
+    where = f"contacts.{name}"
+    channels: list[Channel] = []
+    follower = cam.follower
+    whole = not undercut(around(cam).radius, follower).any()
+    on_member = structure.model.mesh.on_members()[find_node(structure.model, cam.at, f"cams.{contact.cam}.at")]
+    if cam.width is not None and whole and on_member:
+        line = hertz_line(structure, name, contact, cam)
+        channels.append(Channel(f"{where}.pressure", "Pa", _pressure(line, cam)))
+    if not np.isfinite(follower.roller_radius):
+        channels.append(Channel(f"{where}.sliding", "m/s", _per_time(slide(cam))))
+    if contact.friction:
+        channels.append(Channel(f"{where}.friction", "N", force_sum(1, factor=lightened(cam))))
+    return channels
+
+
+def _per_time(path: AngleFunction) -> Observable:
+    return lambda seen: seen.cam(path, 0) * seen.motion.speed
+
+
+def _pressure(line: HertzLine, cam: Cam) -> Observable:
+    def pressed(seen: Observation) -> FloatArray:
+        reach = touched(cam, seen.cam).touch.reach
+        return line.pressure(seen.forces[:, 0] / reach, seen.cam(line.radius, 0))
+
+    return pressed

@@ -1,0 +1,164 @@
+"""What follows from a cam's profile, as functions of the cam angle with their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from flexcam.cams import CamProfile, SwingFlatFollower, profile_at
+from flexcam.cams.profile import Motion
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.dynamics import AngleFunction, CamFunctionCache, DerivedCamFunction
+from flexcam.valvetrain.parts import Cam
+
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 7201)
+"""Where the curvature is taken; between these it is interpolated, as it is asked for at every iteration."""
+
+
+def _profile(cam: Cam, angle: FloatArray, motion: Motion | None = None) -> CamProfile:
+    if cam.follower is None:
+        raise refuse("follower", "none", "a follower and a base circle", "the profile follows from them")
+    return profile_at(cam.event, cam.follower, angle, cam.turn, motion)
+
+
+@lru_cache(maxsize=8)
+def around(cam: Cam) -> CamProfile:
+    """Return the profile at `ANGLES`, of which several things are tabled."""
+    return _profile(cam, ANGLES)
+
+
+@dataclass(frozen=True, eq=False)
+class _OfProfile(DerivedCamFunction):
+    """A function of the cam angle that follows from the profile, with its derivative."""
+
+    cam: Cam
+    value: Callable[[CamProfile], FloatArray]
+    slope: Callable[[CamProfile], FloatArray]
+
+    def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
+        return (self.value, self.slope)[order](touched(self.cam, cam))
+
+
+def touched(cam: Cam, at: CamFunctionCache) -> CamProfile:
+    """Return the profile at cam angles, made once for all that ask."""
+
+    def made() -> CamProfile:
+        event = cam.event
+        return _profile(cam, at.angle, (at(event, 0), at(event, 1), at(event, 2)))
+
+    return at.once((touched, id(cam)), made)
+
+
+@lru_cache(maxsize=8)
+def along_lift(cam: Cam) -> AngleFunction:
+    """Return the lift per motion of the cam along the lift as it begins."""
+    return _OfProfile(cam, lambda made: made.push.real, lambda made: made.push_rate.real)
+
+
+@lru_cache(maxsize=8)
+def beside_lift(cam: Cam) -> AngleFunction:
+    """Return the lift per motion of the cam to the right: the tangent of the pressure angle where nothing swings."""
+    return _OfProfile(cam, lambda made: -made.push.imag, lambda made: -made.push_rate.imag)
+
+
+@lru_cache(maxsize=8)
+def leaning(cam: Cam) -> AngleFunction:
+    """Return the tangent of the pressure angle, from the motion of the follower where the arm has turned to."""
+    return _OfProfile(
+        cam, lambda made: np.tan(made.pressure_angle), lambda made: made.pressure_rate / made.touch.reach**2
+    )
+
+
+@lru_cache(maxsize=8)
+def slide(cam: Cam) -> AngleFunction:
+    """Return the path per cam angle, m, by which the cam's surface slides to the right of a flat face."""
+    return _OfProfile(cam, lambda made: made.touch.sliding, lambda made: made.touch.sliding_rate)
+
+
+@lru_cache(maxsize=8)
+def lightened(cam: Cam) -> AngleFunction:
+    """Return the force along the normal per force along the lift."""
+    return _OfProfile(cam, lambda made: 1.0 / made.touch.reach, lambda made: _by_reach_rate(made, 1.0, 0.0))
+
+
+@lru_cache(maxsize=8)
+def rub(cam: Cam) -> AngleFunction:
+    """Return the path per cam angle, m, of the cam's surface alone along a flat face, by the reach."""
+    off = off_pivot(cam)
+    return _OfProfile(
+        cam,
+        lambda made: (made.touch.sliding + off * made.velocity) / made.touch.reach,
+        lambda made: _by_reach_rate(
+            made, made.touch.sliding + off * made.velocity, made.touch.sliding_rate + off * made.acceleration
+        ),
+    )
+
+
+def _by_reach_rate(made: CamProfile, value: FloatArray | float, rate: FloatArray | float) -> FloatArray:
+    """Return the derivative of a value by the reach."""
+    return (rate - value * made.touch.reach_rate / made.touch.reach) / made.touch.reach
+
+
+def off_pivot(cam: Cam) -> float:
+    """Return the path to the right of a swinging flat face along itself, per lift."""
+    one = cam.follower
+    return one.side * one.face / one.arm if isinstance(one, SwingFlatFollower) else 0.0
+
+
+@lru_cache(maxsize=8)
+def travelled(cam: Cam) -> AngleFunction:
+    """Return the path that has slid past since cam angle zero, by the reach, m."""
+    slid = _OfProfile(
+        cam,
+        lambda made: made.touch.sliding / made.touch.reach,
+        lambda made: _by_reach_rate(made, made.touch.sliding, made.touch.sliding_rate),
+    )
+    return _Travelled(slid, cam, off_pivot(cam))
+
+
+class _Travelled(DerivedCamFunction):
+    """The path that has slid past since cam angle zero, m; `path` is its derivative.
+
+    What the face itself has moved, `off` of the lift, is added: it counts with the motion of the follower.
+    """
+
+    def __init__(self, path: AngleFunction, cam: Cam, off: float) -> None:
+        self._cam, self._off = cam, off
+        width = ANGLES[1]
+        x, w = np.polynomial.legendre.leggauss(4)
+        within = path((ANGLES[:-1, None] + 0.5 * width * (1.0 + x)).ravel(), 0).reshape(-1, 4)
+        self._path, self._slopes = path, path(ANGLES, 0)
+        self._sums = np.concatenate([[0.0], np.cumsum(0.5 * width * (within @ w))])
+
+    def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
+        slid = cam(self._path, order - 1) if order else self._slid(cam.angle)
+        if not self._off:
+            return slid
+        made = touched(self._cam, cam)
+        if order:
+            return slid + self._off * _by_reach_rate(made, made.lift, made.velocity)
+        return slid + self._off * made.lift / made.touch.reach
+
+    def _slid(self, angle: FloatArray) -> FloatArray:
+        width, sums, slopes = ANGLES[1], self._sums, self._slopes
+        turns, rest = np.divmod(angle, 2.0 * np.pi)
+        i = np.minimum((rest / width).astype(int), len(ANGLES) - 2)
+        z = (rest - ANGLES[i]) / width
+        y = 1.0 - z
+        # Hermite's cubic through sums and slopes.
+        ends = y * y * (1.0 + 2.0 * z) * sums[i] + z * z * (3.0 - 2.0 * z) * sums[i + 1]
+        return turns * sums[-1] + ends + width * z * y * (y * slopes[i] - z * slopes[i + 1])
+
+
+def tabled(values: FloatArray) -> AngleFunction:
+    """Return what interpolates values at `ANGLES`; its derivatives are not asked for."""
+
+    def looked_up(angle: FloatArray, order: int) -> FloatArray:
+        del order
+        return np.interp(np.mod(angle, 2.0 * np.pi), ANGLES, values)
+
+    return looked_up

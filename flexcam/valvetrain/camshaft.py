@@ -1,0 +1,247 @@
+"""What a camshaft does under its cams: twist and deflection at each; its inertia while its speed changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.cams import Event
+from flexcam.core import FloatArray, IntArray
+from flexcam.core.errors import did_you_mean, refuse
+from flexcam.dynamics import (
+    AngleFunction,
+    AngleVector,
+    Channel,
+    Load,
+    LocalForce,
+    Observable,
+    Observation,
+    SpeedByAngle,
+    row_of,
+)
+from flexcam.fem.assembly import rayleigh_damping
+from flexcam.fem.elements import beam
+from flexcam.fem.frames import ROTATIONS
+from flexcam.valvetrain.contacts import Coupling
+from flexcam.valvetrain.model import Model
+from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
+from flexcam.valvetrain.structure import Structure, structure_in
+
+
+def shafts(structure: Structure) -> Coupling:
+    """Return the channels of the camshafts."""
+    model = structure.model
+    channels: list[Channel] = []
+    for contact in model.driven.values():
+        at = model.cams[contact.cam].at
+        axis = _turning(contact.shaft_axis)
+        if model.mesh.on_members()[model.mesh.node(at)]:
+            channels += [
+                Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(at, axis))),
+                Channel(f"cams.{contact.cam}.deflection", "m", row_of(structure.row(at, contact.direction))),
+            ]
+    return Coupling(_inertias(structure), (), tuple(channels))
+
+
+def _bodies(structure: Structure) -> list[tuple[int, FloatArray]]:
+    """Return node and mass matrix (6, 6), global axes, of every body at a node."""
+    on_nodes = [part for part in structure.model.masses.values() if structure.is_node(part.at)]
+    return [(structure.model.mesh.node(part.at), part.body.matrix()) for part in on_nodes]
+
+
+def _inertias(structure: Structure) -> tuple[Load, ...]:
+    mesh = structure.model.mesh
+    shafts: dict[int, Load] = {}
+    for contact in structure.model.driven.values():
+        nodes = mesh.connected(mesh.node(structure.model.cams[contact.cam].at))
+        if int(nodes[0]) not in shafts:
+            shafts[int(nodes[0])] = _inertia(structure, nodes, contact.shaft_axis)
+    return tuple(shafts.values())
+
+
+def _inertia(structure: Structure, nodes: IntArray, axis: FloatArray) -> Load:
+    """Return the load of a shaft's rotary inertia while its speed changes: unknowns turn with the shaft."""
+    dofs, turning = structure.dofs, _turning(axis)
+    beams = structure.beams.part(np.flatnonzero(np.isin(structure.beams.nodes[:, 0], nodes)))
+    pulled = beam.to_global(beams, beam.mass(beams)) @ np.tile(turning, 2)
+    vector = _assembled(dofs.size, dofs.numbers[beams.nodes], pulled)
+    for at, matrix in _bodies(structure):
+        if at in nodes:
+            vector = vector + _assembled(dofs.size, dofs.numbers[at], matrix @ turning)
+    return Load(f"shaft of {structure.model.mesh.node_name(int(nodes[0]))}", -vector, lambda motion: motion.rate)
+
+
+def _turning(axis: FloatArray) -> FloatArray:
+    """Return the six components of a node that turns with a shaft."""
+    return np.concatenate([np.zeros(3), axis])
+
+
+def _assembled(size: int, numbers: IntArray, values: FloatArray) -> FloatArray:
+    """Return a vector of values at numbered unknowns, shape (size,); those that are held have no number."""
+    free = numbers.ravel() >= 0
+    vector = np.zeros(size)
+    np.add.at(vector, numbers.ravel()[free], values.ravel()[free])
+    return vector
+
+
+_ALONG = 0.9
+"""Cosine from which on a held rotation is one about the shaft."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldEnd:
+    """A place where a shaft's rotation is held.
+
+    Parameters
+    ----------
+    name
+        Of the support or the node.
+    node
+        Its number.
+    freed
+        The structure with the held rotations of that node free.
+    kept
+        Places of the structure's own unknowns among those of `freed`, shape (n,).
+    turned
+        Unit rotation about the shaft in what is freed, shape (n of `freed`,).
+    """
+
+    name: str
+    node: int
+    freed: Structure
+    kept: IntArray
+    turned: FloatArray
+
+    @property
+    def bends(self) -> bool:
+        """Whether a member with geometric stiffness ends there or passes."""
+        model = self.freed.model
+        return any(one.geometric_stiffness and self.node in model.mesh.lines[n] for n, one in model.members.items())
+
+    @property
+    def levers(self) -> bool:
+        """Whether it drives a lever."""
+        return self._is_at(*(one.start for one in self.freed.model.levers.values()))
+
+    @property
+    def springs(self) -> bool:
+        """Whether a spring ends there."""
+        return self._is_at(*(end for one in self.freed.model.springs.values() for end in (one.at, one.to) if end))
+
+    def bears(self, contact: Contact) -> bool:
+        """Tell whether a contact stands at this node and twists it: the published load only if it is said to."""
+        model = self.freed.model
+        match contact:
+            case PublishedLoad():
+                return contact.cam_torque and self._is_at(model.cams[contact.cam].at)
+            case CamContact():
+                return self._is_at(model.cams[contact.cam].at, contact.follower)
+            case Seat():
+                return self._is_at(contact.at)
+            case Lash() | Adjuster():
+                on = [model.rockers[contact.rocker].start] if contact.rocker else []
+                return self._is_at(*(contact.ends or ()), *on)
+
+    def _is_at(self, *points: str) -> bool:
+        """Tell whether one of some named points is this node."""
+        named = self.freed.model.mesh.points
+        return any(self.node in named[point] for point in points if point in named)
+
+
+def find_held_ends(structure: Structure) -> tuple[HeldEnd, ...]:
+    """Return every place where a shaft's rotation is held."""
+    return tuple(_freed(structure, *end) for end in _found(structure))
+
+
+def _found(structure: Structure) -> Iterator[tuple[str, int, FloatArray]]:
+    """Yield name, node and axis of every place where a shaft's rotation is held."""
+    model = structure.model
+    driven: dict[int, FloatArray] = {}
+    for contact in model.driven.values():
+        nodes = model.mesh.connected(model.mesh.node(model.cams[contact.cam].at))
+        driven |= dict.fromkeys(nodes.tolist(), contact.shaft_axis)
+    for point, held in model.supports.items():
+        for node in model.mesh.select(point).tolist():
+            along = driven.get(node, np.zeros(3))
+            axis = int(np.argmax(np.abs(along)))
+            if abs(float(along[axis])) > _ALONG and ROTATIONS[axis] in held:
+                yield point if len(model.mesh.select(point)) == 1 else model.mesh.node_name(node), node, along
+
+
+def _freed(structure: Structure, name: str, node: int, along: FloatArray) -> HeldEnd:
+    held = 3 + np.flatnonzero(structure.dofs.numbers[node, 3:] < 0)
+    dofs = structure.dofs.freed(node, held, name)
+    new = dofs.numbers[node, held]
+    turned = np.zeros(dofs.size)
+    turned[new] = along[held - 3]
+    return HeldEnd(name, node, structure_in(structure.model, dofs), np.delete(np.arange(dofs.size), new), turned)
+
+
+def inertia_torque(end: HeldEnd) -> Observable:
+    """Return what mass, damping and stiffness ask of a held rotation; modal damping, which couples all, is left out."""
+    freed, damping = end.freed, end.freed.model.damping
+    damped = freed.dampers + rayleigh_damping(freed.mass, freed.stiffness, damping.alpha, damping.beta)
+    each = [matrix.times(end.turned)[end.kept][None] for matrix in (freed.stiffness, damped, freed.mass)]
+
+    def asked(seen: Observation) -> FloatArray:
+        return sum((seen.moved.picked(row, order)[:, 0] for order, row in enumerate(each)), np.zeros(1))
+
+    return asked
+
+
+def reaction_torque(end: HeldEnd, loads: tuple[Load, ...], forces: tuple[LocalForce, ...]) -> Observable:
+    """Return what loads and local forces of the freed structure leave a held rotation to bear."""
+    pushed = np.array([end.turned @ load.vector for load in loads])
+    acting = [one for force in forces for one in force.act]
+    turning = [(i, AngleVector((one.vectors @ end.turned)[:, None], one.functions)) for i, one in enumerate(acting)]
+    turning = [(i, one) for i, one in turning if one.vectors.any()]
+
+    def borne(seen: Observation) -> FloatArray:
+        found = -(seen.histories @ pushed)
+        for i, one in turning:
+            weights = [seen.cam(function, 0) for function in one.functions] or [np.ones(len(found))]
+            found -= seen.forces[:, i] * (one.vectors[:, 0] @ np.array(weights))
+        return found
+
+    return borne
+
+
+def free_running(
+    model: Model,
+    speed: float,
+    cam: str,
+    cam_mass: float,
+    follower_mass: float,
+    start: float = 0.0,
+    time: float = 0.0,
+) -> SpeedByAngle:
+    """Return the drive of a freely running cam."""
+    if cam not in model.cams:
+        raise refuse(
+            "run.free_running.cam", repr(cam), f"one of {', '.join(model.cams)}", "", did_you_mean(cam, model.cams)
+        )
+    part = model.cams[cam]
+    if part.follower is None:
+        why = "the inertia of the cam follows from its base circle"
+        raise refuse(f"cams.{cam}", "no base circle", "base_radius and follower", why, "add both")
+    omega = free_speed(part.event, part.follower.base_radius, speed, cam_mass, follower_mass)
+    return SpeedByAngle(omega, start, time)
+
+
+def free_speed(event: Event, base_radius: float, speed: float, cam_mass: float, follower_mass: float) -> AngleFunction:
+    """Return the speed of a freely running cam over its angle."""
+    r0, mean = base_radius, 0.5 * cam_mass * (base_radius + event.height) ** 2
+
+    def inertia(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+        s, slope, bend = (event(angle, order) for order in range(3))
+        disc = 0.5 * cam_mass * (r0**2 + 4.0 * r0 * s + 2.0 * s**2)
+        return disc + follower_mass * slope**2, 2.0 * slope * (cam_mass * (r0 + s) + follower_mass * bend)
+
+    def omega(angle: FloatArray, order: int) -> FloatArray:
+        J, change = inertia(angle)
+        found = speed * np.sqrt(mean / J)
+        return found if order == 0 else -0.5 * found * change / J
+
+    return omega

@@ -1,0 +1,124 @@
+"""What a contact adds to the equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.dynamics import (
+    AngleFunction,
+    AngleVector,
+    Channel,
+    ForceLaw,
+    Load,
+    LocalForce,
+    constant,
+    elastic_stop,
+    force_sum,
+    oil_column_law,
+)
+from flexcam.valvetrain.parts import Adjuster, Lash, Seat
+from flexcam.valvetrain.structure import Structure
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """Loads, local forces and channels of one contact; positions count within these tuples."""
+
+    loads: tuple[Load, ...]
+    forces: tuple[LocalForce, ...]
+    channels: tuple[Channel, ...]
+
+
+_zero = constant(0.0)
+
+
+def opposed_force(
+    name: str, rows: FloatArray, law: ForceLaw, offset: AngleFunction = _zero, switching: tuple[int, ...] = ()
+) -> LocalForce:
+    """Return a local force that acts against the rows it senses, A = -G, none of which changes with the cam angle."""
+    sense = tuple(AngleVector.constant(row) for row in rows)
+    act = tuple(AngleVector.constant(-row) for row in rows)
+    return LocalForce(name, sense, act, law, (offset,) * len(rows), switching)
+
+
+_zero_contacts = constant(0.0)
+
+
+def conservative_force(
+    name: str,
+    sense: AngleVector,
+    law: ForceLaw,
+    offset: AngleFunction = _zero_contacts,
+    restitution: float | None = None,
+) -> LocalForce:
+    """Return a local force of one scalar that acts against the motion that presses its bodies together."""
+    switching = () if restitution is None else (0,)  # an impact happens at the moment of touchdown
+    act = AngleVector(-sense.vectors, sense.functions)
+    return LocalForce(name, (sense,), (act,), law, (offset,), switching, restitution)
+
+
+def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
+    """Return a stop."""
+    row = structure.row(seat.at, seat.direction, f"contacts.{name}.at")
+    if not row.any():
+        given = f"a seat at {seat.at!r} along {seat.direction.tolist()}"
+        why = "what cannot move that way needs no seat"
+        raise refuse(
+            f"contacts.{name}", given, "a point that is free along the seat's direction", why, 'add direction = "uy"'
+        )
+    law = elastic_stop(seat.stiffness, seat.damping, seat.damping_depth)
+    force = conservative_force(f"contacts.{name}", AngleVector.constant(-row), law, restitution=seat.restitution)
+    return Coupling((), (force,), (
+        Channel(f"contacts.{name}.force", "N", force_sum(0)),
+        Channel(f"contacts.{name}.gap", "m", lambda seen: -seen.gaps[:, 0]),
+        Channel(f"contacts.{name}.velocity", "m/s", lambda seen: -seen.rates[:, 0]),
+    ))  # fmt: skip
+
+
+def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
+    """Return the play between a rocker and its point."""
+    where = f"contacts.{name}"
+    row, gap = play_row(structure, lash, where), constant(-lash.gap)
+    law = elastic_stop(lash.stiffness, lash.damping, lash.damping_depth)
+    force = conservative_force(where, AngleVector.constant(row), law, gap)
+    return Coupling((), (force,), (
+        Channel(f"{where}.force", "N", force_sum(0)),
+        Channel(f"{where}.gap", "m", lambda seen: -seen.gaps[:, 0]),
+    ))  # fmt: skip
+
+
+def play_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatArray:
+    """Return the row of how far the two sides of a play have come together, shape (n,)."""
+    if part.ends is not None and part.direction is not None:
+        first, second = (structure.row(end, part.direction, where) for end in part.ends)
+        return first - second
+    rocker = structure.model.rockers[str(part.rocker)]
+    return structure.reach(rocker) - structure.dofs.unit(rocker.point)
+
+
+def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling:
+    """Return a hydraulic lash adjuster.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    name
+        Of the contact.
+    part
+        The adjuster.
+
+    Returns
+    -------
+    Coupling
+        A local force with the channels force and leak-down.
+    """
+    where = f"contacts.{name}"
+    law = oil_column_law(part.stiffness, part.leak, part.refill, part.plunger_force)
+    force = conservative_force(where, AngleVector.constant(play_row(structure, part, where)), law)
+    return Coupling((), (force,), (
+        Channel(f"{where}.force", "N", force_sum(0)),
+        Channel(f"{where}.leak_down", "m", lambda seen: seen.states[:, 0]),
+    ))  # fmt: skip

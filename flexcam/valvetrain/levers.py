@@ -1,0 +1,80 @@
+"""Joints of levers: what their turning adds to the linear springs at their ends.
+
+The structure holds the joints as springs at the installed ratio. Here stands the rest: the force of the true depth
+``y(p) - x`` less that of the linear one, with its share on the lever by virtual work, ``y'(p)``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexcam.dynamics import ForceLaw, LocalForce
+from flexcam.dynamics.force_laws import LEVER
+from flexcam.valvetrain.contacts import Coupling, opposed_force
+from flexcam.valvetrain.parts import Lever
+from flexcam.valvetrain.published_load import follower_train
+from flexcam.valvetrain.structure import Structure, lever_ends
+
+
+def lever_end(lever: Lever, end: int) -> ForceLaw:
+    """Return the law of an elastic end beyond its linear spring; it senses the path p and what moves there, x.
+
+    Parameters
+    ----------
+    lever
+        The lever.
+    end
+        0 for the driven one, 1 for the point.
+
+    Returns
+    -------
+    ForceLaw
+        `flexcam.dynamics.force_laws.lever`.
+    """
+    return ForceLaw(
+        LEVER, (lever.stiffness[end], lever.damping[end], lever.arms[end], lever.arms[0], lever.angles[end])
+    )
+
+
+def lever_joints(structure: Structure) -> Coupling:
+    """Return what the turning of all levers adds.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+
+    Returns
+    -------
+    Coupling
+        A local force per elastic end.
+    """
+    refuse_far_turns(structure)
+    forces: list[LocalForce] = []
+    for name, lever in structure.model.levers.items():
+        for end, rows in lever_ends(structure, lever).items():
+            where = f"rockers.{name}.{('from', 'to')[end]}"
+            forces.append(opposed_force(where, np.array(rows), lever_end(lever, end)))
+    return Coupling((), tuple(forces), ())
+
+
+def refuse_far_turns(structure: Structure) -> None:
+    """Refuse a lift that would turn a lever until its arm points along the motion.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+
+    Raises
+    ------
+    InputError
+        Naming the lever.
+    """
+    model = structure.model
+    for name, contact in model.driven.items():
+        train = follower_train(structure, contact, f"contacts.{name}.follower")
+        event = model.cams[contact.cam].event
+        for rocker, lever in model.levers.items():
+            driven = float(structure.row(lever.start, lever.direction) @ train.motion)
+            lever.path_at(np.array([driven * event.height]), f"rockers.{rocker}.arms")

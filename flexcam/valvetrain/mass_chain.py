@@ -1,0 +1,186 @@
+"""Shapes that condense a `System`: everything follows statically from few motions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.core import DENSE_LIMIT, FloatArray, Triplets
+from flexcam.core.errors import refuse
+from flexcam.dynamics import ModeBasis, System, project_system
+from flexcam.valvetrain.compression import Bars, compressed_members, elements_of
+from flexcam.valvetrain.model import Model
+from flexcam.valvetrain.parts import CamContact, PublishedLoad
+from flexcam.valvetrain.published_load import follower_train
+from flexcam.valvetrain.structure import Structure, build_structure
+from flexcam.valvetrain.system_builder import build_system
+from flexcam.valvetrain.train_topology import moved_nodes
+
+_UNSEEN = 1e-9
+"""Singular value below which a motion without strain is not seen by what is kept."""
+
+
+def static_shapes(system: System, rows: FloatArray) -> FloatArray:
+    """Return how everything follows when some motions are given and nothing else is loaded."""
+    n, m = system.size, len(rows)
+    if n > 2 * DENSE_LIMIT:
+        raise refuse(
+            "chain", f"a model of {n} unknowns", f"up to {2 * DENSE_LIMIT}", "shapes are full", "fewer elements"
+        )
+    still = _unseen(np.zeros((n, 0)) if system.free is None else system.free, rows)
+    held = np.concatenate([rows, still.T])
+    K = system.stiffness.dense()
+    scale = float(np.abs(np.diagonal(K)).max(initial=0.0)) or 1.0
+    whole = np.block([[K / scale, held.T], [held, np.zeros((len(held), len(held)))]])
+    given = np.zeros((n + len(held), m))
+    given[n : n + m] = np.eye(m)
+    return np.asarray(np.linalg.solve(whole, given)[:n], dtype=np.float64)
+
+
+def _unseen(free: FloatArray, rows: FloatArray) -> FloatArray:
+    """Return the motions without strain that rows do not see, orthonormal, shape (n, k)."""
+    basis = np.linalg.qr(free)[0]
+    _, values, vectors = np.linalg.svd(rows @ basis)
+    seen = int(np.count_nonzero(values > _UNSEEN))
+    return np.asarray(basis @ vectors[seen:].T, dtype=np.float64)
+
+
+def rigid_lumped(mass: FloatArray, moved: FloatArray, count: int) -> FloatArray:
+    """Return a mass matrix whose first unknowns have a mass each, with the same momentum in a rigid motion."""
+    lump = mass.copy()
+    own = moved[:count]
+    lump[:count, :count] = np.diag(mass[:count, :count] @ own / own)
+    return lump
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """A train as few masses.
+
+    Parameters
+    ----------
+    system
+        Its equations: contacts, loads, probes and channels are those of the beam model.
+    points
+        Name of every mass of the chain, from the follower on.
+    masses
+        Of the chain, as felt at the follower (ratios of rockers squared in), kg, shape (k,).
+    stiffnesses
+        Between neighbours, as felt at the follower, N/m, shape (k - 1,).
+    shapes
+        Motion of the beam model's unknowns per unknown of the chain, shape (n, m).
+    unfelt
+        Members behind the last of all that is kept, such as everything behind a single mass: they bear the springs
+        behind them, but no inertia of what lies there.
+    """
+
+    system: System
+    points: tuple[str, ...]
+    masses: FloatArray
+    stiffnesses: FloatArray
+    shapes: FloatArray
+    unfelt: tuple[str, ...]
+
+
+def chain_of(model: Model, speed: float, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
+    """Return the train of a model as a chain of masses."""
+    model = straighten(model)
+    structure, system = build_structure(model), build_system(model, speed)
+    driven = _contact(model, contact)
+    points = _train(structure, driven)
+    if not 1 <= count <= len(points):
+        given, why = f"{count} masses", "a mass sits at a node of the train"
+        raise refuse("count", given, f"1 to {len(points)}", why, "more elements in its members")
+    step = (len(points) - 1) / max(count - 1, 1)
+    picked = [points[round(i * step)] for i in range(count)]
+    names, rows = _kept(system, picked)
+    shapes = static_shapes(system, rows)
+    found = project_system(system, ModeBasis(shapes, tuple(names)))
+    moved = rows @ follower_train(structure, driven, "chain").motion
+    k = len(picked)
+    lump = rigid_lumped(found.mass.dense(), moved, k)
+    if lumped:
+        found = replace(found, mass=Triplets.from_dense(lump))
+    felt = moved[:k]
+    between = -np.diagonal(found.stiffness.dense()[:k, :k], 1) * felt[:-1] * felt[1:]
+    unfelt = _unfelt(structure, shapes)
+    found = without_compression(found, unfelt)
+    return Chain(found, tuple(names[:k]), np.diagonal(lump)[:k] * felt**2, between, shapes, unfelt)
+
+
+def without_compression(system: System, members: Sequence[str]) -> System:
+    """Return a system that does not tell how much some members are compressed."""
+    left = tuple(f"members.{name}." for name in members)
+    return replace(system, channels=tuple(one for one in system.channels if not one.name.startswith(left)))
+
+
+def _unfelt(structure: Structure, shapes: FloatArray) -> tuple[str, ...]:
+    """Return the members that nothing stretches while the follower stands still."""
+    bars = {name: Bars(structure, elements_of(structure, name)) for name in compressed_members(structure.model)}
+    stretched = {name: np.abs(one.tension(shapes[:, 1:].T)) / one.stiffness for name, one in bars.items()}
+    return tuple(name for name, one in stretched.items() if one.max(initial=0.0) < _STRETCHED)
+
+
+_STRETCHED = 1e-6
+"""Stretch of an element by a unit of a motion below which it is rounding."""
+
+
+def straighten(model: Model) -> Model:
+    """Return a model with members that do not bow and springs of one piece."""
+    members = {n: replace(one, geometric_stiffness=False, bow=0.0) for n, one in model.members.items()}
+    return replace(model, members=members, springs={n: replace(one, elements=1) for n, one in model.springs.items()})
+
+
+def _contact(model: Model, name: str | None) -> PublishedLoad | CamContact:
+    if name in model.driven:
+        return model.driven[name]
+    if name is not None:
+        raise refuse("contact", repr(name), f"one of {', '.join(model.driven) or '(there is none)'}")
+    if len(model.driven) != 1:
+        given, why = f"{len(model.driven)} contacts of a cam", "few masses stand for the one train that a cam drives"
+        raise refuse("contact", given, "one", why, "take another model")
+    return next(iter(model.driven.values()))
+
+
+def _kept(system: System, picked: Sequence[tuple[str, FloatArray]]) -> tuple[list[str], FloatArray]:
+    """Return names and rows of what is kept: the chain's points, then what local forces sense and act on beside."""
+    names, rows = [name for name, _ in picked], [row for _, row in picked]
+    for force in system.local_forces:
+        for vector in (*force.sense, *force.act):
+            for row in vector.vectors:
+                if _apart(row, rows):
+                    names.append(f"{force.name}.{len(rows) - len(picked) + 1}")
+                    rows.append(row / np.linalg.norm(row))
+    return names, np.array(rows)
+
+
+def _apart(row: FloatArray, rows: Sequence[FloatArray]) -> bool:
+    """Tell whether a row is not a sum of others."""
+    size = float(np.linalg.norm(row))
+    if size == 0.0:
+        return False
+    basis = np.linalg.qr(np.array(rows).T)[0]
+    return bool(np.linalg.norm(row - basis @ (basis.T @ row)) > _SAME * size)
+
+
+_SAME = 1e-9
+"""Part of a row that may be left without its being another motion."""
+
+
+def _train(structure: Structure, contact: PublishedLoad | CamContact) -> list[tuple[str, FloatArray]]:
+    """Return name and row of every point along a train, from the follower on: nodes, rockers' points, behind plays."""
+    model, direction = structure.model, contact.direction
+    if not structure.is_node(contact.follower):
+        return [(contact.follower, structure.row(contact.follower, direction))]
+    nodes = moved_nodes(model, contact)
+    found = {model.mesh.node_name(node): structure.dofs.vector(node, direction) for node in nodes}
+    for rocker in model.rockers.values():
+        if rocker.finger or model.mesh.node(rocker.start) not in nodes:
+            continue
+        point = structure.row(rocker.point, np.zeros(6))
+        if not _apart(point, [row for row in found.values() if row.any()]):
+            del found[rocker.start]  # the point moves in proportion to it
+        found[rocker.point] = point
+    return [(name, row) for name, row in found.items() if row.any()]

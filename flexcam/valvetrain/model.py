@@ -1,0 +1,184 @@
+"""The valve train as a value: what it consists of, no matrices yet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from flexcam.core import IntArray
+from flexcam.fem.assembly import Damping
+from flexcam.fem.members import Member
+from flexcam.fem.mesh import Mesh
+from flexcam.valvetrain.parts import (
+    Adjuster,
+    Cam,
+    CamContact,
+    Contact,
+    GivenLoad,
+    Lash,
+    Lever,
+    MassAt,
+    Play,
+    PublishedLoad,
+    Pulsation,
+    Rocker,
+    Seat,
+    Spring,
+    Wire,
+    path_name,
+    tip_name,
+)
+
+__all__ = [
+    "Adjuster",
+    "Cam",
+    "CamContact",
+    "Contact",
+    "GivenLoad",
+    "Lash",
+    "Lever",
+    "MassAt",
+    "Model",
+    "PublishedLoad",
+    "Pulsation",
+    "Rocker",
+    "Seat",
+    "Spring",
+    "Wire",
+    "path_name",
+    "tip_name",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A flexible mechanism: mesh, members, supports and everything attached to them.
+
+    Parameters
+    ----------
+    mesh
+        Nodes, members as chains, named points.
+    members
+        Member name to its data.
+    supports
+        Point name to the components held.
+    masses, springs, rockers, cams, contacts, loads
+        Attached parts by name.
+    gravity
+        Acceleration, m/s^2, global axes.
+    damping
+        Of the whole structure.
+    probes
+        Points to watch: named nodes or points of rockers.
+
+    Examples
+    --------
+    `flexcam.case.builder.build_model` makes one from a case; `flexcam.valvetrain.build_system` turns it into equations.
+    """
+
+    mesh: Mesh
+    members: Mapping[str, Member]
+    supports: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    masses: Mapping[str, MassAt] = field(default_factory=dict[str, MassAt])
+    springs: Mapping[str, Spring] = field(default_factory=dict[str, Spring])
+    rockers: Mapping[str, Rocker] = field(default_factory=dict[str, Rocker])
+    cams: Mapping[str, Cam] = field(default_factory=dict[str, Cam])
+    contacts: Mapping[str, Contact] = field(default_factory=dict[str, Contact])
+    loads: Mapping[str, GivenLoad] = field(default_factory=dict[str, GivenLoad])
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    damping: Damping = field(default_factory=Damping)
+    probes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("members", "supports", "masses", "springs", "rockers", "cams", "contacts", "loads"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    @property
+    def driven(self) -> dict[str, PublishedLoad | CamContact]:
+        """Contacts of a cam with its follower, by name."""
+        return {n: one for n, one in self.contacts.items() if isinstance(one, PublishedLoad | CamContact)}
+
+    def lash_of(self, rocker: str) -> Lash | Adjuster | None:
+        """Return the play or the adjuster of a rocker.
+
+        Parameters
+        ----------
+        rocker
+            Its name.
+
+        Returns
+        -------
+        Lash, Adjuster or None
+            None where the rocker's point is one with it.
+        """
+        plays = (one for one in self.contacts.values() if isinstance(one, Lash | Adjuster))
+        return next((one for one in plays if one.rocker == rocker), None)
+
+    @property
+    def plays(self) -> list[Play]:
+        """Plays and adjusters between nodes."""
+        parts = [one for one in self.contacts.values() if isinstance(one, Lash | Adjuster)]
+        return [
+            Play(one.ends, one.direction, one.gap, 0.0)
+            if isinstance(one, Lash)
+            else Play(one.ends, one.direction, 0.0, one.plunger_force)
+            for one in parts
+            if one.ends is not None and one.direction is not None
+        ]
+
+    def connected(self, node: int) -> IntArray:
+        """Return the nodes that members and links connect to a node, itself included.
+
+        Parameters
+        ----------
+        node
+            Row of the mesh's `nodes`.
+
+        Returns
+        -------
+        ndarray
+            Rows of `nodes`, ascending, shape (k,).
+        """
+        points = self.mesh.points
+        links = [(one.at, one.to) for one in self.springs.values() if one.link and one.to in points]
+        pairs = [(self.mesh.node(a), self.mesh.node(b)) for a, b in links if a in points and b is not None]
+        found = set(self.mesh.connected(node).tolist())
+        while more := {n for pair in pairs if not found.isdisjoint(pair) for n in pair} - found:
+            found.update(*(self.mesh.connected(n).tolist() for n in more))
+        return np.array(sorted(found), dtype=np.intp)
+
+    @property
+    def levers(self) -> dict[str, Lever]:
+        """Rockers that turn, by name."""
+        return {name: one for name, one in self.rockers.items() if isinstance(one, Lever)}
+
+    @property
+    def loose_points(self) -> dict[str, Rocker]:
+        """Points that move by themselves, because their rocker has play or turns, by name."""
+        loose = {r.point: r for name, r in self.rockers.items() if self.lash_of(name) or isinstance(r, Lever)}
+        return {**loose, **{r.start: r for r in self.rockers.values() if r.finger}}
+
+    @property
+    def further_unknowns(self) -> list[str]:
+        """Names of the unknowns of rockers: loose points, paths of levers, and their tips where play is behind them."""
+        paths = [path_name(name) for name, one in self.levers.items() if not one.finger]
+        return [*self.loose_points, *paths, *(tip_name(name) for name in self.levers if self.lash_of(name))]
+
+    def rocker_at(self, point: str) -> Rocker | None:
+        """Return the rocker that defines a point.
+
+        Parameters
+        ----------
+        point
+            Name of the point.
+
+        Returns
+        -------
+        Rocker or None
+            None where no rocker defines it.
+        """
+        own = (r for r in self.rockers.values() if point == r.point or (point == r.start and r.finger))
+        return next(own, None)

@@ -1,0 +1,303 @@
+"""Modes of a model with what moves in them, in words: member by member and mass by mass."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam import dynamics
+from flexcam.cams import event_extremes
+from flexcam.core import FloatArray, IntArray, Triplets, component_members, connected_components, null_space, pins
+from flexcam.dynamics import (
+    ActiveDofs,
+    CamMotion,
+    ConstantSpeed,
+    DofSubset,
+    InactiveGroup,
+    ModeBasis,
+    Modes,
+    NotPositiveError,
+    Problem,
+    RunFailedError,
+    System,
+    Tangents,
+    active_dofs_of,
+    equilibrium,
+    instability_status,
+    project_system,
+)
+from flexcam.fem.assembly import geometric as fem_geometric
+from flexcam.fem.elements import beam
+from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.recovery import section_forces
+from flexcam.valvetrain.model import Model
+from flexcam.valvetrain.structure import Structure, build_structure, spring_parts
+from flexcam.valvetrain.system_builder import build_system
+
+_KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
+_NAMED = 0.05
+"""Share of a mode's kinetic energy from which a part is named."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelModes:
+    """Modes of a model.
+
+    Parameters
+    ----------
+    modes
+        Frequencies and shapes.
+    effective
+        Effective masses along ux uy uz and about rx ry rz through the origin, shape (k, 6), kg and kg m^2.
+    shares
+        Kinetic energy by part, one dict per mode: ``"camshaft torsion"`` or ``"mass valve"`` to its share.
+    """
+
+    modes: Modes
+    effective: FloatArray
+    shares: tuple[dict[str, float], ...]
+
+    def words(self, mode: int) -> str:
+        """Return what moves in a mode, such as ``mass valve 60 %, pushrod axial 30 %``."""
+        shares = sorted(self.shares[mode].items(), key=lambda item: -item[1])
+        named = [f"{part} {100.0 * share:.0f} %" for part, share in shares if share >= _NAMED]
+        free = "free motion: " if mode < self.modes.rigid else ""
+        return free + ", ".join(named)
+
+
+def model_modes(
+    structure: Structure, count: int | None = None, *, loaded: FloatArray | None = None,
+    held: Sequence[tuple[str, Triplets]] = (),
+) -> ModelModes:  # fmt: skip
+    """Return the lowest modes of a model."""
+    stiffness, free = structure.stiffness, structure.free
+    force = None if loaded is None else section_forces(structure.beams, structure.dofs.nodal(loaded))[:, 0, 0]
+    if held:
+        closed = Triplets.joined([part for _, part in held])
+        stiffness, free = stiffness + closed, _unstressed(free, closed, stiffness)
+    if force is not None:
+        geometric = fem_geometric(structure.beams, force, structure.dofs)
+        stiffness, free = stiffness + geometric, _unstressed(free, geometric, stiffness)
+    try:
+        found = dynamics.modes(structure.mass, stiffness, count, free=free)
+    except NotPositiveError as failure:
+        if failure.motion is None:
+            raise
+        parts = [*held, *(() if force is None else _pressed(structure, force))]
+        raise RunFailedError(instability_status(structure.dofs.names, failure.motion, parts)) from None
+    motions = np.array([structure.dofs.rigid_motion(structure.model.mesh, unit) for unit in np.eye(6)])
+    effective = dynamics.effective_masses(found, structure.mass, motions)
+    return ModelModes(found, effective, _shares(structure, found.shapes.T))
+
+
+def _pressed(structure: Structure, force: FloatArray) -> Iterator[tuple[str, Triplets]]:
+    """Yield the name of each member and the stiffness by its axial forces, N, tension positive, shape (e,)."""
+    for name, its in structure.model.mesh.element_ranges().items():
+        elements = np.arange(len(structure.beams))[its]
+        yield f"members.{name}", fem_geometric(structure.beams.part(elements), force[elements], structure.dofs)
+
+
+def _unstressed(free: FloatArray, geometric: Triplets, stiffness: Triplets) -> FloatArray:
+    """Return the free motions that an axial force does not resist either: it resists what turns its member."""
+    if not free.shape[1]:
+        return free
+    values, vectors = np.linalg.eigh(free.T @ geometric.times_all(free))
+    size = float((free**2 * stiffness.diagonal()[:, None]).sum(axis=0).max())
+    return free @ vectors[:, np.abs(values) <= 1e-12 * size]
+
+
+def _shares(structure: Structure, shapes: FloatArray) -> tuple[dict[str, float], ...]:
+    mass = beam.mass(structure.beams)
+    return tuple(_shares_of(structure, shape, mass) for shape in shapes)
+
+
+def _shares_of(structure: Structure, shape: FloatArray, mass: FloatArray) -> dict[str, float]:
+    """Return the kinetic energy of every part, as shares of the whole (mass-orthonormal shapes have 1/2)."""
+    nodal = structure.dofs.nodal(shape)
+    shares = _member_shares(structure, nodal, mass)
+    for name, part in structure.model.masses.items():
+        rocker = structure.model.rocker_at(part.at)
+        if rocker is not None:
+            shares[f"mass {name}"] = part.body.mass * float(structure.row(part.at, np.zeros(6)) @ shape) ** 2
+        else:
+            motion = nodal[structure.model.mesh.node(part.at)]
+            shares[f"mass {name}"] = float(motion @ part.body.matrix() @ motion)
+    for name, rocker in structure.model.rockers.items():
+        turn = float(structure.path(rocker) @ shape) / rocker.arms[0]
+        shares[f"rocker {name}"] = rocker.inertia * turn**2
+    for name, spring in structure.model.springs.items():
+        if spring.mass > 0.0:
+            parts = [(float(a @ shape), float(b @ shape)) for a, b in spring_parts(structure, name, spring)]
+            shares[f"spring {name}"] = (
+                spring.mass / spring.elements * sum(a * a + a * b + b * b for a, b in parts) / 3.0
+            )
+    return shares
+
+
+def _member_shares(structure: Structure, nodal: FloatArray, mass: FloatArray) -> dict[str, float]:
+    beams = structure.beams
+    ends = nodal[beams.nodes].reshape(-1, 4, 3)
+    local = np.einsum("eij,ekj->eki", beams.triads, ends).reshape(-1, 2 * len(COMPONENTS))
+    shares: dict[str, float] = {}
+    for kind, places in _KINDS.items():
+        part = local[:, places]
+        energy = np.einsum("ei,eij,ej->e", part, mass[:, places[:, None], places], part)
+        for member, elements in structure.model.mesh.element_ranges().items():
+            shares[f"{member} {kind}"] = float(energy[elements].sum())
+    return shares
+
+
+def modal_basis(problem: Problem, count: int, *, by_parts: bool = False) -> ModeBasis:
+    """Return the lowest modes of a problem's system, with the static answers to all that pushes or watches it."""
+    n = problem.system.size
+    chosen = DofSubset(np.arange(n), np.zeros(n))
+    if problem.prune:
+        found = active_dofs_of(problem)
+        chosen = DofSubset(np.flatnonzero(found.moving), found.held)
+    if not chosen.size:
+        return ModeBasis(np.zeros((n, 0)), still=chosen.held)
+    own = project_system(problem.system, chosen)
+    places = _places(own)
+    if by_parts:
+        boundary, parts = _parts(own, places)
+        vectors = dynamics.craig_bampton(own.mass, own.stiffness, boundary, parts, count)
+    else:
+        vectors = dynamics.corrected_modes(own.mass, own.stiffness, places, count, free=own.free)
+    return ModeBasis(chosen.spread(vectors.T).T, still=chosen.held)
+
+
+def _parts(system: System, places: FloatArray) -> tuple[IntArray, list[IntArray]]:
+    """Return the unknowns that are pushed or watched, or free without them, and the others in groups they part."""
+    kept: NDArray[np.bool_] = np.array(places.any(axis=0))
+    held = np.flatnonzero(~kept)
+    while len(held) and (loose := null_space(system.stiffness.part(held))).shape[1]:
+        kept[held[pins(loose)]] = True  # a part that moves freely between kept unknowns is held by one more each
+        held = np.flatnonzero(~kept)
+    joined = system.stiffness.part(held) + system.mass.part(held)
+    labels = connected_components(len(held), joined.rows, joined.cols)
+    return np.flatnonzero(kept), [held[group] for group in component_members(labels)]
+
+
+def _places(system: System) -> FloatArray:
+    """Return the rows of all loads, of what local forces sense and act on, and of all probes, shape (k, n)."""
+    forces = [one.vectors for force in system.local_forces for one in (*force.sense, *force.act)]
+    rows = np.concatenate([system.load_vectors(), *forces, *(probe.rows for probe in system.probes)])
+    return rows[rows.any(axis=1)]
+
+
+_FELT = 1e-4
+"""Share of the contact's static yield from which on a mode is felt at the contact."""
+
+_MOST = 3000
+"""Unknowns up to which the matrices of contacts are reasonable."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReachedModes:
+    """Modes on the lift of a cam.
+
+    Parameters
+    ----------
+    found
+        The modes; contacts that are closed at full lift hold with their stiffness.
+    push
+        Size of the modal force by the contact's force, shape (k,), 1/sqrt(kg).
+    """
+
+    found: ModelModes
+    push: FloatArray
+
+    @property
+    def felt(self) -> list[int]:
+        """Positions of the modes that take part in what the contact yields under a constant force, no free motions.
+
+        Low modes count more by this than by the modal force, so that the surge of a spring is not missed beside the
+        stiff modes of the contact itself.
+        """
+        rigid, omegas = self.found.modes.rigid, self.found.modes.omegas
+        shares = (self.push[rigid:] / omegas[rigid:]) ** 2
+        return (np.flatnonzero(shares > _FELT * shares.sum()) + rigid).tolist()
+
+
+def contact_modes(structure: Structure, contact: str, held: Sequence[tuple[str, Triplets]]) -> ReachedModes:
+    """Return the modes of a train, and how far a contact reaches each."""
+    part = structure.model.driven[contact]
+    found = model_modes(structure, held=held)
+    push = structure.row(part.follower, part.direction) - structure.row(
+        structure.model.cams[part.cam].at, part.direction
+    )
+    return ReachedModes(found, np.abs(push @ found.modes.shapes))
+
+
+def holding(
+    system: System, motion: CamMotion, displacement: FloatArray, velocity: FloatArray, inner: FloatArray | None = None
+) -> list[tuple[str, Triplets]]:
+    """Return the stiffness with which each local force holds at an instant."""
+    tangents = Tangents(system, motion, displacement, velocity, inner)
+    return [(name, Triplets.from_dense(0.5 * (part + part.T))) for name, part in tangents.parts(0)]
+
+
+def modes_on_the_lift(model: Model, contact: str, speed: float) -> ReachedModes:
+    """Return the modes of a train at rest on the full lift of a cam, contacts closed as they are in balance there."""
+    structure, system = build_structure(model), build_system(model, speed)
+    if not system.local_forces or system.size > _MOST:
+        return contact_modes(structure, contact, ())
+    highest = event_extremes(model.cams[model.driven[contact].cam].event)[1]
+    drive = ConstantSpeed(speed, start=highest.at)
+    state = equilibrium(system, drive)
+    inner = None if state.inner is None else state.inner[None]
+    still = np.zeros((1, system.size))
+    return contact_modes(
+        structure, contact, holding(system, drive.at(np.zeros(1)), state.displacement[None], still, inner)
+    )
+
+
+_ALONG = 1e-6
+"""Part by which a component may be off a member's axis, or off its cross section, to count as along or across."""
+
+
+def describe_inactive(structure: Structure, found: ActiveDofs) -> list[str]:
+    """Return what of a structure nothing can move."""
+    said = [f"{_place(structure, still.unknowns)}: {_reason(still)}" for still in found.still]
+    return [f"{one} ({said.count(one)} times)" if said.count(one) > 1 else one for one in dict.fromkeys(said)]
+
+
+def _reason(still: InactiveGroup) -> str:
+    if still.loaded:
+        return "what loads it is constant and in balance"
+    return "free and unloaded" if still.free else "nothing loads it"
+
+
+def _place(structure: Structure, unknowns: IntArray) -> str:
+    """Return members, motion and components of some unknowns, or their names where no member has them."""
+    places = np.argwhere(structure.dofs.numbers >= 0)
+    nodes, components = places[unknowns[unknowns < len(places)]].T
+    touched: IntArray = np.flatnonzero(np.isin(structure.beams.nodes, nodes).any(axis=1))
+    if len(nodes) < len(unknowns) or not len(touched):
+        which: list[int] = unknowns.tolist()
+        return ", ".join(structure.dofs.names[i] for i in which)
+    ranges = structure.model.mesh.element_ranges()
+    members = [name for name, part in ranges.items() if ((touched >= part.start) & (touched < part.stop)).any()]
+    shown: list[int] = np.unique(components).tolist()
+    motion = _motion(structure.beams.triads[touched, 0], shown)
+    return f"{' and '.join(members)}: {motion} ({', '.join(COMPONENTS[c] for c in shown)})"
+
+
+def _motion(axes: FloatArray, components: list[int]) -> str:
+    """Return what some components are for members along some axes, shape (e, 3): along them, about them, or bending."""
+    along = np.abs(axes).argmax(axis=1)
+    if (along != along[0]).any() or np.abs(np.abs(axes[:, along[0]]) - 1.0).max() > _ALONG:
+        return "motion"
+    return " and ".join(dict.fromkeys(_kind(int(along[0]), c) for c in components))
+
+
+def _kind(axis: int, component: int) -> str:
+    """Return what a component, ux to rz, is for a member along an axis, x, y or z by number."""
+    turns, direction = divmod(component, 3)
+    if direction == axis:
+        return "torsion" if turns else "axial motion"
+    across = 3 - axis - direction if turns else direction
+    return f"bending in {'xyz'[axis]}-{'xyz'[across]}"

@@ -1,0 +1,451 @@
+"""Parts of a train that hang on it: masses, springs and their wire, loads."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.cams import Event, Follower, Turn
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.fem.rigid_bodies import PointMass
+
+
+@dataclass(frozen=True)
+class MassAt:
+    """A rigid body at a point: a named node, or the point a rocker defines (then only its mass counts)."""
+
+    at: str
+    body: PointMass
+
+
+@dataclass(frozen=True)
+class Wire:
+    """Wire of a coil spring, for its stress.
+
+    Parameters
+    ----------
+    diameter, coil_diameter
+        Of the wire and of the coil's mean circle, m.
+    """
+
+    diameter: float
+    coil_diameter: float
+
+    @property
+    def wahl(self) -> float:
+        """Wahl's factor for curvature and direct shear, ``(4C - 1)/(4C - 4) + 0.615/C`` with C = D/d."""
+        C = self.coil_diameter / self.diameter
+        return (4.0 * C - 1.0) / (4.0 * C - 4.0) + 0.615 / C
+
+    def rate(self, shear_modulus: float, active_coils: float) -> float:
+        """Return the stiffness ``G d^4/(8 D^3 n)``, N/m, by shear modulus (Pa) and active coils."""
+        return shear_modulus * self.diameter**4 / (8.0 * self.coil_diameter**3 * active_coils)
+
+
+@dataclass(frozen=True)
+class Pulsation:
+    """Swing of a stiffness with the cam angle, k (1 + amplitude cos(order theta + phase)).
+
+    Parameters
+    ----------
+    order
+        Swings per camshaft revolution.
+    amplitude
+        Part of the mean stiffness.
+    phase
+        rad.
+    """
+
+    order: float
+    amplitude: float
+    phase: float = 0.0
+
+    def part(self, angle: FloatArray) -> FloatArray:
+        """Return the swing at cam angles, rad, as a part of the mean stiffness."""
+        return self.amplitude * np.cos(self.order * angle + self.phase)
+
+
+@dataclass(frozen=True, eq=False)
+class Spring:
+    """A spring and damper along one direction, to ground or between two points.
+
+    Parameters
+    ----------
+    at
+        A named node, or the point a rocker defines.
+    direction
+        Weights of the six components, shape (6,), global axes; at a rocker's point its share along the rocker's.
+    stiffness, damping
+        N/m and N s/m, or N m/rad and N m s/rad for a rotation.
+    to
+        The other end; None for ground.
+    installed_force
+        Force it is installed with, N, or N m about an axis: it pushes against `direction`; None where none is stated.
+    mass
+        kg, spread evenly over its length.
+    elements
+        Equal parts, each with its share of stiffness and mass: more than one lets it surge.
+    clash_travel
+        Travel along `direction` from the installed length to where all coils touch, m; None without.
+    clash_stiffness
+        Of one contact between neighbouring parts, N/m.
+    wire
+        For its stress; None where it is not known.
+    pulsation
+        Swing of its stiffness, on the stretch from where it is installed; None for a constant one.
+    link
+        Whether it stands for an elastic part of the train between two points, which is rigid in the rigid mechanism.
+    """
+
+    at: str
+    direction: FloatArray
+    stiffness: float
+    damping: float = 0.0
+    to: str | None = None
+    installed_force: float | None = None
+    mass: float = 0.0
+    elements: int = 1
+    clash_travel: float | None = None
+    clash_stiffness: float = 0.0
+    wire: Wire | None = None
+    pulsation: Pulsation | None = None
+    link: bool = False
+
+    @property
+    def turns(self) -> bool:
+        """Whether it resists a rotation: its force is a moment then, its stretch an angle."""
+        return not self.direction[:3].any()
+
+
+@dataclass(frozen=True, eq=False)
+class GivenLoad:
+    """A constant force or moment at a point, or a force spread over a member.
+
+    Parameters
+    ----------
+    size
+        N at a point (N m for a moment), N/m over a member.
+    direction
+        Shape (6,), global axes; translation only over a member.
+    at
+        A named node, or the point of a rocker; None for a force over a member.
+    member
+        Name of the member; None for a force at a point.
+    """
+
+    size: float
+    direction: FloatArray
+    at: str | None = None
+    member: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Cam:
+    """A cam on the camshaft.
+
+    Parameters
+    ----------
+    at
+        Named node of the camshaft.
+    event
+        Lift over the cam angle.
+    follower
+        What touches it; None where nothing is said of it.
+    turn
+        Sense of rotation in the plane of the profile: 1 counterclockwise, -1 clockwise.
+    width
+        Along the shaft, m.
+    """
+
+    at: str
+    event: Event
+    follower: Follower | None = None
+    turn: Turn = 1
+    width: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PublishedLoad:
+    """The published coupling: the cam drives the follower by a force (Tayeb and Sliman, eqs. 21-26).
+
+    Parameters
+    ----------
+    cam
+        Name of the cam.
+    follower
+        Named node of the follower (tappet).
+    direction
+        Direction of the lift, shape (6,), translation only.
+    shaft_axis
+        Unit vector along the camshaft in the sense of rotation, shape (3,).
+    preload_factor
+        Preload as a multiple of the force the rigid train needs for contact.
+    cam_deflection
+        Whether the force feels the shaft's deflection, U_c of (21).
+    cam_torque
+        Whether the force twists the shaft, T_CF of (24).
+    """
+
+    cam: str
+    follower: str
+    direction: FloatArray
+    shaft_axis: FloatArray
+    preload_factor: float = 2.5
+    cam_deflection: bool = False
+    cam_torque: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class CamContact:
+    """A cam that lifts its follower through the stiffness of their contact.
+
+    Parameters
+    ----------
+    cam
+        Name of the cam.
+    follower
+        Named node of the follower.
+    direction
+        Direction of the lift, shape (6,), translation only.
+    shaft_axis
+        Unit vector along the camshaft in the sense of rotation, shape (3,).
+    stiffness
+        N/m; None for that of Hertz' line contact.
+    unilateral
+        Whether it can part; if not, it pulls as well.
+    dissipation
+        chi of Hunt and Crossley, s/m: the force is that of the stiffness times 1 + chi times the rate of approach.
+    restitution
+        Rate of parting per rate of approach of an impact; None where they meet without one.
+    friction, friction_speed
+        Coulomb's coefficient, and the velocity of sliding over which friction turns over, m/s.
+    """
+
+    cam: str
+    follower: str
+    direction: FloatArray
+    shaft_axis: FloatArray
+    stiffness: float | None
+    unilateral: bool
+    dissipation: float = 0.0
+    restitution: float | None = None
+    friction: float = 0.0
+    friction_speed: float = 0.01
+
+
+DAMPING_DEPTH = 1e-5
+"""Depth over which a stop's damper takes hold where none is given, m: of the size of seats of engines."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seat:
+    """A stop at a point, such as a valve seat: it resists motion against the point's positive direction.
+
+    Parameters
+    ----------
+    at
+        A named node, or the point of a rocker.
+    direction
+        Shape (6,): the way off the seat; zeros for a rocker's own.
+    stiffness, damping
+        N/m and N s/m.
+    restitution
+        Rate of parting per rate of approach of an impact; None where they meet without one.
+    damping_depth
+        Depth over which the damper takes hold, m.
+    """
+
+    at: str
+    direction: FloatArray
+    stiffness: float
+    damping: float = 0.0
+    restitution: float | None = None
+    damping_depth: float = DAMPING_DEPTH
+
+
+@dataclass(frozen=True, eq=False)
+class Lash:
+    """Play between a rocker and its point, or between two nodes, which push each other through it.
+
+    Parameters
+    ----------
+    rocker
+        Name of the rocker; None between nodes.
+    gap
+        m, at the point.
+    stiffness, damping
+        Of the contact between both, at the point, N/m and N s/m.
+    ends
+        Names of the pushing and the pushed node; None at a rocker.
+    direction
+        In which the first pushes the second, shape (6,); None at a rocker.
+    damping_depth
+        Depth over which the damper takes hold, m.
+    """
+
+    rocker: str | None
+    gap: float
+    stiffness: float
+    damping: float = 0.0
+    ends: tuple[str, str] | None = None
+    direction: FloatArray | None = None
+    damping_depth: float = DAMPING_DEPTH
+
+
+@dataclass(frozen=True, eq=False)
+class Adjuster:
+    """A hydraulic lash adjuster: oil that carries, leaks past the plunger, and is made up for through a check valve.
+
+    Parameters
+    ----------
+    rocker
+        Name of the rocker it stands on, at its point; None between nodes.
+    stiffness
+        Of the oil column, N/m.
+    leak
+        Force per velocity of leak-down, N s/m.
+    refill
+        The same while the check valve is open, N s/m.
+    plunger_force
+        Of the spring that keeps it extended, N.
+    ends, direction
+        As for `Lash`.
+    """
+
+    rocker: str | None
+    stiffness: float
+    leak: float
+    refill: float
+    plunger_force: float
+    ends: tuple[str, str] | None = None
+    direction: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Play:
+    """What stands between two nodes, one pushing the other.
+
+    Parameters
+    ----------
+    ends
+        Names of the pushing and the pushed node.
+    direction
+        In which it pushes, shape (6,).
+    gap
+        m.
+    plunger_force
+        With which an adjuster pushes both apart, N.
+    """
+
+    ends: tuple[str, str]
+    direction: FloatArray
+    gap: float
+    plunger_force: float
+
+
+Contact = PublishedLoad | CamContact | Seat | Lash | Adjuster
+"""What may stand under the contacts of a model."""
+
+
+_MOST = math.radians(75.0)
+"""Angle between an arm and the square to its end's motion, up to which a lever makes sense."""
+
+_STEEP = math.sin(_MOST)
+
+
+@dataclass(frozen=True, eq=False)
+class Rocker:
+    """A rigid rocker without bending: the valve moves by the ratio of the arms.
+
+    Parameters
+    ----------
+    start
+        Named node it is driven at.
+    point
+        Name of the point it defines (the valve).
+    arms
+        Arm at the driven node and at the valve, m.
+    inertia
+        About the rocker's shaft, kg m^2.
+    direction
+        Direction of the motion at the driven node, shape (6,); the point's motion is positive with it.
+    finger
+        Whether it defines the point it is driven at as well.
+    """
+
+    start: str
+    point: str
+    arms: tuple[float, float]
+    inertia: float
+    direction: FloatArray
+    finger: bool = False
+
+    @property
+    def ratio(self) -> float:
+        """Motion of the point per motion of the driven node."""
+        return self.arms[1] / self.arms[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Lever(Rocker):
+    """A rocker as a lever that turns: its ratio changes with its angle, its arms give way.
+
+    With p the path of its driven end, the other end moves by ``a2 (sin(b2 + p/a1) - sin b2)``. A
+    finger follower has the lift of its cam along the path p.
+
+    Parameters
+    ----------
+    angles
+        Of both arms as installed, rad: 0 where the arm is square to the motion of its end.
+    stiffness, damping
+        Of the arm at the driven node and at the point, N/m and N s/m; the first counts only at a node.
+    """
+
+    angles: tuple[float, float] = (0.0, 0.0)
+    stiffness: tuple[float, float] = (0.0, 0.0)
+    damping: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        beyond = [f"{math.degrees(angle):g} deg" for angle in self.angles if abs(angle) > _MOST]
+        if beyond:
+            why, remedy = "an arm nearly along the motion of its end moves it no more", "count it from square"
+            raise refuse("angles", " and ".join(beyond), f"within {math.degrees(_MOST):g} deg of square", why, remedy)
+
+    @property
+    def ratio(self) -> float:
+        """Motion of the point per motion of the driven end, as installed."""
+        driven = 1.0 if self.finger else math.cos(self.angles[0])
+        return self.arms[1] / self.arms[0] * math.cos(self.angles[1]) / driven
+
+    def path_at(self, lift: FloatArray, where: str = "arms") -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the path of the driven end at a motion of what drives it, m, and its first two derivatives."""
+        if self.finger:
+            return lift, np.ones_like(lift), np.zeros_like(lift)
+        arm, start = self.arms[0], self.angles[0]
+        sine = math.sin(start) + lift / arm
+        if float(np.abs(sine).max(initial=0.0)) >= _STEEP:
+            given = f"a motion of {1e3 * float(np.abs(lift).max()):.4g} mm at an arm of {1e3 * arm:.4g} mm"
+            why, remedy = "the lever would turn until its arm points along the motion", "a longer arm, or other angles"
+            raise refuse(where, given, f"up to {math.degrees(_MOST):g} deg", why, remedy)
+        cosine = np.sqrt(1.0 - sine**2)
+        return arm * (np.arcsin(sine) - start), 1.0 / cosine, sine / (arm * cosine**3)
+
+    def reach(self, path: FloatArray, end: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the motion of an end at a path of the driven end, m, and its first two derivatives."""
+        arm, start, turn = self.arms[end], self.angles[end], path / self.arms[0]
+        there = start + turn
+        share = arm / self.arms[0]
+        return arm * (np.sin(there) - math.sin(start)), share * np.cos(there), -share / self.arms[0] * np.sin(there)
+
+
+def path_name(lever: str) -> str:
+    """Return the name of the unknown that is the path of a lever's driven end."""
+    return f"rockers.{lever}"
+
+
+def tip_name(lever: str) -> str:
+    """Return the name of the unknown that is the tip of a lever, where play is between it and its point."""
+    return f"rockers.{lever}.tip"

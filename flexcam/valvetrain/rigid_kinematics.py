@@ -1,0 +1,362 @@
+"""How far what a rigid train moves has gone at a lift of its cam: through levers that turn, behind plays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.valvetrain.parts import Adjuster, Lash, Lever, Rocker, Seat, path_name, tip_name
+from flexcam.valvetrain.structure import Structure
+from flexcam.valvetrain.train_topology import complete_motion, moved_nodes, rigid_shift, with_springs
+
+Coordinate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+"""A path of the rigid train over the lift, m, with its first two derivatives."""
+
+
+def in_proportion(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the path of what the cam moves directly: the lift itself."""
+    return lift, np.ones_like(lift), np.zeros_like(lift)
+
+
+def lever_path(before: Coordinate, lever: Lever, end: int, share: float) -> Coordinate:
+    """Return the path of a lever's driven end (0), or of its point (1), over the lift."""
+
+    def moved(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        c, c1, c2 = before(lift)
+        path, slope, bend = lever.path_at(share * c)
+        slope, bend = share * slope * c1, share**2 * bend * c1**2 + share * slope * c2
+        if end == 0:
+            return path, slope, bend
+        y, by_path, by_path_twice = lever.reach(path, 1)
+        return y, by_path * slope, by_path_twice * slope**2 + by_path * bend
+
+    return moved
+
+
+def path_behind_lash(before: Coordinate, gap: float, rest: float | None) -> Coordinate:
+    """Return the path behind a play: nothing moves before it is taken up."""
+
+    def moved(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        h, h1, h2 = before(lift)
+        if rest is None:
+            return h - gap, h1, h2
+        on = h - gap > rest
+        return np.where(on, h - gap, rest), np.where(on, h1, 0.0), np.where(on, h2, 0.0)
+
+    return before if gap == 0.0 and rest is None else moved
+
+
+_BALANCED = 1e-9
+"""Part of the largest force that counts as none."""
+
+_NOTHING = 1e-12
+"""Depth that counts as none, m."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """What no play of a train divides; motions and forces as they are felt at the follower.
+
+    Parameters
+    ----------
+    before
+        Number of the body that pushes it; its own number for the first, which its cam holds.
+    gap
+        Play between them, m.
+    push
+        With which an adjuster pushes both apart, N.
+    extends
+        Whether an adjuster stands between them, which takes up all play.
+    seated
+        Whether a seat stops it on its way back.
+    """
+
+    before: int = 0
+    gap: float = 0.0
+    push: float = 0.0
+    extends: bool = False
+    seated: bool = False
+
+    def closed(self, place: float, before: float) -> bool:
+        """Tell whether its play is closed where it and the body before it are, m."""
+        return self.extends or place - before <= _NOTHING - self.gap
+
+
+@dataclass(frozen=True, eq=False)
+class RestState:
+    """How bodies rest while their cam does not lift.
+
+    Parameters
+    ----------
+    places
+        m along the lift, shape (g,).
+    seats
+        Forces of their seats, N, shape (g,); none of the first, whose share the stiffness of seat and cam would tell.
+    """
+
+    places: FloatArray
+    seats: FloatArray
+
+
+def find_rest(bodies: Sequence[Body], stiffness: FloatArray, force: FloatArray) -> RestState:
+    """Return how bodies rest while their cam does not lift.
+
+    Forces push a body back until the play before it is closed, its seat stops it, or its springs hold it. Of all these
+    ways the one is taken in which forces balance and nothing that only pushes would have to pull: the conditions of
+    A. Signorini, as in P. Wriggers, Computational Contact Mechanics, 2nd ed. (2006), ch. 2.
+    """
+    own = force.copy()
+    for i, body in enumerate(bodies[1:], 1):
+        own[body.before] += body.push
+        own[i] -= body.push
+    stops = _stops(bodies)
+    for held in product(*((stop.likely, not stop.likely) for stop in stops)) if stops else ():
+        holding = [stop for stop, holds in zip(stops, held, strict=True) if holds]
+        places, forces = _balance(stiffness[1:, 1:], own[1:], holding)
+        if places is not None and all(float(one.row @ places) >= one.bound - _NOTHING for one in stops):
+            seats = sum((size * one.row * one.seat for one, size in zip(holding, forces, strict=True)), 0.0 * own[1:])
+            return RestState(*(np.concatenate([[0.0], one]) for one in (places, seats)))
+    return RestState(np.zeros(len(bodies)), np.zeros(len(bodies)))
+
+
+class _Stop(NamedTuple):
+    """What stops bodies, ``row x >= bound``, and whether it likely does: a seat where there is one, else a play."""
+
+    row: FloatArray
+    bound: float
+    likely: bool
+    seat: bool
+
+
+def _stops(bodies: Sequence[Body]) -> list[_Stop]:
+    unit = np.eye(len(bodies))[:, 1:]
+    numbered = list(enumerate(bodies))[1:]
+    plays = [_Stop(unit[i] - unit[one.before], -one.gap, not one.seated, False) for i, one in numbered]
+    return plays + [_Stop(unit[i], 0.0, True, True) for i, one in numbered if one.seated]
+
+
+def _balance(K: FloatArray, force: FloatArray, stops: Sequence[_Stop]) -> tuple[FloatArray | None, FloatArray]:
+    """Return where bodies rest that some stops hold, and the forces of these; None if they would have to pull.
+
+    ``K x + f = A^T r`` with ``A x = b`` and ``r >= 0``.
+    """
+    n, scale = len(force), float(np.abs(K).max(initial=0.0)) or 1.0
+    A = np.array([stop.row for stop in stops]).reshape(-1, n)
+    matrix = np.block([[K / scale, -A.T], [A, np.zeros((len(A), len(A)))]])
+    given = np.concatenate([-force / scale, [stop.bound for stop in stops]])
+    found: FloatArray = np.linalg.lstsq(matrix, given)[0].astype(np.float64, copy=False)
+    slight = _BALANCED * float(np.abs(force).max(initial=0.0)) / scale + _NOTHING
+    if (np.abs(matrix @ found - given) > slight).any() or (found[n:] < -slight).any():
+        return None, found[n:]
+    return found[:n], scale * found[n:]
+
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What moves along one path.
+
+    Parameters
+    ----------
+    motion
+        Shape (n,), per motion along the path.
+    slope
+        Of the path over the lift, as installed, no play being open.
+    before
+        Number of the part that drives it.
+    body
+        Number of its body.
+    lever, end, share
+        The lever whose turning makes the path of its driven end (0) or its point (1) from the share of what drives it.
+    opens
+        Whether a play stands before it, so that its body begins here.
+    """
+
+    motion: FloatArray
+    slope: float = 1.0
+    before: int = 0
+    body: int = 0
+    lever: Lever | None = None
+    end: int = 0
+    share: float = 1.0
+    opens: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class DividedTrain:
+    """A rigid train in its parts.
+
+    Parameters
+    ----------
+    parts, bodies
+        From the cam on.
+    """
+
+    parts: tuple[Part, ...]
+    bodies: tuple[Body, ...]
+
+    @property
+    def motions(self) -> FloatArray:
+        """Of all parts, shape (b, n)."""
+        return np.array([part.motion for part in self.parts])
+
+    @property
+    def installed(self) -> FloatArray:
+        """How the parts of every body go with each other as installed, shape (g, b)."""
+        slopes, belongs = (np.array([getattr(part, one) for part in self.parts]) for one in ("slope", "body"))
+        return slopes * (np.arange(len(self.bodies))[:, None] == belongs)
+
+    def coordinates(self, rests: FloatArray) -> tuple[Coordinate, ...]:
+        """Return the path of every part where bodies rest at given places, m, shape (g,), as `find_rest` finds them."""
+        found: list[Coordinate] = []
+        for part in self.parts:
+            path = found[part.before] if found else in_proportion
+            if part.lever is not None:
+                path = lever_path(path, part.lever, part.end, part.share)
+            if part.opens:
+                path = self._opened(part, path, rests)
+            found.append(path)
+        return tuple(found)
+
+    def joined(self, rests: FloatArray) -> Bools:
+        """Tell which bodies the cam and no oil bears where they rest, shape (g,): their plays are closed."""
+        found = [True]
+        for body, rest in list(zip(self.bodies, rests, strict=True))[1:]:
+            closed = not body.extends and body.closed(float(rest), float(rests[body.before]))
+            found.append(closed and found[body.before])
+        return np.array(found)
+
+    def _opened(self, part: Part, path: Coordinate, rests: FloatArray) -> Coordinate:
+        """Return a path behind a play: an adjuster's is closed, as is one that something has closed at rest."""
+        body, rest = self.bodies[part.body], float(rests[part.body])
+        closed = body.closed(rest, float(rests[body.before]))
+        if body.extends or (closed and body.seated):
+            return path_behind_lash(path, float(path(np.zeros(1))[0][0]) - part.slope * rest, None)
+        return path_behind_lash(path, part.slope * body.gap, None if closed else part.slope * rest)
+
+
+@dataclass(frozen=True, eq=False)
+class _Joint:
+    """A play between nodes, or a rocker whose point moves by itself: what drives it, and what is behind it."""
+
+    row: FloatArray
+    moved: FloatArray
+    play: Lash | Adjuster | None
+    rocker: Rocker | None = None
+
+
+def divide_train(structure: Structure, motion: FloatArray) -> DividedTrain:
+    """Divide a train where plays and levers part it."""
+    parts, bodies = [Part(motion)], [Body()]
+    for joint in _outward([*_plays(structure, motion), *_rockers(structure, motion)]):
+        before = next((i for i, one in enumerate(parts) if float(joint.row @ one.motion) != 0.0), 0)
+        for one in _parts_of(structure, joint, parts[before], before):
+            if twin := _twin(parts, before, one):
+                bodies[twin.body] = _least(bodies[twin.body], _body(joint, parts[before], one))
+                continue
+            if one.opens:
+                bodies.append(_body(joint, parts[before], one))
+            parts = [replace(old, motion=np.where(one.motion != 0.0, 0.0, old.motion)) for old in parts]
+            parts.append(replace(one, body=len(bodies) - 1) if one.opens else one)
+    # Springs stretch evenly between their ends, whatever moves these.
+    parts = [replace(one, motion=with_springs(structure, one.motion)) for one in parts]
+    seats = [structure.row(one.at, one.direction) for one in structure.model.contacts.values() if isinstance(one, Seat)]
+    moved = [sum((one.slope * one.motion for one in parts if one.body == i), 0.0 * motion) for i in range(len(bodies))]
+    seated = [any(float(row @ one) > 0.0 for row in seats) for one in moved]
+    return DividedTrain(tuple(parts), tuple(replace(one, seated=is_) for one, is_ in zip(bodies, seated, strict=True)))
+
+
+def _plays(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
+    """Yield the plays between nodes of a train; refuse those that its lift does not close."""
+    for name, play in structure.model.contacts.items():
+        if isinstance(play, Lash | Adjuster) and play.ends is not None and play.direction is not None:
+            row, far = (structure.row(end, play.direction) for end in play.ends)
+            pushing, pushed = (rigid_shift(structure, end, play.direction) for end in play.ends)
+            if not (pushing.any() and pushed.any()):  # what stands on the ground drives nothing
+                continue
+            driven = float(row @ motion)
+            if driven < 0.0 or (driven == 0.0 and float(far @ motion) and not _reached(structure, play.ends[0])):
+                allowed, why = "a play that the lift of its cam closes", "a rigid train goes through it from the cam on"
+                remedy = "name as `from` the node on the side of the cam, with the direction in which it pushes"
+                raise refuse(f"contacts.{name}", f"from {play.ends[0]!r} to {play.ends[1]!r}", allowed, why, remedy)
+            if driven:
+                yield _Joint(row, complete_motion(structure, pushed), play)
+
+
+def _reached(structure: Structure, node: str) -> bool:
+    """Tell whether some cam moves a node."""
+    model = structure.model
+    return any(model.mesh.node(node) in moved_nodes(model, one) for one in model.driven.values())
+
+
+def _rockers(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
+    """Yield the rockers of a train whose points move by themselves, with what is linked to these."""
+    for name, rocker in structure.model.rockers.items():
+        row = structure.row(rocker.start, rocker.direction)
+        if float(row @ motion) and rocker.point in structure.dofs.names:
+            own = complete_motion(structure, structure.dofs.unit(rocker.point))
+            yield _Joint(row, own, structure.model.lash_of(name), rocker)
+
+
+def _outward(joints: Sequence[_Joint]) -> Iterator[_Joint]:
+    """Yield joints in the order of the train, whatever the order of the model: before each what drives it."""
+    left = list(joints)
+    while left:
+        first = next((one for one in left if not any(float(one.row @ other.moved) for other in left)), left[0])
+        left.remove(first)
+        yield first
+
+
+def _parts_of(structure: Structure, joint: _Joint, driver: Part, before: int) -> Iterator[Part]:
+    """Yield what a joint drives: both ends of a lever, then what is at its point or behind the play."""
+    rocker, opens = joint.rocker, joint.play is not None
+    if not isinstance(rocker, Lever):
+        yield Part(_through(joint, driver) * joint.moved, driver.slope, before, driver.body, opens=opens)
+        return
+    name, share = structure.name_of(rocker), float(joint.row @ driver.motion)
+    for end, own in ((0, path_name(name)), (1, tip_name(name)), (1, None)):
+        slope = driver.slope * float(lever_path(in_proportion, rocker, end, share)(np.zeros(1))[1][0])
+        moved = joint.moved if own is None else _unit(structure, own)
+        if moved.any():
+            yield Part(moved, slope, before, driver.body, rocker, end, share, opens and own is None)
+
+
+def _through(joint: _Joint, driver: Part) -> float:
+    """Return the motion behind a joint per path of its part; that of a lever's point is the path itself."""
+    if isinstance(joint.rocker, Lever):
+        return 1.0
+    return float(joint.row @ driver.motion) * (joint.rocker.ratio if joint.rocker else 1.0)
+
+
+def _twin(parts: Sequence[Part], before: int, pushed: Part) -> Part | None:
+    """Return the part that another play beside this one pushes from the same body; None where there is none."""
+    own = parts[before]
+    beside = (one for one in parts if one.opens and one is not own and parts[one.before].body == own.body)
+    return next((one for one in beside if pushed.opens and np.any((one.motion != 0.0) & (pushed.motion != 0.0))), None)
+
+
+def _least(one: Body, other: Body) -> Body:
+    """Return a body behind two plays side by side: the narrower one carries, adjusters push together."""
+    gap, push = min(one.gap, other.gap), one.push + other.push
+    return replace(one, gap=gap, push=push, extends=one.extends or other.extends)
+
+
+def _body(joint: _Joint, driver: Part, first: Part) -> Body:
+    """Return the body that begins behind a play with a part of it."""
+    moved = first.slope * _through(joint, driver)
+    if isinstance(joint.play, Adjuster):
+        return Body(driver.body, push=joint.play.plunger_force * moved, extends=True)
+    return Body(driver.body, gap=joint.play.gap / moved if joint.play else 0.0)
+
+
+def _unit(structure: Structure, name: str) -> FloatArray:
+    return structure.dofs.unit(name) if name in structure.dofs.names else np.zeros(structure.dofs.size)

@@ -1,0 +1,424 @@
+"""What springs of a rigid train do beside their mean stiffness: coils that touch, and a stiffness that pulsates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from flexcam.cams import Event, event_extremes
+from flexcam.core import FloatArray, Triplets
+from flexcam.core.errors import refuse
+from flexcam.dynamics import (  # fmt: skip
+    AngleFunction,
+    AngleVector,
+    CamFunctionCache,
+    CamMotion,
+    Channel,
+    DerivedCamFunction,
+    ForceLaw,
+    Load,
+    PrescribedMotion,
+    Probe,
+    System,
+    constant,
+    derivative,
+    load_sum,
+    modes,
+    total,
+)
+from flexcam.dynamics.force_laws import STOP
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.fem.assembly import modal_damping
+from flexcam.valvetrain.cam_contact import sliding_path
+from flexcam.valvetrain.cam_functions import lightened, rub, travelled
+from flexcam.valvetrain.contacts import opposed_force
+from flexcam.valvetrain.levers import refuse_far_turns
+from flexcam.valvetrain.loads import steady_load
+from flexcam.valvetrain.model import Model
+from flexcam.valvetrain.parts import CamContact, PublishedLoad
+from flexcam.valvetrain.published_load import follower_train, preload
+from flexcam.valvetrain.rigid_kinematics import Body, Coordinate, divide_train, find_rest
+from flexcam.valvetrain.springs import coils
+from flexcam.valvetrain.structure import Structure, build_structure, spring_parts
+from flexcam.valvetrain.system_builder import probe_of
+
+
+@dataclass(frozen=True, eq=False)
+class SpringLaw:
+    """A law of a spring's parts along the motions of a train.
+
+    Parameters
+    ----------
+    name
+        Such as ``springs.valve.clash``.
+    law
+        Forces of the parts, stacked, as in the flexible train.
+    rows
+        How far the motions press each part, shape (c, b).
+    offset
+        Prescribed part of that.
+    stops
+        Whether it is the law of coils that touch.
+    """
+
+    name: str
+    law: LocalForces
+    rows: FloatArray
+    offset: AngleFunction
+    stops: bool
+
+    def force(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
+        """Return the forces against some motions by virtual work."""
+        pressed = self.pressed(moved, cam)
+        functions = self.law.function_values(cam.angle)
+        return self.law.energies(pressed, np.zeros((len(pressed), 0)), functions)[1] @ self.rows
+
+    def pressed(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
+        """Return how far each part is pressed, m, shape (m, c), by what is given to `force`."""
+        return moved @ self.rows.T + cam(self.offset, 0)[:, None]
+
+
+def spring_laws(structure: Structure, motions: FloatArray) -> tuple[SpringLaw, ...]:
+    """Return the laws of the springs that a train moves."""
+    found: list[SpringLaw] = []
+    for force in coils(structure).forces:
+        rows = np.array([sensed.vectors[0] for sensed in force.sense]) @ motions.T
+        if rows.any() and isinstance(force.law, ForceLaw):
+            offset, stops = force.offset[0], force.law.kind == STOP
+            found.append(SpringLaw(force.name, _alone(force.name, force.law, len(rows)), rows, offset, stops))
+    return tuple(found)
+
+
+def _alone(name: str, law: ForceLaw, count: int) -> LocalForces:
+    """Return the law on some scalars that are unknowns by themselves."""
+    none = Triplets.zeros(count)
+    force = opposed_force(name, np.eye(count), law)
+    return LocalForces(System(none, none, none, ("",) * count, local_forces=(force,)))
+
+
+History = Callable[[CamMotion], FloatArray]
+
+_ROUND = np.linspace(0.0, 2.0 * np.pi, 721)
+"""Angles at which a follower may jam."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigidFriction:
+    """Friction mu f tanh(v/v0) of a contact force f that the follower's motion makes slide at v.
+
+    The train needs a force along its lift. Where the face moves along itself as it is lifted (a swinging face beside
+    its pivot), by a per lift, friction bears a part of it: ``f - a T = needed`` with ``T = mu f tanh(v/v0)``, so that
+    ``f = needed/(1 - a mu tanh(v/v0))``: virtual work of what `flexcam.valvetrain.cam_contact` senses.
+
+    Parameters
+    ----------
+    event
+        Lift of the cam.
+    coefficient, speed
+        mu, and v0 in m/s.
+    shares
+        What the follower's motion moves along each of `along`, shape (k,).
+    along
+        Functions of the path along the face.
+    slid
+        Path that slides past while the follower stands, m; its derivative counts.
+    """
+
+    event: Event
+    coefficient: float
+    speed: float
+    shares: FloatArray
+    along: tuple[AngleFunction, ...]
+    slid: AngleFunction
+
+    def force(self, needed: History) -> History:
+        """Return the contact force, N, from what the train needs along its lift."""
+        return lambda motion: needed(motion) / (1.0 - self._per_lift(motion) * self._share(motion))
+
+    def jams(self) -> bool:
+        """Tell whether somewhere on the round friction bears all that the train needs, whatever the contact's force."""
+        a = sum(
+            (share * one(_ROUND, 0) for share, one in zip(self.shares, self.along, strict=True)), np.zeros(len(_ROUND))
+        )
+        path = a * self.event(_ROUND, 1) + self.slid(_ROUND, 1)
+        return bool((self.coefficient * a * np.sign(path) >= 1.0).any())
+
+    def friction(self, needed: History) -> History:
+        """Return friction over the contact force's reach, N: what the laws of contacts give."""
+        force = self.force(needed)
+        return lambda motion: self._share(motion) * force(motion)
+
+    def _per_lift(self, motion: CamMotion) -> FloatArray:
+        return sum(
+            (share * motion.cam(one, 0) for share, one in zip(self.shares, self.along, strict=True) if share),
+            np.zeros_like(motion.angle),
+        )
+
+    def _share(self, motion: CamMotion) -> FloatArray:
+        path = self._per_lift(motion) * motion.cam(self.event, 1) + motion.cam(self.slid, 1)
+        return self.coefficient * np.tanh(path * motion.speed / self.speed)
+
+
+def rigid_friction(structure: Structure, name: str, contact: CamContact, moved: FloatArray) -> RigidFriction:
+    """Return the friction of a contact whose follower a rigid train moves."""
+    cam = structure.model.cams[contact.cam]
+    path = sliding_path(structure, name, contact, cam)
+    speed, slid = contact.friction_speed, travelled(cam)
+    found = RigidFriction(cam.event, contact.friction, speed, path.vectors @ moved, path.functions, slid)
+    if found.jams():
+        allowed, why = "a friction at which the face slides", "friction alone would hold the rigid follower: it jams"
+        remedy = "lower it, or place the pivot nearer to the line of the face"
+        raise refuse(f"contacts.{name}.friction", contact.friction, allowed, why, remedy)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class RigidTrain:
+    """What a follower moves, as a sum of motions times coordinates that follow from the lift.
+
+    Parameters
+    ----------
+    motions
+        Shape (b, n): the first is everything that moves in proportion to the lift, then the ends of levers.
+    coordinates
+        One per motion.
+    mass, damping, stiffness
+        Of these motions, shape (b, b): springs, dampers, Rayleigh's damping and that of the modes left to rigid trains.
+    force
+        Of the installed springs, the weight and the given loads along them, N, shape (b,).
+    bodies
+        What no play divides: how its motions go with each other as installed, shape (g, b).
+    standing
+        Share of a body in the force at the follower while the cam does not lift, N, shape (g,), where it or what it
+        rests on is on its seat; else NaN.
+    springs
+        What springs do beside their mean stiffness.
+    shared
+        Force at the follower that a cam on its base circle and a seat share by their stiffness, N: it is left to the
+        seat.
+    """
+
+    motions: FloatArray
+    coordinates: tuple[Coordinate, ...]
+    mass: FloatArray
+    damping: FloatArray
+    stiffness: FloatArray
+    force: FloatArray
+    bodies: FloatArray
+    standing: FloatArray
+    springs: tuple[SpringLaw, ...]
+    shared: float = 0.0
+
+    def contact_force(self, event: Event) -> Callable[[CamMotion], FloatArray]:
+        """Return the force at the follower by virtual work, N: ``h'.(M (h' s.. + h'' s.^2) + C h' s. + K h + f)``.
+
+        While the cam does not lift, a body on its seat leaves its share to it, but for what an adjuster pushes: the
+        balance of a valve that its spring holds shut is ``seat = spring - plunger``, and a seat only pushes.
+        """
+
+        def history(motion: CamMotion) -> FloatArray:
+            s, slope, bend = (motion.cam(event, order) for order in range(3))
+            speed, rate = slope * motion.speed, bend * motion.speed**2 + slope * motion.rate
+            h, h1, h2 = (np.stack(one, axis=-1) for one in zip(*(c(s) for c in self.coordinates), strict=True))
+            inertia = (h1 * rate[..., None] + h2 * speed[..., None] ** 2) @ self.mass
+            damped = (h1 * speed[..., None]) @ self.damping
+            held = sum((one.force(h, motion.cam) for one in self.springs), h @ self.stiffness + self.force)
+            felt = (h1 * (inertia + damped + held)) @ (self.bodies != 0.0).T
+            shut = np.asarray(s <= _SHUT * event.height)[..., None]
+            return np.sum(np.where(shut & ~np.isnan(self.standing), self.standing, felt), axis=-1)
+
+        return history
+
+
+_SHUT = 1e-9
+"""Part of its lift up to which a cam counts as not lifting."""
+
+
+def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where: str, speed: float) -> RigidTrain:
+    """Return the rigid train of a follower."""
+    train = follower_train(structure, contact, where)
+    parted = divide_train(structure, train.motion)
+    motions, bodies = parted.motions, parted.installed
+    mass = motions @ structure.mass.times_all(motions.T)
+    damping, stiffness = _stretched(structure, motions)
+    given = structure.model.damping
+    force = -motions @ steady_load(structure)
+    if isinstance(contact, PublishedLoad):
+        force[0] += preload(structure, contact, train, structure.model.cams[contact.cam], speed)
+    damping += given.alpha * mass + given.beta * stiffness + _modal(mass, stiffness, bodies, given.modal)
+    held, pushed, springs = bodies @ stiffness @ bodies.T, bodies @ force, spring_laws(structure, motions)
+    if isinstance(contact, PublishedLoad):  # what it pushes stands as installed
+        paths = parted.coordinates(0.0 * pushed)
+        return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.nan * pushed, springs)
+    begun = find_rest(parted.bodies, held, pushed)
+    needed, seated = held @ begun.places + pushed, np.array([one.seated for one in parted.bodies])
+    standing = _standing(parted.bodies, needed - begun.seats)
+    between = seated & parted.joined(begun.places)
+    return RigidTrain(
+        motions, parted.coordinates(begun.places), mass, damping, stiffness, force, bodies, standing, springs,
+        float(np.maximum(needed, 0.0)[between].sum()),
+    )  # fmt: skip
+
+
+def _standing(bodies: Sequence[Body], left: FloatArray) -> FloatArray:
+    """Return the shares of bodies in the force of a cam that does not lift, from what their own seats leave of them.
+
+    A seat on the first takes what all leave; where others bear on a seat, this has less to leave than nothing.
+    """
+    found, borne = left.copy(), [bodies[0].seated]
+    for body in bodies[1:]:
+        borne.append(body.seated or borne[body.before])
+    found[0] -= max(float(left.sum()), 0.0) if bodies[0].seated else 0.0
+    return np.where(borne, found, np.nan)
+
+
+def _modal(mass: FloatArray, stiffness: FloatArray, bodies: FloatArray, ratio: float) -> FloatArray:
+    """Return the modal damping along motions, shape (b, b), in the limit of members without give.
+
+    Their own modes go, as a share of (w/w_e)^3 in the damping of a motion; what stays are the modes of the bodies on
+    their springs (contacts are no part of them, as in the flexible model), and ``C = M Phi diag(2 zeta w) Phi^T M`` of
+    these: for a train in proportion to the lift ``2 zeta sqrt(k m)``. R. W. Clough and J. Penzien, Dynamics of
+    Structures, 3rd ed. (2003), eq. 12-56.
+    """
+    if ratio == 0.0:
+        return np.zeros_like(mass)
+    moved = bodies[np.einsum("gb,bc,gc->g", bodies, mass, bodies) > 0.0]
+    own, held = (Triplets.from_dense(moved @ one @ moved.T) for one in (mass, stiffness))
+    found = modes(own, held)
+    damping = modal_damping(Triplets.from_dense(mass), moved.T @ found.shapes, found.omegas, ratio)
+    return damping.dense()
+
+
+def _stretched(structure: Structure, motions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return damping and stiffness of the springs' parts along motions, shape (b, b) each."""
+    damping, stiffness = np.zeros((2, len(motions), len(motions)))
+    for name, spring in structure.model.springs.items():
+        for low, high in spring_parts(structure, name, spring):
+            row = motions @ (high - low)
+            damping += spring.damping * spring.elements * np.outer(row, row)
+            stiffness += spring.stiffness * spring.elements * np.outer(row, row)
+    return damping, stiffness
+
+
+ANY_SPEED = 1.0
+"""rad/s: the motion of a rigid train over the cam angle is that of every speed, so it is built once for all."""
+
+
+@lru_cache(maxsize=2)
+def build_rigid(model: Model, speed: float) -> System:
+    """Return the same mechanism with rigid members: no unknowns, the follower's train follows the lift."""
+    structure = build_structure(model)
+    refuse_far_turns(structure)
+    trains = {
+        name: rigid_train(structure, contact, f"contacts.{name}.follower", speed)
+        for name, contact in model.driven.items()
+    }
+    loads: list[Load] = []
+    channels: list[Channel] = []
+    for name, train in trains.items():
+        own = _felt(structure, name, train, len(loads))
+        loads += own[0]
+        channels += own[1]
+    nothing = Triplets.zeros(0)
+    probes = tuple(_rigid_probe(structure, probe_of(structure, point), trains) for point in model.probes)
+    shown = _carried(model, structure, trains)
+    return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels), carried=shown)
+
+
+def _felt(structure: Structure, name: str, train: RigidTrain, at: int) -> tuple[list[Load], list[Channel]]:
+    """Return forces of a contact as histories from some position on, and what they make of its channels."""
+    where, contact = f"contacts.{name}", structure.model.driven[name]
+    cam = structure.model.cams[contact.cam]
+    needed, arm = train.contact_force(cam.event), derivative(cam.event)
+    torque = load_sum(at, factor=arm)
+    if not (isinstance(contact, CamContact) and contact.friction):
+        loads = [Load(where, np.zeros(0), needed)]
+        return loads, [Channel(f"{where}.force", "N", load_sum(at)), Channel(f"{where}.torque", "N m", torque)]
+    rubs = rigid_friction(structure, name, contact, train.motions[0])
+    loads = [
+        Load(where, np.zeros(0), rubs.force(needed)),
+        Load(f"{where}.friction", np.zeros(0), rubs.friction(needed)),
+    ]
+    return loads, [
+        Channel(f"{where}.force", "N", load_sum(at)),
+        Channel(f"{where}.torque", "N m", total(torque, load_sum(at + 1, factor=rub(cam)))),
+        Channel(f"{where}.friction", "N", load_sum(at + 1, factor=lightened(cam))),
+    ]
+
+
+def _carried(model: Model, structure: Structure, trains: Mapping[str, RigidTrain]) -> PrescribedMotion:
+    """Return the motion of all components, as the results show it."""
+    vectors, functions = [np.zeros((1, structure.dofs.size))], [constant(0.0)]
+    for name, train in trains.items():
+        event = model.cams[model.driven[name].cam].event
+        vectors.append(train.motions)
+        functions += [_Along(1.0, coordinate, event) for coordinate in train.coordinates]
+    return PrescribedMotion(structure.dofs.names, AngleVector(np.concatenate(vectors), tuple(functions)))
+
+
+def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrain]) -> Probe:
+    """Return the probe as the rigid trains move it."""
+    model = structure.model
+    moving: list[list[AngleFunction]] = [[] for _ in probe.components]
+    for name, train in trains.items():
+        event = model.cams[model.driven[name].cam].event
+        for component, shares in zip(moving, probe.rows @ train.motions.T, strict=True):
+            component += [
+                _Along(float(share), one, event)
+                for share, one in zip(shares, train.coordinates, strict=True)
+                if share != 0.0
+            ]
+    offsets = tuple(_Sum(tuple(component)) if component else None for component in moving)
+    return Probe(probe.name, probe.components, np.zeros((len(probe.components), 0)), offsets)
+
+
+@dataclass(frozen=True, eq=False)
+class _Along(DerivedCamFunction):
+    """A share of a coordinate over the cam angle."""
+
+    share: float
+    coordinate: Coordinate
+    event: Event
+
+    def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
+        key = id(self.coordinate), id(self.event)  # trains of several cams may share a coordinate
+        h, h1, h2 = cam.once(key, lambda: self.coordinate(cam(self.event, 0)))
+        if order == 0:
+            return self.share * h
+        slope = cam(self.event, 1)
+        return self.share * (h1 * slope if order == 1 else h1 * cam(self.event, 2) + h2 * slope**2)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sum(DerivedCamFunction):
+    """A sum of motions."""
+
+    parts: tuple[AngleFunction, ...]
+
+    def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
+        return np.sum([cam(part, order) for part in self.parts], axis=0)
+
+
+def shared_forces(model: Model, speed: float) -> dict[str, float]:
+    """Return what a cam on its base circle and a seat share by their stiffness, of which rigid members know nothing."""
+    structure = build_structure(model)
+    free = {name: one for name, one in model.driven.items() if isinstance(one, CamContact)}
+    found = {n: rigid_train(structure, one, f"contacts.{n}.follower", speed).shared for n, one in free.items()}
+    return {name: force for name, force in found.items() if force > 0.0}
+
+
+def touching_coils(model: Model, speed: float) -> dict[str, float]:
+    """Return the springs whose coils touch when rigid trains stand at full lift."""
+    structure, found = build_structure(model), dict[str, float]()
+    for name, contact in model.driven.items():
+        train = rigid_train(structure, contact, f"contacts.{name}.follower", speed)
+        top = event_extremes(model.cams[contact.cam].event)[1]
+        moved = np.stack([one(np.array([top.value]))[0] for one in train.coordinates], axis=-1)
+        for one in train.springs:
+            beyond = len(one.rows) * float(one.pressed(moved, CamFunctionCache(np.array([top.at]))).max())
+            if one.stops and beyond > 0.0:
+                found[one.name.split(".")[1]] = beyond
+    return found

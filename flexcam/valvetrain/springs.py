@@ -1,0 +1,118 @@
+"""Springs of an engine: coils that touch, and what the coils bear."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.dynamics import Channel, ForceLaw, LocalForce, Observable, Observation, constant, elastic_stop, force_sum
+from flexcam.dynamics.force_laws import PULSATING
+from flexcam.valvetrain.contacts import Coupling, opposed_force
+from flexcam.valvetrain.parts import Pulsation, Spring, Wire
+from flexcam.valvetrain.structure import Structure, spring_parts
+
+
+def coils(structure: Structure) -> Coupling:
+    """Return the contacts between neighbouring parts of springs, and the channels of all springs of an engine.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+
+    Returns
+    -------
+    Coupling
+        A local force per spring with a clash travel. Channels, where they say something: ``force`` of the part at the
+        moving end, ``surge`` (largest distance of a coil from where even stretching has it), ``stress`` of the wire,
+        ``clearance`` (travel left until all coils touch, counted by the most compressed part) and ``clash``.
+    """
+    forces: list[LocalForce] = []
+    channels: list[Channel] = []
+    count = 0
+    for name, spring in structure.model.springs.items():
+        if not _told(spring) and spring.pulsation is None and spring.clash_travel is None:
+            continue
+        rows = np.array([high - low for low, high in spring_parts(structure, name, spring)])
+        channels += _channels(f"springs.{name}", spring, rows)
+        if spring.pulsation is not None:
+            law = pulsating_spring(spring.stiffness * spring.elements, spring.pulsation)
+            forces.append(opposed_force(f"springs.{name}.pulsation", rows, law))
+            count += len(rows)
+        if spring.clash_travel is None:
+            continue
+        room = constant(-spring.clash_travel / spring.elements)
+        forces.append(opposed_force(f"springs.{name}.clash", rows, elastic_stop(spring.clash_stiffness), room))
+        channels.append(Channel(f"springs.{name}.clash", "N", force_sum(*range(count, count + len(rows)))))
+        count += len(rows)
+    return Coupling((), tuple(forces), tuple(channels))
+
+
+def pulsating_spring(stiffness: float, pulsation: Pulsation) -> ForceLaw:
+    """Return the law of what a pulsating stiffness adds to its mean.
+
+    Parameters
+    ----------
+    stiffness
+        Mean, N/m.
+    pulsation
+        Its swing over the cam angle.
+
+    Returns
+    -------
+    ForceLaw
+        `flexcam.dynamics.force_laws.bilateral` with a stiffness that changes with the cam angle.
+    """
+    return ForceLaw(PULSATING, (stiffness,), (lambda angle, order: pulsation.part(angle),))
+
+
+def _told(spring: Spring) -> bool:
+    """Tell whether a spring is one whose force is of interest, not a bearing or a stand-in for a stiff part."""
+    return spring.installed_force is not None or spring.elements > 1 or spring.wire is not None
+
+
+def _channels(where: str, spring: Spring, rows: FloatArray) -> list[Channel]:
+    if not _told(spring):
+        return []
+    pushed = _pushed(spring, rows)
+    found = [Channel(f"{where}.force", "N m" if spring.turns else "N", lambda seen: pushed(seen)[:, -1])]
+    if spring.elements > 1:
+        found.append(Channel(f"{where}.surge", "rad" if spring.turns else "m", _surge(rows)))
+    if spring.wire is not None:
+        found.append(Channel(f"{where}.stress", "Pa", _stress(pushed, spring.wire)))
+    if spring.clash_travel is not None:
+        found.append(Channel(f"{where}.clearance", "m", _clearance(spring.clash_travel, rows)))
+    return found
+
+
+def _pushed(spring: Spring, rows: FloatArray) -> Observable:
+    """Return the force in every part, N, shape (m, parts): compression positive where the spring pushes."""
+    installed, stiffness = spring.installed_force or 0.0, spring.stiffness * spring.elements
+
+    def pushed(seen: Observation) -> FloatArray:
+        stretch = seen.moved.picked(rows)
+        if spring.pulsation is None:
+            return installed + stiffness * stretch
+        return installed + stiffness * (1.0 + spring.pulsation.part(seen.motion.angle))[:, None] * stretch
+
+    return pushed
+
+
+def _surge(rows: FloatArray) -> Observable:
+    def largest(seen: Observation) -> FloatArray:
+        stretch = seen.moved.picked(rows)
+        uneven = np.cumsum(stretch - stretch.mean(axis=1, keepdims=True), axis=1)
+        return np.abs(uneven).max(axis=1)
+
+    return largest
+
+
+def _stress(pushed: Observable, wire: Wire) -> Observable:
+    factor = wire.wahl * 8.0 * wire.coil_diameter / (math.pi * wire.diameter**3)
+    return lambda seen: factor * np.abs(pushed(seen)).max(axis=1)
+
+
+def _clearance(travel: float, rows: FloatArray) -> Observable:
+    return lambda seen: travel - len(rows) * seen.moved.picked(rows).max(axis=1)

@@ -1,0 +1,207 @@
+"""The structure of a model: its matrices, and the rows that pick motions of its points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from flexcam.core import FloatArray, Triplets
+from flexcam.core.errors import did_you_mean, refuse
+from flexcam.fem.assembly import mass as fem_mass
+from flexcam.fem.assembly import stiffness as fem_stiffness
+from flexcam.fem.dofs import DofMap, dof_map
+from flexcam.fem.elements.beam import Beams
+from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.rigid_bodies import along, free_motions, mass_at
+from flexcam.valvetrain.model import Model
+from flexcam.valvetrain.parts import Lever, MassAt, Rocker, Spring, path_name, tip_name
+
+_ACROSS = 1e-6
+"""Cosine below which a direction has nothing to do with another."""
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """The passive part of a model as matrices.
+
+    Parameters
+    ----------
+    model
+        What it was made from.
+    beams, dofs
+        Elements and unknowns.
+    mass, stiffness, dampers
+        n x n, SI; `dampers` holds the discrete dampers only.
+    free
+        Motions that cost no strain energy, shape (n, k).
+    """
+
+    model: Model
+    beams: Beams
+    dofs: DofMap
+    mass: Triplets
+    stiffness: Triplets
+    dampers: Triplets
+    free: FloatArray
+
+    def row(self, point: str, direction: FloatArray, where: str = "point") -> FloatArray:
+        """Return the row that picks the motion of a named point, shape (n,)."""
+        rocker = self.model.rocker_at(point)
+        if rocker is not None:
+            along = float(direction @ rocker.direction) if direction.any() else 1.0
+            if abs(along) < _ACROSS:
+                allowed = f"a direction along {[round(float(x), 6) for x in rocker.direction[:3]]}"
+                raise refuse(
+                    where, "a direction across the motion of a rocker's point", allowed, "it moves only along it"
+                )
+            if point in self.model.loose_points:
+                return along * self.dofs.unit(point)
+            return along * self.reach(rocker)
+        return self.dofs.vector(find_node(self.model, point, where), direction)
+
+    def is_node(self, point: str) -> bool:
+        """Tell whether a point is a node of the mesh, which can move and turn in every direction."""
+        return self.model.rocker_at(point) is None
+
+    def path(self, rocker: Rocker) -> FloatArray:
+        """Return the row of the motion of a rocker's driven end, shape (n,): for a lever its path."""
+        if isinstance(rocker, Lever) and not rocker.finger:
+            return self.dofs.unit(path_name(self.name_of(rocker)))
+        return self.row(rocker.start, rocker.direction)
+
+    def reach(self, rocker: Rocker) -> FloatArray:
+        """Return the row of a rocker's end at its point, shape (n,): ratio times its driven end, or a lever's tip."""
+        if not isinstance(rocker, Lever):
+            return rocker.ratio * self.path(rocker)
+        tip = tip_name(self.name_of(rocker))
+        return self.dofs.unit(tip if tip in self.dofs.names else rocker.point)
+
+    def name_of(self, rocker: Rocker) -> str:
+        """Return the name of a rocker of the model."""
+        return next(name for name, one in self.model.rockers.items() if one is rocker)
+
+
+def lever_ends(structure: Structure, lever: Lever) -> dict[int, tuple[FloatArray, FloatArray]]:
+    """Return, per elastic end of a lever, the rows of its path and of what moves there, shape (n,) each."""
+    path = structure.path(lever)
+    ends = {1: (path, structure.reach(lever))}
+    if not lever.finger:
+        ends[0] = path, structure.row(lever.start, lever.direction)
+    return ends
+
+
+def find_node(model: Model, point: str, where: str) -> int:
+    """Return the node of a named point."""
+    if point not in model.mesh.points:
+        known = [*model.mesh.points, *(r.point for r in model.rockers.values())]
+        raise refuse(where, repr(point), f"a point: {', '.join(known)}", remedy=did_you_mean(point, known))
+    return model.mesh.node(point, where)
+
+
+def inner_name(spring: str, i: int) -> str:
+    """Return the name of a spring's inner unknown, counted from the fixed end."""
+    return f"springs.{spring}.{i}"
+
+
+def spring_ends(structure: Structure, name: str, spring: Spring) -> tuple[FloatArray, FloatArray]:
+    """Return the rows of a spring's moving end and of its other end (zeros for ground), shape (n,) each."""
+    moving = structure.row(spring.at, spring.direction, f"springs.{name}.at")
+    if spring.to is None:
+        return moving, np.zeros(structure.dofs.size)
+    return moving, structure.row(spring.to, spring.direction, f"springs.{name}.to")
+
+
+def spring_row(structure: Structure, name: str, spring: Spring) -> FloatArray:
+    """Return the row of a spring's stretch: motion at its point less that at its other end, shape (n,)."""
+    moving, other = spring_ends(structure, name, spring)
+    return moving - other
+
+
+def spring_parts(structure: Structure, name: str, spring: Spring) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the rows of the ends of each part of a spring, from its fixed to its moving end."""
+    moving, other = spring_ends(structure, name, spring)
+    inner = [structure.dofs.unit(inner_name(name, i)) for i in range(1, spring.elements)]
+    return list(pairwise([other, *inner, moving]))
+
+
+@lru_cache(maxsize=4)
+def build_structure(model: Model) -> Structure:
+    """Assemble the passive part of a model."""
+    inner = [inner_name(name, i) for name, spring in model.springs.items() for i in range(1, spring.elements)]
+    dofs = dof_map(model.mesh, model.supports.items(), _single(model))
+    bare = structure_in(model, dofs.extended([*model.further_unknowns, *inner]))
+    stretches = (stretch for stretch, spring, _ in _stretches(bare) if spring > 0.0)
+    return replace(bare, free=free_motions(model.mesh, bare.dofs, stretches))
+
+
+def structure_in(model: Model, dofs: DofMap) -> Structure:
+    """Assemble the passive part of a model in given unknowns."""
+    beams, nothing = fem_beams(model.mesh, model.members), Triplets.zeros(dofs.size)
+    bare = Structure(model, beams, dofs, nothing, nothing, nothing, np.zeros((dofs.size, 0)))
+    mass, stiffness, dampers = [fem_mass(beams, dofs), *_masses(bare)], [fem_stiffness(beams, dofs)], [nothing]
+    for stretch, spring, damper in _stretches(bare):
+        stiffness.append(along(stretch, spring))
+        dampers.append(along(stretch, damper))
+    mass, stiffness, dampers = (Triplets.joined(parts) for parts in (mass, stiffness, dampers))
+    return replace(bare, mass=mass, stiffness=stiffness, dampers=dampers)
+
+
+def _masses(bare: Structure) -> Iterator[Triplets]:
+    """Yield the masses of bodies, rockers and springs."""
+    for name, part in bare.model.masses.items():
+        yield _mass(bare, name, part)
+    for rocker in bare.model.rockers.values():
+        yield along(bare.path(rocker), rocker.inertia / rocker.arms[0] ** 2)
+    for name, spring in bare.model.springs.items():
+        if spring.mass > 0.0:
+            for low, high in spring_parts(bare, name, spring):
+                yield _bar_mass(low, high, spring.mass / spring.elements)
+
+
+def _stretches(bare: Structure) -> Iterator[tuple[FloatArray, float, float]]:
+    """Yield the row, the stiffness and the damping of everything that stretches: ends of levers, parts of springs."""
+    for lever in bare.model.levers.values():
+        for end, (path, moved) in lever_ends(bare, lever).items():
+            bent = float(lever.reach(np.zeros(1), end)[1][0]) * path - moved
+            yield bent, lever.stiffness[end], lever.damping[end]
+    for name, spring in bare.model.springs.items():
+        share = float(spring.elements)
+        for low, high in spring_parts(bare, name, spring):
+            yield high - low, share * spring.stiffness, share * spring.damping
+
+
+def _single(model: Model) -> list[tuple[int, FloatArray]]:
+    """Return what moves at nodes on no member: where a mass has inertia, and along springs."""
+    known, used = model.mesh.points, model.mesh.on_members()
+    moved = [(part.at, np.diag(part.body.matrix())) for part in model.masses.values()]
+    for spring in model.springs.values():
+        moved += [(end, spring.direction) for end in (spring.at, spring.to) if end is not None]
+    nodes = [(int(node), size) for point, size in moved if point in known for node in known[point]]
+    return [(node, size) for node, size in nodes if not used[node]]
+
+
+def _bar_mass(low: FloatArray, high: FloatArray, mass: float) -> Triplets:
+    """Return the consistent mass m/6 [2 1; 1 2] of a bar between two motions."""
+    both, apart = low + high, high - low
+    return along(both, 0.25 * mass) + along(apart, mass / 12.0)
+
+
+def _mass(structure: Structure, name: str, part: MassAt) -> Triplets:
+    if structure.model.rocker_at(part.at) is not None:
+        if any(part.body.inertia) or any(part.body.offset):
+            why = "a lumped rocker moves its point along one line"
+            raise refuse(
+                f"masses.{name}", "inertia or offset at a rocker's point", "a mass alone", why, "leave them out"
+            )
+        return along(structure.row(part.at, np.zeros(6)), part.body.mass)
+    return mass_at(find_node(structure.model, part.at, f"masses.{name}.at"), part.body, structure.dofs)
+
+
+def member_masses(model: Model) -> dict[str, float]:
+    """Return the mass of every member."""
+    beams = fem_beams(model.mesh, model.members)
+    return {n: float((beams.rho_A * beams.length)[part].sum()) for n, part in model.mesh.element_ranges().items()}

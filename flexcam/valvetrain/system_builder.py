@@ -1,0 +1,201 @@
+"""From a model to its equations (the rigid one stands in `rigid`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from flexcam import dynamics
+from flexcam.core import DENSE_LIMIT, IntArray, Triplets, component_members, connected_components
+from flexcam.core.errors import InputError, gathered, refuse
+from flexcam.dynamics import Channel, DofSubset, Observable, Observation, Probe, System, total
+from flexcam.fem.assembly import modal_damping, rayleigh_damping
+from flexcam.fem.frames import COMPONENTS
+from flexcam.valvetrain.cam_contact import couple_cam
+from flexcam.valvetrain.camshaft import HeldEnd, find_held_ends, inertia_torque, reaction_torque, shafts
+from flexcam.valvetrain.compression import bowings
+from flexcam.valvetrain.contacts import Coupling, couple_adjuster, couple_lash, couple_seat
+from flexcam.valvetrain.levers import lever_joints
+from flexcam.valvetrain.loads import constant_loads
+from flexcam.valvetrain.model import Model
+from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
+from flexcam.valvetrain.published_load import couple_published_load
+from flexcam.valvetrain.springs import coils
+from flexcam.valvetrain.structure import Structure, build_structure, find_node, inner_name
+
+_MODAL_LIMIT = 2 * DENSE_LIMIT
+"""Unknowns up to which all modes are computed."""
+
+
+def build_system(model: Model, speed: float) -> System:
+    """Return the equations of the flexible mechanism."""
+    structure = build_structure(model)
+    contacts, faults = gathered(lambda name: _coupled(structure, name, model.contacts[name], speed), model.contacts)
+    if faults:
+        raise InputError(faults)
+    damping, joined, probes, ends = _at_any_speed(structure)
+    couplings = [*contacts, *joined, Coupling(tuple(constant_loads(structure)), (), ())]
+    parts = _parts(couplings)
+    shown = zip(couplings, parts, strict=True)
+    own = [replace(one, value=_within(one.value, part)) for coupling, part in shown for one in coupling.channels]
+    return System(
+        mass=structure.mass,
+        damping=damping,
+        stiffness=structure.stiffness,
+        names=structure.dofs.names,
+        loads=tuple(load for c in couplings for load in c.loads),
+        local_forces=tuple(force for c in couplings for force in c.forces),
+        probes=probes,
+        channels=(*own, *(_torque(end, others, contacts, parts, speed) for end, others in ends)),
+        free=structure.free,
+    )
+
+
+@lru_cache(maxsize=4)
+def _at_any_speed(
+    structure: Structure,
+) -> tuple[Triplets, tuple[Coupling, ...], tuple[Probe, ...], tuple[tuple[HeldEnd, list[Observable]], ...]]:
+    """Return what is the same at any speed.
+
+    Damping, couplings other than contacts, probes, and where a shaft is held, with what these couplings do there.
+    """
+    couplings = lever_joints(structure), coils(structure), bowings(structure), shafts(structure)
+    probes = (probe_of(structure, point) for point in structure.model.probes)
+    ends = tuple((end, _others(end)) for end in find_held_ends(structure))
+    return structure.dampers + _damping(structure), couplings, (*probes, *_inner_probes(structure)), ends
+
+
+def _others(end: HeldEnd) -> list[Observable]:
+    """Return what others than contacts leave a held rotation to bear, in the order in which they are coupled."""
+    freed = end.freed
+    asked = (lever_joints, end.levers), (coils, end.springs), (bowings, end.bends), (shafts, True)
+    found = [make(freed) if there else Coupling((), (), ()) for make, there in asked]
+    constant = Coupling(tuple(constant_loads(freed)), (), ())
+    return [reaction_torque(end, one.loads, one.forces) for one in (*found, constant)]
+
+
+def _torque(
+    end: HeldEnd, others: Sequence[Observable], contacts: Sequence[Coupling], parts: Sequence[_Part], speed: float
+) -> Channel:
+    """Return the torque that holds a shaft's rotation."""
+    model = end.freed.model
+    each = [inertia_torque(end), *map(_within, others, parts[len(contacts) :])]
+    for part, (name, contact), coupling in zip(parts, model.contacts.items(), contacts, strict=False):
+        if not end.bears(contact):
+            continue
+        if isinstance(contact, PublishedLoad):  # no need to look for its stiffness again
+            value = coupling.channels[1].value
+        else:
+            again = _coupled(end.freed, name, contact, speed)
+            value = reaction_torque(end, again.loads, again.forces)
+        each.append(_within(value, part))
+    return Channel(f"supports.{end.name}.torque", "N m", total(*each))
+
+
+def _coupled(structure: Structure, name: str, contact: Contact, speed: float) -> Coupling:
+    match contact:
+        case PublishedLoad():
+            return couple_published_load(structure, name, contact, speed)
+        case CamContact():
+            return couple_cam(structure, name, contact)
+        case Seat():
+            return couple_seat(structure, name, contact)
+        case Lash():
+            return couple_lash(structure, name, contact)
+        case Adjuster():
+            return couple_adjuster(structure, name, contact)
+
+
+def _damping(structure: Structure) -> Triplets:
+    given = structure.model.damping
+    matrix = rayleigh_damping(structure.mass, structure.stiffness, given.alpha, given.beta)
+    if given.modal == 0.0:
+        return matrix
+    if structure.dofs.size > _MODAL_LIMIT:
+        why = "every mode of the model takes part, and the matrix is full"
+        given, remedy = f"modal damping of {structure.dofs.size} unknowns", "use damping = { alpha = ..., beta = ... }"
+        raise refuse("run.damping.modal", given, f"up to {_MODAL_LIMIT} unknowns", why, remedy)
+    return Triplets.joined([matrix, *(_modal_damping(structure, one, given.modal) for one in _uncoupled(structure))])
+
+
+def _uncoupled(structure: Structure) -> list[IntArray]:
+    """Return the unknowns of every part of a structure that neither mass nor stiffness couples with the others."""
+    both = structure.mass + structure.stiffness
+    coupled = both.values != 0.0
+    return component_members(connected_components(both.size, both.rows[coupled], both.cols[coupled]))
+
+
+def _modal_damping(structure: Structure, part: IntArray, ratio: float) -> Triplets:
+    """Return the modal damping of a part: no rounding couples it with the others, whatever their frequencies."""
+    size, chosen = structure.dofs.size, DofSubset(part, np.zeros(structure.dofs.size))
+    mass = structure.mass.part(part)
+    if not mass.values.any():
+        return Triplets.zeros(size)
+    modes = dynamics.modes(mass, structure.stiffness.part(part), free=chosen.free(structure.free))
+    own = modal_damping(mass, modes.shapes, modes.omegas, ratio)
+    return Triplets(size, part[own.rows], part[own.cols], own.values)
+
+
+def _parts(couplings: Iterable[Coupling]) -> list[_Part]:
+    """Return what shows each coupling what concerns it."""
+    found: list[_Part] = []
+    loads = scalars = states = 0
+    for coupling in couplings:
+        sizes = [(len(f.sense), f.states) for f in coupling.forces]
+        ends = loads + len(coupling.loads), scalars + sum(c for c, _ in sizes), states + sum(s for _, s in sizes)
+        found.append(_Part(slice(loads, ends[0]), slice(scalars, ends[1]), slice(states, ends[2])))
+        loads, scalars, states = ends
+    return found
+
+
+class _Part:
+    """Shows what concerns one coupling, once to all of its channels."""
+
+    def __init__(self, loads: slice, scalars: slice, states: slice) -> None:
+        self._own = loads, scalars, states
+        self._last: tuple[Observation, Observation] | None = None
+
+    def __call__(self, seen: Observation) -> Observation:
+        if self._last is None or self._last[0] is not seen:
+            self._last = seen, seen.part(*self._own)
+        return self._last[1]
+
+
+def _within(value: Observable, part: _Part) -> Observable:
+    return lambda seen: value(part(seen))
+
+
+def probe_of(structure: Structure, point: str) -> Probe:
+    """Return what a user watches at a point: its six components, or the one motion of a rocker's point."""
+    if structure.model.rocker_at(point) is not None:
+        return Probe(point, (point,), structure.row(point, np.zeros(6))[None, :], (None,))
+    node = find_node(structure.model, point, "output.probes")
+    rows = np.array([structure.dofs.vector(node, unit) for unit in np.eye(6)])
+    return Probe(point, COMPONENTS, rows, (None,) * 6)
+
+
+def _inner_probes(structure: Structure) -> list[Probe]:
+    """Return probes of the unknowns that no node shows: loose points and the inner parts of springs.
+
+    Results then hold every unknown, so that a run can go on from them.
+    """
+    model = structure.model
+    loose = [probe_of(structure, point) for point in model.loose_points if point not in model.probes]
+    loose += [
+        Probe(name, (name,), structure.dofs.unit(name)[None, :], (None,))
+        for name in model.further_unknowns
+        if name not in model.loose_points
+    ]
+    springs = [(name, spring) for name, spring in model.springs.items() if spring.elements > 1]
+    inner = [
+        Probe(
+            f"springs.{name}", tuple(str(i) for i in range(1, spring.elements)),
+            np.array([structure.dofs.unit(inner_name(name, i)) for i in range(1, spring.elements)]),
+            (None,) * (spring.elements - 1),
+        )
+        for name, spring in springs
+    ]  # fmt: skip
+    return loose + inner
