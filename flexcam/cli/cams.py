@@ -277,8 +277,8 @@ def cam(
             "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    for one, facts in found.items():
-        out().print(cam_table(one, facts, cams.speed, cams.ratios[one]))
+    for one, lobe in found.items():
+        out().print(cam_table(one, lobe, cams.speed, cams.ratios[one]))
         out().print()
         if one in cams.reports:
             out().print(smoothing_table(one, cams.reports[one]))

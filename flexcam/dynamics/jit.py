@@ -68,7 +68,8 @@ class _CachedEntry:
     """An entry whose cached code may be damaged or impossible to write: then it is compiled without a cache."""
 
     def __init__(self, entry: Any, uncached: Callable[[], Callable[..., Any]]) -> None:  # noqa: ANN401 - of numba
-        self._entry, self._uncached, self._called = entry, uncached, False
+        self._entry: Any = entry
+        self._uncached, self._called = uncached, False
 
     def __call__(self, *arguments: object) -> Any:  # noqa: ANN401 - what the entry returns
         if not self._called:

@@ -49,7 +49,7 @@ def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = 
     """Read a table of angle and lift.
 
     Rows of two numbers, divided by commas, semicolons, tabs or blanks; ``#`` begins a comment. A first row of names may
-    say what they are, such as ``crank_deg, lift_mm``: an angle of ``cams`` or ``crank`` in ``deg`` or ``rad``, a lift in
+    say what they are, such as ``crank_deg, lift_mm``: an angle of ``cam`` or ``crank`` in ``deg`` or ``rad``, a lift in
     ``mm``, ``um``, ``m`` or ``in``. Without it, cam degrees and millimetres are not assumed: they must be given.
     """
     lines = _lines(path)
