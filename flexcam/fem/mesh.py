@@ -125,7 +125,7 @@ class Mesh:
         Returns
         -------
         str
-            Such as ``cams`` or ``node 7``.
+            Such as ``cam`` or ``node 7``.
         """
         for name, index in self.points.items():
             if len(index) == 1 and index[0] == node:

@@ -1,6 +1,6 @@
 """Files: meshes in, results out.
 
-May import `fem`, `cams`, `dynamics`, `checkpoint`, `core` and `core`; owns h5py and meshio.
+May import `fem`, `cams`, `dynamics` and `core`; owns h5py and meshio.
 A new format is one file here with one read or write function.
 """
 
