@@ -14,16 +14,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.analysis.preparation import prepare
-from flexcam.analysis.stability import Resonance, force_harmonics, lift_harmonics, reached_modes
+from flexcam.analysis.preparation import Prepared, prepare
+from flexcam.analysis.stability import MOST, Resonance, force_harmonics, lift_harmonics
+from flexcam.cams import Event
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.schema.contacts import CamContactRecord
 from flexcam.core import FloatArray, Triplets
 from flexcam.core.errors import did_you_mean, refuse
 from flexcam.core.units import RPM
-from flexcam.dynamics import Advance, RunFailedError, Status, raise_if_interrupted, solve, track_progress
-from flexcam.valvetrain import ReachedModes, build_structure
+from flexcam.dynamics import Advance, Response, RunFailedError, Status, raise_if_interrupted, solve, track_progress
+from flexcam.valvetrain import ReachedModes, Structure, build_structure, contact_modes, holding
 
 _SPARE = 8
 """Modes beyond those asked for, among which one is found again that others have overtaken."""
@@ -115,7 +116,7 @@ def campbell(
         loads[i] = force_harmonics(response, name, max(orders))[wanted - 1]
         structure = build_structure(ready.model)
         try:
-            here = reached_modes(ready, response, name, structure)
+            here = _reached_modes(ready, response, name, structure)
         except RunFailedError as failure:
             statuses[-1] = failure.status
         else:
@@ -125,6 +126,23 @@ def campbell(
     frequencies = np.array([line.frequencies for line in lines]).reshape(len(lines), len(rpm)).T
     reached, words = tuple(line.reached for line in lines), tuple(line.words for line in lines)
     return Campbell(name, rpm, frequencies, reached, words, lifts, loads, met, tuple(statuses))
+
+
+def _reached_modes(ready: Prepared, response: Response, contact: str, structure: Structure) -> ReachedModes:
+    """Return the modes of a train on the lift of a cam."""
+    cam = ready.model.cams[ready.model.driven[contact].cam]
+    return contact_modes(structure, contact, _held(ready, response, cam.event))
+
+
+def _held(ready: Prepared, response: Response, event: Event) -> list[tuple[str, Triplets]]:
+    """Return the stiffness of each local force at the saved instant of the largest lift."""
+    system = ready.problem.system
+    late = response.field_time > response.field_time[-1:] - ready.revolution
+    if not late.any() or not system.local_forces or system.size > MOST:
+        return []
+    at = np.flatnonzero(late)[[int(np.argmax(event(response.field_angle[late], 0)))]]
+    motion = ready.problem.drive.at(response.field_time[at])
+    return holding(system, motion, response.fields.displacement[at], response.fields.velocity[at])
 
 
 def _follow(lines: list[_Line], i: int, count: int, here: ReachedModes, mass: Triplets, modes: int) -> None:

@@ -237,7 +237,7 @@ def ladder(case: Case) -> tuple[Rung, ...]:
         Rung("chain 3", "three masses along the train", beams.with_fidelity({"model": "chain", "masses": 3})),
     ]
     return (
-        Rung("rigid", "rigid members", beams.with_fidelity({"model": "rigid"}).with_run({"path": "auto"})),
+        Rung("rigid", "rigid members", beams.with_fidelity({"model": "rigid"}).with_run({"engine": "auto"})),
         *(rung for rung in chains if _stands(rung)),
         *modes,
         *fewer,

@@ -152,7 +152,7 @@ def _late() -> Check:
 def _bouncing() -> System:
     """Return a mass under gravity over an elastic stop."""
     down, up = AngleVector.constant(np.array([-1.0])), AngleVector.constant(np.array([1.0]))
-    stop = LocalForce("stop", (down,), (up,), elastic_stop(_STIFFNESS), (constant(0.0),), switching=(0,))
+    stop = LocalForce("stop", (down,), (up,), elastic_stop(_STIFFNESS), (constant(0.0),))
     weight = Load("weight", np.array([-_G]), lambda motion: np.ones_like(motion.angle))
     nothing = Triplets.zeros(1)
     return System(Triplets.from_dense([[1.0]]), nothing, nothing, ("x",), (weight,), (stop,), probes=(_PROBE,))
@@ -310,9 +310,7 @@ def _ways(ready: Prepared, run: Response) -> Iterator[Check]:
     """Yield how far the faster ways through time are from the general one, as a part of the motion."""
     for path in ("modal", "kernel") if is_available() else ("modal",):
         other = solve(replace(ready.problem, engine=path), ready.scheme, save=ready.save)
-        yield Check(
-            f"way through time {path}, against the general one", "the same scheme", 0.0, _apart(run, other), 1e-8
-        )
+        yield Check(f"{path} engine, against the direct one", "the same scheme", 0.0, _apart(run, other), 1e-8)
 
 
 def _apart(one: Response, other: Response) -> float:

@@ -13,7 +13,7 @@ from flexcam.analysis.orders import highest_order, latest_orders
 from flexcam.analysis.preparation import Prepared, prepare
 from flexcam.cams import Event, harmonics
 from flexcam.case.case import Case
-from flexcam.core import FloatArray, Triplets
+from flexcam.core import FloatArray
 from flexcam.core.errors import InputError
 from flexcam.core.units import RPM
 from flexcam.dynamics import (
@@ -34,7 +34,7 @@ from flexcam.dynamics import (
     solve,
     track_progress,
 )
-from flexcam.valvetrain import ReachedModes, Structure, build_structure, contact_modes, holding, separation
+from flexcam.valvetrain import modes_on_the_lift, separation
 
 MOST = 400
 """Unknowns up to which the system is linearized about its motion; above it its highest mode is, without contacts."""
@@ -165,23 +165,6 @@ def _moving(shape: FloatArray, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(names[i] for i in order[:3])
 
 
-def reached_modes(ready: Prepared, response: Response, contact: str, structure: Structure) -> ReachedModes:
-    """Return the modes of a train on the lift of a cam."""
-    cam = ready.model.cams[ready.model.driven[contact].cam]
-    return contact_modes(structure, contact, _held(ready, response, cam.event))
-
-
-def _held(ready: Prepared, response: Response, event: Event) -> list[tuple[str, Triplets]]:
-    """Return the stiffness of each local force at the saved instant of the largest lift."""
-    system = ready.problem.system
-    late = response.field_time > response.field_time[-1:] - ready.revolution
-    if not late.any() or not system.local_forces or system.size > MOST:
-        return []
-    at = np.flatnonzero(late)[[int(np.argmax(event(response.field_angle[late], 0)))]]
-    motion = ready.problem.drive.at(response.field_time[at])
-    return holding(system, motion, response.fields.displacement[at], response.fields.velocity[at])
-
-
 def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
     """Return the amplitudes of the harmonics of a contact's force in the last revolution of a run."""
     force, told = response.channels.get(f"contacts.{contact}.force"), min(count, highest_order(response))
@@ -233,9 +216,8 @@ class Resonance:
 def resonances(ready: Prepared, response: Response) -> tuple[Resonance, ...]:
     """Return where the harmonics of the cams meet the modes."""
     met: list[Resonance] = []
-    structure = build_structure(ready.model)
     for name, contact in ready.model.driven.items():
-        reached = reached_modes(ready, response, name, structure)
+        reached = modes_on_the_lift(ready.model, name, ready.case.speed)
         lifts = lift_harmonics(ready.model.cams[contact.cam].event, _HARMONICS)
         loads = np.nan_to_num(force_harmonics(response, name, _HARMONICS))
         for n, amplitude in lifts.items():

@@ -110,7 +110,7 @@ def reference(case: Case, probe: str, until: float | None = None, *, work: int =
     _refuse_result(case)
     steps, norm = steps_of(case), case.record.fidelity.norm
     work = max(work, work_of(case, ()))
-    beams = _sound(as_beams(case).with_run({"path": "auto"}))  # which its size decides; the ways agree to rounding
+    beams = _sound(as_beams(case).with_run({"engine": "auto"}))  # which its size decides; the ways agree to rounding
     try:
         finest, coarser = (
             measured_run(

@@ -25,7 +25,7 @@ from flexcam.dynamics.direct_engine import DirectEngine
 from flexcam.dynamics.generalized_alpha import newmark
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import Method
-from flexcam.dynamics.linearization import Linear, Linearization, LinearStep, directions, parts
+from flexcam.dynamics.linearization import Linear, Linearization, LinearStep, SmallStep, directions, parts
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.problem import Problem
@@ -132,7 +132,7 @@ class Disturbances:
         self._starter = InitialAcceleration(problem.system, forces)
         self._carried: FloatArray = np.eye(2 * problem.system.size + len(forces.start_state))
         self._last: StepState | None = None
-        self._waiting: tuple[Linear, Linear, float] | None = None
+        self._waiting: SmallStep | None = None
         self._count = 0
         self._shift: FloatArray | None = None
 
@@ -148,7 +148,7 @@ class Disturbances:
             side = self._side(old)
             if new.time > old.time and self._shift is None and (side == self._side(new)).all():
                 end = self._at(schedule, i + 1, new, side)
-                self._step(begin or self._at(schedule, i, old, side), end, new.time - old.time)
+                self._step(self._small(begin or self._at(schedule, i, old, side), end, old, new))
                 begin = end  # of the next step as well
                 continue
             begin = None
@@ -181,14 +181,20 @@ class Disturbances:
         gap[which] = np.where(there, np.where(side, _TOUCH, -_TOUCH), depth)
         return gap
 
-    def _step(self, old: Linear, new: Linear, length: float) -> None:
-        if self._waiting is not None:
-            begin, end, usual = self._waiting
-            if begin is old and end is new and abs(length - usual) <= _SAME * usual:
-                self._count += 1
-                return
+    def _small(self, begin: Linear, end: Linear, old: StepState, new: StepState) -> SmallStep:
+        """Return what the step between two instants does to disturbances."""
+        h, none = new.time - old.time, np.zeros(0)
+        kept = self._forces.state_steps(h, new.gap, old.gap, old.inner) if len(old.inner) else (none, none)
+        return SmallStep(begin, end, h, *kept)
+
+    def _step(self, step: SmallStep) -> None:
+        usual = self._waiting
+        same = usual and usual.old is step.old and usual.new is step.new
+        if usual and same and abs(step.length - usual.length) <= _SAME * usual.length:
+            self._count += 1
+            return
         self._flush()
-        self._waiting, self._count = (old, new, length), 1
+        self._waiting, self._count = step, 1
 
     def _flush(self) -> None:
         """Take the steps that wait, all of them equal."""
@@ -196,9 +202,9 @@ class Disturbances:
             return
         if self._count < _OFTEN:
             for _ in range(self._count):
-                self._carried = self._stepper.carried(*self._waiting, self._carried)
+                self._carried = self._stepper.carried(self._waiting, self._carried)
         else:
-            one = self._stepper.carried(*self._waiting, np.eye(len(self._carried)))
+            one = self._stepper.carried(self._waiting, np.eye(len(self._carried)))
             self._carried = np.linalg.matrix_power(one, self._count) @ self._carried
         self._waiting, self._count = None, 0
 
@@ -209,17 +215,17 @@ class Disturbances:
         """
         side, h = self._side(old), new.time - old.time
         begin, end = self._at(schedule, i, old, side), self._at(schedule, i + 1, new, side)
-        longer = self._stepper.impulse(self._flow(old), self._flow(new))
+        step, longer = self._small(begin, end, old, new), self._stepper.impulse(self._flow(old), self._flow(new))
         moved: FloatArray = np.zeros_like(self._carried)
         if self._shift is not None:
             moved = (self._stepper.passed(0.5 * h * self._drift(old, side)) - longer)[:, None] * self._shift
-        after, self._shift = self._stepper.carried(begin, end, h, self._carried, moved), None
+        after, self._shift = self._stepper.carried(step, self._carried, moved), None
         crossed = np.flatnonzero(side != self._side(new))
         if len(crossed):
             which = self._forces.switching[crossed]
             which = int(which[np.argmin(np.abs(new.gap[which] / new.rate[which]))])
             longer = (longer + 0.5 * h * self._drift(new, side))[:, None]
-            by_time = self._stepper.carried(begin, end, h, np.zeros_like(longer), longer)[:, 0]
+            by_time = self._stepper.carried(step, np.zeros_like(longer), longer)[:, 0]
             sense, n = directions(self._forces, schedule, i + 1)[1][which], len(new.d)
             rate = new.rate[which] + sense @ (by_time[:n] - new.v)
             self._shift = shift = -(sense @ after[:n]) / rate

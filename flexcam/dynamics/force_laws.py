@@ -29,10 +29,11 @@ TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE
 sensed without the forces, the root of a scalar's own compliance, the stored energy, and two rows of the iteration."""
 LOCAL_ROWS = 10
 
-STATE, BEGIN, NEW_STATE, STATE_RATE, FLOW, ENERGY_BY_STATE = range(6)
+STATE, BEGIN, NEW_STATE, STATE_RATE, FLOW, ENERGY_BY_STATE, BY_TRAVEL, BY_BEGIN = range(8)
 """Rows of the internal states: at the beginning of a step, the penetration there, at its end; the rate at the end, the
-rate per unit of (penetration - state), and the derivative of the stored energy by the state."""
-STATE_ROWS = 6
+rate per unit of (penetration - state), the derivative of the stored energy by the state, and two of what is left of
+(penetration - state) at the end: by the travel of the penetration and by its value at the beginning."""
+STATE_ROWS = 8
 
 KIND, FIRST, SCALARS, CONSTANTS, FUNCTIONS, LAW_STATE, FRICTION = range(7)
 """Columns of the table of laws: number of the law, its first scalar and how many it senses, where its constants and its
@@ -231,8 +232,8 @@ def line_contact(
 
 def oil_column(
     x: float, x_begin: float, state: float, step: float, stiffness: float, leak: float, refill: float
-) -> tuple[float, float]:
-    """Return the compression ``e = x - z`` of an oil column at the end of a step, and its derivative by x.
+) -> tuple[float, float, float]:
+    """Return the compression ``e = x - z`` of an oil column at the end of a step, and its two derivatives.
 
     The column leaks while compressed, ``z' = k e/c``, and is refilled through the check valve while it would be pulled,
     ``z' = k e/c0``. With x linear over the step, ``e' = x' - a e`` has the exact solution
@@ -253,28 +254,29 @@ def oil_column(
     Returns
     -------
     tuple
-        e1, m, and its derivative by x.
+        e1, m, and its derivatives by the travel x1 - x0 and by e0.
 
     Examples
     --------
     >>> oil_column(2.0, 2.0, 1.0, 0.0, 1.0, 1.0, 1.0)
-    (1.0, 1.0)
+    (1.0, 1.0, 1.0)
     """
     begin, travel = x_begin - state, x - x_begin
     if step == 0.0:
-        return begin + travel, 1.0
+        return begin + travel, 1.0, 1.0
     pressed = begin > 0.0 or (begin == 0.0 and travel > 0.0)
     a, b = (stiffness / leak, stiffness / refill) if pressed else (stiffness / refill, stiffness / leak)
     decay = -math.expm1(-a * step)
     share = decay / (a * step)
     end = begin - decay * begin + share * travel
     if (end > 0.0) == pressed or begin * travel >= 0.0:
-        return end, share
+        return end, share, 1.0 - decay
     rate = travel / step  # the compression passes zero within the step
     rest = step - math.log1p(-begin * a / rate) / a
     decay = math.exp(-b * rest)
     share = -math.expm1(-b * rest) / b
-    return share * rate, (share - decay * begin / (rate - begin * a)) / step
+    by_begin = decay * rate / (rate - begin * a)
+    return share * rate, (share - decay * begin / (rate - begin * a)) / step, by_begin
 
 
 def lever_motion(path: float, arm: float, driven: float, start: float) -> tuple[float, float, float, float]:
@@ -414,7 +416,7 @@ def respond(
         Derivatives of the force of a scalar by penetration (0) and rate (1) of the scalars of its law, shape
         (2, c, width).
     states
-        Internal states by row, shape (6, s).
+        Internal states by row, shape (8, s).
     """
     for law in range(len(laws)):
         kind, i, b, f = laws[law, KIND], laws[law, FIRST], laws[law, CONSTANTS], column + laws[law, FUNCTIONS]
@@ -443,7 +445,8 @@ def respond(
         elif kind == OIL_COLUMN:
             z = laws[law, LAW_STATE]
             stiffness, leak, refill = constants[b], constants[b + 1], constants[b + 2]
-            pressed, share = oil_column(x, states[BEGIN, z], states[STATE, z], step, stiffness, leak, refill)
+            pressed, share, kept = oil_column(x, states[BEGIN, z], states[STATE, z], step, stiffness, leak, refill)
+            states[BY_TRAVEL, z], states[BY_BEGIN, z] = share, kept
             carried = stiffness if pressed > 0.0 else 0.0
             N, by_x = constants[b + 3] + carried * pressed, carried * share
             energy = constants[b + 3] * x + 0.5 * carried * pressed * pressed
@@ -509,6 +512,8 @@ class LawKind:
         How many internal states it has.
     damping
         Position of the constant that dissipates; None where it has none.
+    touching
+        Whether it begins to act where its first scalar becomes positive: a step ends there.
     polynomial
         Whether its force is a polynomial of at most third degree, for which Simpson's rule is exact.
     """
@@ -519,16 +524,17 @@ class LawKind:
     scalars: int = 1
     states: int = 0
     damping: int | None = None
+    touching: bool = False
     polynomial: bool = False
 
 
 LAWS = {
     BILATERAL: LawKind("bilateral", ("stiffness", "damping"), damping=1),
-    STOP: LawKind("stop", ("stiffness", "damping", "depth"), damping=1),
-    HUNT_CROSSLEY: LawKind("hunt_crossley", ("stiffness", "dissipation"), damping=1),
+    STOP: LawKind("stop", ("stiffness", "damping", "depth"), damping=1, touching=True),
+    HUNT_CROSSLEY: LawKind("hunt_crossley", ("stiffness", "dissipation"), damping=1, touching=True),
     LINE_CONTACT: LawKind(
         "line_contact", ("width", "give", "rest", "depth", "dissipation", "limit per radius"),
-        ("relative radius", "cosine"), damping=4,
+        ("relative radius", "cosine"), damping=4, touching=True,
     ),
     OIL_COLUMN: LawKind("oil_column", ("stiffness", "leak", "refill", "plunger force"), states=1),
     PULSATING: LawKind("bilateral", ("stiffness",), ("pulsation",)),

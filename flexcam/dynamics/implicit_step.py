@@ -136,4 +136,4 @@ class ImplicitStage:
 def unconverged(names: list[str], local: FloatArray) -> list[str]:
     """Return the names of the local forces that differ most from what their laws answer."""
     missing = np.abs(local[TRIAL] - local[ANSWER])
-    return [name for name, one in zip(names, missing, strict=True) if one > 0.1 * missing.max()]
+    return [name for name, one in zip(names, missing, strict=True) if one >= 0.1 * missing.max()]

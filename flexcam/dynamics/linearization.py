@@ -154,6 +154,27 @@ class Tangents:
         return self._forces.start_state if self._inner is None else self._inner[i]
 
 
+@dataclass(frozen=True, eq=False)
+class SmallStep:
+    """What a step does to small disturbances.
+
+    Parameters
+    ----------
+    old, new
+        What they obey at its beginning and at its end.
+    length
+        s.
+    by_travel, by_begin
+        How what an internal state leaves of its scalar follows travel and begin of the step, shape (s,).
+    """
+
+    old: Linear
+    new: Linear
+    length: float
+    by_travel: FloatArray
+    by_begin: FloatArray
+
+
 class LinearStep:
     """A step of the average acceleration, linearized: accelerations balance the forces at both of its ends.
 
@@ -181,15 +202,13 @@ class LinearStep:
         push = at.by_state @ z - (at.damping - self._C) @ v - (at.stiffness - self._K) @ d
         return np.vstack([self._light.place(d, push), v, z])
 
-    def carried(
-        self, old: Linear, new: Linear, h: float, before: FloatArray, more: FloatArray | None = None
-    ) -> FloatArray:  # fmt: skip
-        """Return disturbances, shape (2n + s, m), after a step of length h.
+    def carried(self, step: SmallStep, before: FloatArray, more: FloatArray | None = None) -> FloatArray:
+        """Return disturbances, shape (2n + s, m), after a step.
 
-        With ``d = d_free + A v``, ``z = z_free + F_d d + F_v v`` and ``M v + h/2 (C v + K d - P z) = p`` at the new
+        With ``d = d_free + A v``, ``z = z_free + F d`` and ``M v + h/2 (C v + K d - P z) = p`` at the new
         end, v is the only unknown. `more` is what comes to d_free, p and z_free from elsewhere.
         """
-        n = len(self._M)
+        n, old, new, h = len(self._M), step.old, step.new, step.length
         d, v, z = parts(before, n)
         push = self._M @ v - 0.5 * h * self._balanced(old.damping @ v + old.stiffness @ d - old.by_state @ z)
         d, whole = d + 0.5 * h * v, 0.5 * h * np.eye(n)
@@ -198,12 +217,12 @@ class LinearStep:
         own = np.zeros((len(before) - 2 * n, 1))
         if more is not None:
             d, push, own = d + more[:n], push + more[n : 2 * n], more[2 * n :]
-        z, by_d, by_v = _states(old, new, h, before, own)
-        C, K = new.damping - new.by_state @ by_v, new.stiffness - new.by_state @ by_d
+        z, by_d = _states(step, before, own)
+        C, K = new.damping, new.stiffness - new.by_state @ by_d
         right = push - 0.5 * h * (K @ d - new.by_state @ z)
         v = np.asarray(np.linalg.solve(self._M + 0.5 * h * (C + K @ whole), right), dtype=float)
         d = d + whole @ v
-        return np.vstack([d, v, z + by_d @ d + by_v @ v])
+        return np.vstack([d, v, z + by_d @ d])
 
     def impulse(self, old: FloatArray, new: FloatArray) -> FloatArray:
         """Return what a longer step adds to d, the momentum and z, per second, by the flows at both ends, (2n + s,)."""
@@ -219,23 +238,20 @@ class LinearStep:
         return self._light.passed_on(forces) if self._light.any else forces
 
 
-def _states(
-    old: Linear, new: Linear, h: float, before: FloatArray, more: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return internal states after a step without the new motion, and their derivatives by its d and v.
+def _states(step: SmallStep, before: FloatArray, more: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return internal states after a step without the new motion, and their derivatives by its displacements.
 
-    By the rule of `flexcam.dynamics.force_laws.oil_column`: with ``z' = a (x - z)`` and x linear over the step,
-    ``z1 = (1 - S) x1 + (S - E) x0 + E z0``, ``E = exp(-a h)`` and ``S = (1 - E)/(a h)``.
+    By the rule of `flexcam.dynamics.force_laws.oil_column`: what a state z leaves of its scalar x, ``e = x - z``,
+    follows ``e1 = T (x1 - x0) + B e0``, so that ``z1 = (1 - T) x1 + (T - B) x0 + B z0``.
     """
+    old, new = step.old, step.new
     n = new.state_by_d.shape[1]
     d, _, z = parts(before, n)
     if not len(z):
-        return z, new.state_by_d, new.state_by_v
-    rate, begun = -np.diag(new.state_by_state)[:, None], -np.diag(old.state_by_state)[:, None]
-    kept = np.exp(-rate * h)
-    share = -np.expm1(-rate * h) / (rate * h)
-    free = kept * z + (share - kept) * (old.state_by_d @ d) / begun + more
-    return free, (1.0 - share) / rate * new.state_by_d, np.zeros_like(new.state_by_v)
+        return z, new.state_by_d
+    T, B = step.by_travel[:, None], step.by_begin[:, None]
+    senses, sensed = (-one.state_by_d / np.diag(one.state_by_state)[:, None] for one in (new, old))
+    return B * z + (T - B) * (sensed @ d) + more, (1.0 - T) * senses
 
 
 def parts(state: FloatArray, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:

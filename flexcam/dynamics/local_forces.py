@@ -16,6 +16,8 @@ from flexcam.dynamics.force_laws import (
     ANSWER,
     ARCH,
     BEGIN,
+    BY_BEGIN,
+    BY_TRAVEL,
     CUSTOM,
     FIRST,
     FLOW,
@@ -175,7 +177,7 @@ class LawTable:
 
     @classmethod
     def of(cls, forces: Sequence[LocalForce], moved: Callable[[int], bool]) -> LawTable:
-        """Return the table of some local forces; `moved` tells whether anything moves a scalar of an arch."""
+        """Return the table of some local forces; `moved` tells whether a scalar of an arch can differ from zero."""
         rows: list[tuple[int, ...]] = []
         constants: list[float] = []
         functions: list[AngleFunction] = []
@@ -243,7 +245,8 @@ class LocalForces:
         self._offsets = _separate([offset for force in forces for offset in force.offset])
         self.count = len(self._offsets[0])
         self.places = np.vstack([self.sense.places, self.act.places])
-        self.table = LawTable.of(forces, lambda i: bool((np.diff(self.places)[:, i] > 0).any()))
+        placed = (np.diff(self.places) > 0).any(axis=0) | (self._offsets[0] != 0.0)
+        self.table = LawTable.of(forces, lambda i: bool(placed[i]))
         scalars, states = _slices([len(force.sense) for force in forces]), _slices([force.states for force in forces])
         self.parts = list(zip(forces, scalars, states, strict=True))
         switches = [(part.start + i, force.restitution) for force, part, _ in self.parts for i in force.switching]
@@ -366,12 +369,36 @@ class LocalForces:
 
     def state_rates(self, gap: FloatArray, state: FloatArray) -> FloatArray:
         """Return the rates of the internal states, shape (s,), for all sensed scalars and states at an instant."""
+        self.workspace.states[BEGIN] = gap[self.table.owners]
+        self._follow(0.0, gap, state)
+        return self.workspace.states[STATE_RATE].copy()
+
+    def _follow(self, step: float, gap: FloatArray, state: FloatArray) -> None:
+        """Evaluate the laws with an internal state alone."""
         work, table = self.workspace, self.table
         rows = table.laws[table.laws[:, LAW_STATE] >= 0]
-        work.local[PENETRATION], work.states[STATE], work.states[BEGIN] = gap, state, gap[table.owners]
+        work.local[PENETRATION], work.states[STATE] = gap, state
         none = np.zeros((1, len(table.functions)))
-        self.functions["respond"](rows, table.constants, none, 0, 0, 0.0, work.local, work.tangent, work.states)
-        return work.states[STATE_RATE].copy()
+        self.functions["respond"](rows, table.constants, none, 0, 0, step, work.local, work.tangent, work.states)
+
+    def state_steps(
+        self, step: float, gap: FloatArray, begin: FloatArray, state: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return how what an internal state leaves of its scalar follows travel and begin of a step, shape (s,) each.
+
+        Parameters
+        ----------
+        step
+            Length of the step, s.
+        gap, begin
+            All sensed scalars at its end and at its beginning, shape (c,).
+        state
+            Internal states at its beginning, shape (s,).
+        """
+        work, table = self.workspace, self.table
+        work.states[BEGIN] = begin[table.owners]
+        self._follow(step, gap, state)
+        return work.states[BY_TRAVEL].copy(), work.states[BY_BEGIN].copy()
 
     def _reaction(self) -> Reaction:
         """Return what `respond` wrote, as matrices of all scalars."""

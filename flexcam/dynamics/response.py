@@ -35,7 +35,7 @@ def turning_points(time: FloatArray, values: FloatArray, slopes: FloatArray) -> 
     x = np.where((x > 0.0) & (x < 1.0), x, 0.0)
     turned = values[:-1] + x * (begun + x * (square + x * cubic))
     instants = time[:-1].reshape(length.shape) + x * length
-    return instants.reshape(-1, *values.shape[1:]), turned.reshape(-1, *values.shape[1:])
+    return np.concatenate(instants), np.concatenate(turned)
 
 
 def peak(time: FloatArray, values: FloatArray, slopes: FloatArray | None = None) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -181,7 +182,10 @@ def instability_status(names: Sequence[str], motion: FloatArray, parts: Iterable
     sizes = np.abs(motion) / max(float(np.abs(motion).max(initial=0.0)), np.finfo(float).tiny)
     order: list[int] = np.argsort(-np.round(sizes, _DIGITS), kind="stable").tolist()
     along = f"along {', '.join(names[i] for i in order[:_NAMED])}"
-    energies = sorted((float(motion @ part.times(motion)), name) for name, part in parts)
-    to_blame = [name for energy, name in energies if energy < 0.0 and energy <= _ALSO * energies[0][0]]
+    energies: dict[str, float] = defaultdict(float)  # all elements of a member have its name
+    for name, part in parts:
+        energies[name] += float(motion @ part.times(motion))
+    worst = min(energies.values(), default=0.0)
+    to_blame = [name for name, energy in energies.items() if energy < 0.0 and energy <= _ALSO * worst]
     what = f"what gives way is {' and '.join(to_blame)}, {along}" if to_blame else f"it gives way {along}"
     return replace(NOT_POSITIVE, text=f"{NOT_POSITIVE.text}: {what}")

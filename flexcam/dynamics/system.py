@@ -12,7 +12,7 @@ import numpy as np
 from flexcam.core import FloatArray, Triplets
 from flexcam.dynamics.angle_functions import AngleFunction, AngleVector, CamFunctionCache, Constant
 from flexcam.dynamics.cam_motion import CamMotion
-from flexcam.dynamics.force_laws import ForceLaw
+from flexcam.dynamics.force_laws import LAWS, ForceLaw
 
 _NO_STATE = np.zeros(0)
 _NONE = np.zeros((0, 0))
@@ -72,8 +72,6 @@ class LocalForce:
         Force from the sensed scalars; a law of fewer scalars than c holds for each group of them.
     offset
         g(theta), one function per sensed scalar.
-    switching
-        Sensed scalars whose passing zero must be located: a step ends there, and an impact may follow.
     restitution
         Rate of separation per rate of approach at the moment a switching scalar becomes positive (Newton's law of
         impact); None where bodies meet without an impact.
@@ -84,8 +82,13 @@ class LocalForce:
     act: tuple[AngleVector, ...]
     law: ForceLaw | CustomLaw
     offset: tuple[AngleFunction, ...]
-    switching: tuple[int, ...] = ()
     restitution: float | None = None
+
+    @property
+    def switching(self) -> range:
+        """Sensed scalars whose passing zero is located, since the law begins to act there."""
+        touching = isinstance(self.law, ForceLaw) and LAWS[self.law.kind].touching
+        return range(0, len(self.sense) if touching else 0, self.law.scalars if isinstance(self.law, ForceLaw) else 1)
 
     @property
     def states(self) -> int:

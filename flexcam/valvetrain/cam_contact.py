@@ -119,7 +119,7 @@ def add_friction(structure: Structure, name: str, contact: CamContact, cam: Cam,
     law = replace(cast("ForceLaw", force.law), friction=(contact.friction, contact.friction_speed))
     offset = (*force.offset, travelled(cam))
     return LocalForce(
-        force.name, (*force.sense, along), (*force.act, acting), law, offset, force.switching, force.restitution
+        force.name, (*force.sense, along), (*force.act, acting), law, offset, force.restitution
     )  # fmt: skip
 
 

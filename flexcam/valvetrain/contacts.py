@@ -34,29 +34,23 @@ class Coupling:
 _zero = constant(0.0)
 
 
-def opposed_force(
-    name: str, rows: FloatArray, law: ForceLaw, offset: AngleFunction = _zero, switching: tuple[int, ...] = ()
-) -> LocalForce:
+def opposed_force(name: str, rows: FloatArray, law: ForceLaw, offset: AngleFunction = _zero) -> LocalForce:
     """Return a local force that acts against the rows it senses, A = -G, none of which changes with the cam angle."""
     sense = tuple(AngleVector.constant(row) for row in rows)
     act = tuple(AngleVector.constant(-row) for row in rows)
-    return LocalForce(name, sense, act, law, (offset,) * len(rows), switching)
-
-
-_zero_contacts = constant(0.0)
+    return LocalForce(name, sense, act, law, (offset,) * len(rows))
 
 
 def conservative_force(
     name: str,
     sense: AngleVector,
     law: ForceLaw,
-    offset: AngleFunction = _zero_contacts,
+    offset: AngleFunction = _zero,
     restitution: float | None = None,
 ) -> LocalForce:
     """Return a local force of one scalar that acts against the motion that presses its bodies together."""
-    switching = () if restitution is None else (0,)  # an impact happens at the moment of touchdown
     act = AngleVector(-sense.vectors, sense.functions)
-    return LocalForce(name, (sense,), (act,), law, (offset,), switching, restitution)
+    return LocalForce(name, (sense,), (act,), law, (offset,), restitution)
 
 
 def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:

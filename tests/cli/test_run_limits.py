@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from flexcam import analysis, read_case, read_result
+from flexcam import read_case, read_result
 from flexcam.analysis import resources
 from flexcam.analysis.error_estimate import estimate
 from flexcam.analysis.preparation import prepare
@@ -151,7 +151,7 @@ def test_the_estimate_of_errors_ends_too(fault, flexcam, case, monkeypatch):
             raise fault
         return known(*words)
 
-    monkeypatch.setattr(analysis, "estimate", after_the_run)
+    monkeypatch.setattr("flexcam.cli.run.estimate", after_the_run)
     monkeypatch.setattr("time.monotonic", lambda: 1e6 if late else 0.0)
     ended = flexcam("run", case, "--set", "fidelity.estimate=true", "--time-limit", "1 h", "--json")
     assert ended.code == 0

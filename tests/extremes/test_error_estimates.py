@@ -125,18 +125,19 @@ ROUNDING = 1e-10
 
 
 def check(count, folder):
-    """Nine lifts of ten have an estimate, 19 of 20 of these cover the true error, half are within five times of it.
+    """Seven lifts of ten have an estimate, 19 of 20 of these cover the true error, half are within five times of it.
 
     The true error is that against four times the elements and eight times the steps: of second order, 1/16 and 1/64 of
     it are left in there. What is doubled is 3/4 of it, so that 1.5 times the truth is to be expected.
-    Accelerations and forces after an impact or a jump of the law come together later than lifts do: of them every other
+    Springs of few coarse parts are divided as well, and what surges in them may not come together: the estimate says
+    so. Accelerations and forces after an impact or a jump of the law come together later than lifts do: of them every other
     estimate is to hold.
     """
     found = [errors(seed, folder) for seed in range(count)]
     for quantity in ("lift", "velocity", "acceleration", "force intake"):
         ones = [one[quantity] for one in found if one[quantity][1] > ROUNDING]
         holding = [(estimated, true) for estimated, true, holds in ones if holds]
-        assert len(holding) >= (0.9 if quantity == "lift" else 0.5) * len(ones), quantity
+        assert len(holding) >= (0.7 if quantity == "lift" else 0.5) * len(ones), quantity
         assert sum(estimated >= true for estimated, true in holding) >= 0.95 * len(holding), quantity
         assert np.median([estimated / true for estimated, true in holding]) < 5.0, quantity
 

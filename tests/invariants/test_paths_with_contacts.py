@@ -85,8 +85,8 @@ KINDS = {
     "lever": lambda rng, k: (lever_end(LEVER, int(rng.integers(2))), 2),
     "arch": lambda rng, k: (arch(rng), 7),
 }
-SWITCHING = {"stop": 1, "stops": 3, "hunt-crossley": 1, "line": 1, "inclined": 1, "sliding": 1, "sliding line": 1}
-"""Kinds that can be told to end steps where they open and close, with their depths."""
+TOUCHING = ("stop", "stops", "hunt-crossley", "line", "inclined", "sliding", "sliding line")
+"""Kinds whose steps end where they open and close."""
 
 
 def row(rng, n):
@@ -103,15 +103,14 @@ def vector(rng, n, *, turning):
     return AngleVector(np.array([row(rng, n), row(rng, n)]), (constant(1.0), wavy(0.1, 0.2)))
 
 
-def force(rng, n, kind, *, switching=False, restitution=None, ahead=0.0):
+def force(rng, n, kind, *, restitution=None, ahead=0.0):
     """Return a local force; `ahead` is how far its depths begin from touching, m."""
     law, count = KINDS[kind](rng, 10.0 ** rng.uniform(3.0, 6.5))
     sense = tuple(vector(rng, n, turning=kind not in ("arch", "lever")) for _ in range(count))
     act = tuple(AngleVector(-one.vectors, one.functions) for one in sense)
     at = 0.0 if kind == "arch" else 1.0
     offset = tuple(wavy(at * (rng.uniform(-1e-4, 3e-4) - ahead), at * 1e-4, 3.0) for _ in range(count))
-    switches = tuple(range(SWITCHING.get(kind, 0))) if switching else ()
-    return LocalForce(kind, sense, act, law, offset, switches, restitution if switches else None)
+    return LocalForce(kind, sense, act, law, offset, restitution if kind in TOUCHING else None)
 
 
 def chain(rng, n, *, massless=False):
@@ -205,10 +204,10 @@ def test_one_force_of_every_kind(kind, scheme):
 
 @pytest.mark.parametrize("restitution", [None, 0.0, 0.5])
 @pytest.mark.parametrize("scheme", ["newmark", "hht"])
-@pytest.mark.parametrize("kind", sorted(SWITCHING))
+@pytest.mark.parametrize("kind", sorted(TOUCHING))
 def test_steps_that_end_where_contacts_open_and_close(kind, scheme, restitution):
     rng = np.random.default_rng(10 + list(KINDS).index(kind))
-    compare(some_problem(rng, [kind], switching=True, restitution=restitution), SCHEMES[scheme])
+    compare(some_problem(rng, [kind], restitution=restitution), SCHEMES[scheme])
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -219,7 +218,7 @@ def test_several_forces_at_once(seed):
     kinds = rng.choice([kind for kind in sorted(KINDS) if not (massless and kind == "arch")], size=3).tolist()
     scheme = SCHEMES[rng.choice(sorted(SCHEMES))]
     drive = FluctuatingSpeed(100.0, (2.0,), (0.3,), (0.5,)) if seed % 2 else None
-    compare(some_problem(rng, kinds, switching=bool(seed % 3), massless=massless, drive=drive), scheme)
+    compare(some_problem(rng, kinds, massless=massless, drive=drive), scheme)
 
 
 @pytest.mark.slow
@@ -228,13 +227,13 @@ def test_many_forces_at_once(seed):
     rng = np.random.default_rng(1000 + seed)
     kinds = rng.choice(sorted(KINDS), size=int(rng.integers(1, 5))).tolist()
     restitution = [None, 0.0, 0.6][seed % 3]
-    problem = some_problem(rng, kinds, switching=bool(seed % 2), restitution=restitution, massless=False)
+    problem = some_problem(rng, kinds, restitution=restitution, massless=False)
     compare(problem, SCHEMES[rng.choice(sorted(SCHEMES))])
 
 
 def test_before_the_first_contact_only_rounding_is_between_them():
     rng = np.random.default_rng(0)
-    problem = some_problem(rng, ["stop", "hunt-crossley"], switching=True, ahead=1.0)
+    problem = some_problem(rng, ["stop", "hunt-crossley"], ahead=1.0)
     general, found = (solve(replace(problem, engine=path), newmark()) for path in ("direct", "kernel"))
     assert general.stats.events == found.stats.events == 0
     assert apart(general, found)[-1] < 1e-12

@@ -237,7 +237,7 @@ def test_both_engines_give_the_same_motion(name):
 def test_oil_column_is_exact_for_a_linear_motion(begin, travel, pieces, step):
     """One step of a linear motion ends where several parts of it do."""
     k, leak, refill = 2e7, 5e3, 60.0
-    end, _ = oil_column(begin + travel, begin, 0.0, step, k, leak, refill)
+    end, _, _ = oil_column(begin + travel, begin, 0.0, step, k, leak, refill)
     state, x = 0.0, begin
     for i in range(1, pieces + 1):
         new = begin + travel * i / pieces
@@ -251,6 +251,10 @@ def test_oil_column_follows_the_motion_by_its_derivative(begin, travel):
     arguments = (begin, 0.0, 1e-4, 2e7, 5e3, 60.0)
     ends = [oil_column(begin + travel + side * h, *arguments)[0] for side in (1, -1)]
     assert oil_column(begin + travel, *arguments)[1] == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-4)
+    ends = [oil_column(begin + side * h + travel, begin + side * h, *arguments[1:])[0] for side in (1, -1)]
+    # Rounding of 1e-20 in the compression, over the difference.
+    found = oil_column(begin + travel, *arguments)[2]
+    assert found == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-4, abs=1e-9)
 
 
 def test_oil_column_does_not_ring_in_long_steps():
@@ -258,7 +262,7 @@ def test_oil_column_does_not_ring_in_long_steps():
     state, x = 0.0, 0.0
     for i in range(1, 20):
         new = -1e-6 * i
-        pressed, _ = oil_column(new, x, state, 0.1, 2e7, 5e4, 60.0)
+        pressed, _, _ = oil_column(new, x, state, 0.1, 2e7, 5e4, 60.0)
         state, x = new - pressed, new
         assert -1e-9 < pressed <= 0.0
 

@@ -27,7 +27,7 @@ def contact(name, row, restitution, gap=0.0):
     """Pressed where row @ u > gap."""
     row = np.asarray(row, dtype=float)
     terms = (AngleVector.constant(row),), (AngleVector.constant(-row),)
-    return LocalForce(name, *terms, elastic_stop(1e9), (constant(-gap),), (0,), restitution)
+    return LocalForce(name, *terms, elastic_stop(1e9), (constant(-gap),), restitution)
 
 
 def bodies(masses, *contacts, weight=0.0):

@@ -54,7 +54,6 @@ def test_a_stopped_run_stops_what_asked_for_it(where, monkeypatch):
 @pytest.mark.parametrize(
     ("where", "ask"),
     [
-        ("flexcam.dynamics.floquet", lambda case: over_speeds(case, SPEEDS)),
         ("flexcam.analysis.model_ladder", lambda case: trade(case, "valve", repeats=1)),
         ("flexcam.studies.evaluation", lambda case: quantities(case, ["deviation.peak"])),
     ],

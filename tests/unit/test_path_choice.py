@@ -33,7 +33,6 @@ from flexcam.dynamics import (
     generalized_alpha,
     hht,
     newmark,
-    periodic,
     solve,
 )
 from flexcam.dynamics.engine_selection import select_engine
@@ -82,9 +81,9 @@ def refusal(problem, method=None):
 
 @pytest.mark.parametrize("path", FORCED)
 @pytest.mark.parametrize(("options", "method", "words"), [
-    ({"adaptive": Adaptive()}, newmark(), "its steps adapt"),
-    ({}, bathe(), "only newmark, hht and generalized-alpha"),
-    ({}, exact(), "only newmark, hht and generalized-alpha"),
+    ({"adaptive": Adaptive()}, newmark(), "it has no adaptive steps"),
+    ({}, bathe(), "newmark, hht and generalized-alpha only"),
+    ({}, exact(), "newmark, hht and generalized-alpha only"),
 ])  # fmt: skip
 def test_methods_that_go_the_general_way_alone(path, options, method, words):
     assert words in refusal(problem_of(masses(2), path, **options), method)
@@ -108,12 +107,8 @@ def test_what_a_size_makes_worthwhile(n, steps, path):
 
 def test_local_forces_and_damping():
     assert "bumper depends on the motion" in refusal(problem_of(masses(2, law=elastic_stop(1e3)), "modal"))
-    assert "the law of bumper is not known in machine code" in refusal(problem_of(masses(2, law=Unknown()), "kernel"))
-    # Friction needs a second scalar: its law is known, this use of it is not.
-    assert "the law of bumper" in refusal(
-        problem_of(masses(2, law=replace(elastic_stop(1e3), friction=(0.1, 1e-3))), "kernel")
-    )
-    assert "its damping couples the natural motions" in refusal(problem_of(masses(2, damping=1.0), "modal"))
+    assert "the law of bumper is a Python object" in refusal(problem_of(masses(2, law=Unknown()), "kernel"))
+    assert "the damping couples the modes" in refusal(problem_of(masses(2, damping=1.0), "modal"))
 
 
 @pytest.mark.parametrize("path", FORCED)
@@ -149,8 +144,8 @@ def test_without_a_compiler(monkeypatch):
 
 @pytest.mark.parametrize(("law", "steps", "runs", "path"), [
     (None, 999, 1, "direct"), (None, 1000, 1, "modal"), (None, 1_000_000, 1, "modal"), (None, 999, 100, "direct"),
-    (None, 1000, 100, "modal"), (elastic_stop(1e3), 4999, 1, "direct"),
-    (elastic_stop(1e3), 5000, 1, "kernel"), (elastic_stop(1e3), 50, 100, "kernel"), (Unknown(), 5000, 1, "direct"),
+    (None, 1000, 100, "modal"), (elastic_stop(1e3), 11_000, 1, "direct"),
+    (elastic_stop(1e3), 12_000, 1, "kernel"), (elastic_stop(1e3), 120, 100, "kernel"), (Unknown(), 5000, 1, "direct"),
 ])  # fmt: skip
 def test_what_the_length_of_all_runs_makes_worthwhile(law, steps, runs, path):
     for method in (newmark(), hht(), generalized_alpha()):
@@ -158,7 +153,7 @@ def test_what_the_length_of_all_runs_makes_worthwhile(law, steps, runs, path):
 
 
 @pytest.mark.parametrize(("steps", "runs", "path"), [
-    (2000, 1, "direct"), (99_999, 1, "direct"), (100_000, 1, "kernel"), (1000, 100, "kernel"),
+    (2000, 1, "direct"), (24_000, 1, "direct"), (26_000, 1, "kernel"), (1000, 100, "kernel"),
 ])  # fmt: skip
 def test_damping_that_couples(steps, runs, path):
     """No motion goes by itself: it is left to machine code, or to the general way where that is not worthwhile."""
@@ -186,7 +181,7 @@ def test_other_unknowns(path):
     system = masses(3)
     for T in (np.array([[1.0], [0.5], [0.2]]), np.array([[1.0, 0.0], [0.5, 1.0], [0.2, -1.0]])):
         problem = problem_of(system, "direct", 300, basis=ModeBasis(T))
-        general, found = (solve(replace(problem, path=one), newmark()) for one in ("direct", path))
+        general, found = (solve(replace(problem, engine=one), newmark()) for one in ("direct", path))
         assert found.stats.engine == path
         for kind, most in (("displacement", 1e-12), ("velocity", 1e-12), ("acceleration", 1e-11)):
             one, other = (getattr(run.fields, kind) for run in (general, found))
@@ -268,21 +263,3 @@ def test_a_free_motion_behind_a_massless_unknown_is_no_negative_stiffness(soft):
 def test_a_stiffness_that_pushes_behind_a_massless_unknown(push):
     K = np.array([[10.0, 0.0, -10.0], [0.0, 10.0 + push, -10.0], [-10.0, -10.0, 20.0]])
     assert "not symmetric and positive" in refusal(problem_of(pair(K), "modal"))
-
-
-def test_a_search_for_a_periodic_state_is_many_revolutions(monkeypatch):
-    """600 steps are not worth compiling, ten revolutions of them are; of 100 steps they are not."""
-    taken: list[str] = []
-
-    def revolved(problem, scheme, **asked):
-        response = solve(problem, scheme, **asked)
-        taken.append(response.stats.engine)
-        return response
-
-    monkeypatch.setattr(sys.modules["flexcam.dynamics.periodic"], "solve", revolved)
-    for steps, way in ((600, "kernel"), (100, "direct")):
-        bumper = masses(2, law=elastic_stop(100.0), damping=1.0)
-        search = Problem(bumper, ConstantSpeed(3.0), 2.0 * np.pi / 3.0 / steps, steps)
-        assert periodic(search, newmark()).periodicity < 1e-9
-        assert set(taken) == {way}
-        taken.clear()

@@ -34,6 +34,7 @@ from flexcam.dynamics import (
     newmark,
     solve,
 )
+from flexcam.dynamics.force_laws import line_load
 from flexcam.valvetrain.hertz_contact import HertzLine
 
 SOURCE = "Contact and springs, closed forms"
@@ -83,9 +84,8 @@ def test_energy_of_the_bounce(record, law, fitted_order):
         channels = bouncing(law, int(count))[0].channels
         residuals.append(np.abs(channels["energy.residual"]).max() / channels["energy.kinetic"].max())
     record(source=SOURCE, case=f"bouncing mass, {type(law).__name__}", quantity="largest energy residual over kinetic",
-           unit="1", reference=0.0, computed=float(residuals[-1]), tolerance=1e-4, absolute=True,
-           reason="touchdown and parting within a step cost (w dt)^2 of the energy in it")  # fmt: skip
-    assert residuals[-1] < residuals[0] / 8.0
+           unit="1", reference=0.0, computed=max(residuals), tolerance=1e-8, absolute=True,
+           reason="touchdown and separation end a step: within the steps the contact is linear")  # fmt: skip
 
 
 @pytest.mark.parametrize("dissipation", [0.2, 0.6])
@@ -170,16 +170,22 @@ def test_surge(record, parts):
            tolerance=0.02 * (math.pi / parts) ** 4, reason="next term of the series")  # fmt: skip
 
 
+def load_of(contact, approach, relative):
+    """Return load per length and its slope of a line contact of this relative radius of curvature."""
+    _, give, rest, depth, _, limit = contact.law().constants
+    return line_load(approach, limit * relative, give, rest, depth)
+
+
 def test_hertz_line_load_is_the_inverse_of_the_approach():
     law = HertzLine(0.012, 207e9, 0.29, constant(0.02), 0.03)
     for approach in (1e-9, 1e-7, 1e-5, 1e-4):
-        load, slope = (float(one[0]) for one in law.line_load(np.array([approach]), np.array([0.02])))
+        load, slope = load_of(law, approach, 0.02)
         one = (1.0 - 0.29**2) / (math.pi * 207e9)
         a = math.sqrt(8.0 * load * 0.02 * one)
         terms = 2 * math.log(4 * 0.02 / a) - 1 + 2 * math.log(2 * 0.03 / a) - 0.29 / 0.71
         assert one * load * terms == pytest.approx(approach, rel=1e-12)
         step = 1e-6 * approach
-        around = law.line_load(np.array([approach - step, approach + step]), np.full(2, 0.02))[0]
+        around = [load_of(law, approach + side * step, 0.02)[0] for side in (-1, 1)]
         assert slope == pytest.approx((around[1] - around[0]) / (2 * step), rel=1e-6)
 
 
@@ -190,7 +196,7 @@ def test_two_cylinders_come_nearer_by_what_each_yields(record, one, other, load)
     a = math.sqrt(8.0 * load * relative * compliance)
     approach = compliance * load * sum(2.0 * math.log(4.0 * R / a) - 1.0 for R in (one, other))
     law = HertzLine(0.01, 207e9, 0.3, constant(relative), 2.0 * (one + other), rolls=True)
-    found = float(law.line_load(np.array([approach]), np.array([relative]))[0][0])
+    found = load_of(law, approach, relative)[0]
     record(source=SOURCE, case=f"cylinders of {1e3 * one:g} and {1e3 * other:g} mm", quantity="load of a line contact",
            unit="N/m", reference=load, computed=found, tolerance=1e-9, reason="Newton's iteration")  # fmt: skip
 
@@ -202,7 +208,7 @@ def test_two_cylinders_after_young():
     wide = 2.0 * math.sqrt(8.0 * load * one * other / (one + other) * compliance)
     approach = 2.0 * compliance * load * (2.0 / 3.0 + math.log(4.0 * one / wide) + math.log(4.0 * other / wide))
     law = HertzLine(0.01, 207e9, 0.3, constant(0.006), 2.0 * (one + other), rolls=True)
-    assert law.line_load(np.array([approach]), np.array([0.006]))[0][0] == pytest.approx(load, rel=0.04)
+    assert load_of(law, approach, 0.006)[0] == pytest.approx(load, rel=0.04)
 
 
 def test_a_roller_that_nests_in_its_cam_is_pressed_back():
@@ -211,7 +217,7 @@ def test_a_roller_that_nests_in_its_cam_is_pressed_back():
 
     for rolls, depth in ((True, 0.05), (False, 0.018)):
         law = HertzLine(0.01, 207e9, 0.3, constant(STRAIGHT * depth), depth, rolls=rolls)
-        load, slope = law.line_load(np.geomspace(1e-8, 0.1 * depth, 50), np.full(50, STRAIGHT * depth))
+        load, slope = np.transpose([load_of(law, x, STRAIGHT * depth) for x in np.geomspace(1e-8, 0.1 * depth, 50)])
         assert (slope > 0.0).all()
         assert (np.diff(load) > 0.0).all()
         assert load[0] < 1e5

@@ -128,7 +128,6 @@ def bouncing(w, e, phase=0.0):
         (AngleVector.constant(row),),
         elastic_stop(1e9),
         (constant(0.0),),
-        (0,),
         e,
     )
     return System(one, Triplets.zeros(1), one, ("x",), (push,), (seat,))
@@ -141,7 +140,7 @@ def derivative(problem, step):
 
     def after(x):
         start = State(x[:n], x[n : 2 * n], problem.start.time, None if inner is None else x[2 * n :])
-        done = solve(replace(problem, start=start, path="general"), newmark(), save=SaveAt(field_every=problem.steps))
+        done = solve(replace(problem, start=start, engine="direct"), newmark(), save=SaveAt(field_every=problem.steps))
         assert done.status.ok
         return np.concatenate([done.fields.displacement[-1], done.fields.velocity[-1], done.inner])
 

@@ -185,7 +185,7 @@ def test_rigid_model_says_so():
 
 @pytest.mark.parametrize(("case", "damped", "most"), [
     (LINEAR, DAMPED, 2), (LINEAR, ("run.revolutions=1",), 2),
-    ("cases/direct-acting/finger.toml", ("run.steps_per_revolution=360", "run.revolutions=1"), 5),
+    ("cases/direct-acting/finger.toml", ("run.steps_per_revolution=360", "run.revolutions=1"), 6),
 ])  # fmt: skip
 def test_revolutions_of_the_search(monkeypatch, case, damped, most):
     """Newton's method: the second revolution of a linear train returns, damped or not."""
