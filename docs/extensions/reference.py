@@ -72,7 +72,9 @@ def groups() -> dict[str, tuple[str, ...]]:
     if missing:
         message = f"packages without a page of the reference: {sorted(missing)}"
         raise ValueError(message)
-    return {title: tuple(page for name in names for page in (name, *modules_of(name))) for title, names in GROUPS.items()}
+    return {
+        title: tuple(page for name in names for page in (name, *modules_of(name))) for title, names in GROUPS.items()
+    }
 
 
 def pages() -> list[str]:

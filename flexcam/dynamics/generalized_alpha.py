@@ -42,7 +42,7 @@ def predict(
     v: Number,
     a: Number,
     h: float,
-    beta: Any,
+    beta: Any,  # noqa: ANN401 - a number or one per mode
     gamma: Any,  # noqa: ANN401 - a number or one per mode
 ) -> tuple[Number, Number]:
     """Return displacement and velocity at the end of a step without the new acceleration (Newmark's formulas).

@@ -66,7 +66,9 @@ def test_every_name_of_a_package_is_described_or_linked(made, pages, package):
         module = importlib.import_module(title)
         for name in made["names_of"](module):
             home = homes[id(getattr(module, name))]
-            linked = home != f"{title}.{name}" and (f"   ~{home}\n" in pages[page] or not callable(getattr(module, name)))
+            linked = home != f"{title}.{name}" and (
+                f"   ~{home}\n" in pages[page] or not callable(getattr(module, name))
+            )
             assert linked or told(pages[page], title, name), f"{title}.{name}"
 
 
