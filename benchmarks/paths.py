@@ -1,4 +1,4 @@
-"""A run by a chosen way through time."""
+"""Runs on a chosen engine."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from flexcam.dynamics import Engine, Method, Problem, Response, SaveAt, newmark,
 from flexcam.dynamics.engine_selection import select_engine
 
 ALL: tuple[Engine, ...] = ("auto", "kernel", "direct")
-"""The way flexcam takes, that in machine code, and the one that fits every system."""
+"""The engine that flexcam selects, the compiled one, and the one that fits every system."""
 
 
 def taken(problem: Problem, path: Engine, scheme: Method | None = None, save: SaveAt | None = None) -> str | None:
-    """Return the path that flexcam takes when it is asked for one; None if it cannot."""
+    """Return the engine that flexcam takes when it is asked for one; None if it cannot."""
     try:
         return select_engine(replace(problem, engine=path), scheme or newmark(), save or SaveAt()).engine
     except InputError:
@@ -21,7 +21,7 @@ def taken(problem: Problem, path: Engine, scheme: Method | None = None, save: Sa
 
 
 def ways(problem: Problem, scheme: Method | None = None, save: SaveAt | None = None) -> dict[str, bool]:
-    """Return the ways to be measured, and which of them is automatic."""
+    """Return the engines to be measured, and which of them is automatic."""
     found = {path: taken(problem, path, scheme, save) for path in ALL}
     return {path: path == found["auto"] for path in found.values() if path is not None}
 
@@ -29,5 +29,5 @@ def ways(problem: Problem, scheme: Method | None = None, save: SaveAt | None = N
 def solved(
     problem: Problem, path: Engine = "auto", save: SaveAt | None = None, scheme: Method | None = None
 ) -> Response:
-    """Solve by a path."""
+    """Solve on an engine."""
     return solve(replace(problem, engine=path), scheme or newmark(), save=save)

@@ -83,7 +83,7 @@ STEPS, FIRST = 40, 2.0 * math.pi * 25.0
 
 @pytest.mark.parametrize("spans", [2, 17, *large(172, 1724)])
 def test_steps(benchmark, note, spans):
-    """Of the general way through time: what a step costs per unknown should not depend on their number."""
+    """Of the direct engine: what a step costs per unknown should not depend on their number."""
     work = Work(spans=spans)
     many = Problem(shaft(work), ConstantSpeed(FIRST), step=work.step(25.0), steps=STEPS + 1)
     response = benchmark(solved, many, "direct")
@@ -95,7 +95,7 @@ def test_steps(benchmark, note, spans):
         benchmark.extra_info["ns_per_step_and_unknown"] = round(1e9 * per_step / many.system.size, 1)
     note(
         "from benchmarks.peers.with_flexcam import run; from benchmarks.peers.work import Work\n"
-        f"run(Work(spans={spans}, revolutions=1, steps_per_revolution={STEPS}), 'general')"
+        f"run(Work(spans={spans}, revolutions=1, steps_per_revolution={STEPS}), 'direct')"
     )
 
 

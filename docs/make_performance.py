@@ -108,10 +108,10 @@ def _linear(tables: dict) -> list[str]:
         "",
         "The shaft of B1, and longer ones of the same spans, by Newmark's method: microseconds per step with two probes saved,",
         "and with displacement, velocity and acceleration of all unknowns saved at every step; both are differences of a long",
-        "and a short run. What comes before the first step (factorization or modes, memory) stands apart. The path that",
-        "flexcam takes by itself is bold; where that is not the general one, this was forced for comparison.",
+        "and a short run. What comes before the first step (factorization or modes, memory) stands apart. The engine",
+        "that flexcam selects is bold; where it is not the direct one, this was forced for comparison.",
         "",
-        "| unknowns | path | us per step, probes | us per step, all | before, ms | steps |",
+        "| unknowns | engine | us per step, probes | us per step, all | before, ms | steps |",
         "|---|---|---|---|---|---|",
         *rows,
         "",
@@ -133,7 +133,7 @@ def _model(rows: list[dict]) -> list[str]:
         "As a model of the cost of a step with probes saved, fitted to the rows above (least squares of relative errors, the",
         "better of a straight line and a parabola in the number of unknowns n):",
         "",
-        "| path | unknowns | us per step | largest error of the fit |",
+        "| engine | unknowns | us per step | largest error of the fit |",
         "|---|---|---|---|",
         *lines,
         "",
@@ -141,15 +141,15 @@ def _model(rows: list[dict]) -> list[str]:
 
 
 DENSE = 300
-"""Unknowns up to which the general path is dense (`flexcam.core.DENSE_LIMIT`)."""
+"""Unknowns up to which the direct engine is dense (`flexcam.core.DENSE_LIMIT`)."""
 
 
 def _parts(rows: list[dict]) -> list[tuple[list[dict], str]]:
-    """Return the rows by the path they took, the general one dense and sparse apart; three at least make a fit."""
+    """Return the rows by engine, the direct one dense and sparse apart; three at least make a fit."""
 
     def kind(row: dict) -> str:
         dense = "dense" if row["unknowns"] <= DENSE else "sparse"
-        return f"general, {dense}" if row["path"] == "direct" else row["path"]
+        return f"direct, {dense}" if row["path"] == "direct" else row["path"]
 
     found = {name: [row for row in rows if kind(row) == name] for name in dict.fromkeys(map(kind, rows))}
     return [(its, name) for name, its in found.items() if len(its) >= 3]
@@ -186,10 +186,10 @@ def _bounds(tables: dict) -> list[str]:
         "A step of n modes takes some 10 n floating-point operations (two new numbers from two old ones and a load), a step",
         "by a dense inverse 2 n^2; saving displacement, velocity and acceleration of all writes 24 n bytes. At the speeds of",
         "the machine above that takes, in us per step, what the first columns say; the other columns hold the figures of the",
-        "path that flexcam takes against the bound of a modal step, and of such a step and its bytes. Small arrays stay in",
+        "engine that flexcam selects against the bound of a modal step, and of such a step and its bytes. Small arrays stay in",
         "the caches, so their bytes take less; turning modes into all unknowns takes operations that are not counted.",
         "",
-        "| unknowns | modal | dense | bytes | path | probes | times the bound | all | times the bound |",
+        "| unknowns | modal | dense | bytes | engine | probes | times the bound | all | times the bound |",
         "|---|---|---|---|---|---|---|---|---|",
         *rows,
         "",
@@ -207,12 +207,12 @@ def _contact(tables: dict) -> list[str]:
         "## Contact",
         "",
         "Two camshaft revolutions of cases with contact, as they stand, from their start. Local forces are contacts, seats,",
-        "lash, coils that touch, friction and the like; events are instants located within a step, where a contact opens or",
-        "closes; iterations are Newton's, of the local forces, per step. Time is that with the probes alone saved, and with",
+        "lash, coils that touch, friction and the like; events are instants at which a contact with a",
+        "restitution opens or closes; iterations are Newton's, of the local forces, per step. Time is that with the probes alone saved, and with",
         "every channel, energy and field that the case asks for. Straight: the pushrod without its bow and what its load",
-        "does to its bending, which leaves contact, seat, lash and the spring of eight elements. Paths as above.",
+        "does to its bending, which leaves contact, seat, lash and the spring of eight elements. Engines as above.",
         "",
-        "| case | unknowns | local forces | path | steps | events | iterations | us per step, probes | us per step, all |",
+        "| case | unknowns | local forces | engine | steps | events | iterations | us per step, probes | us per step, all |",
         "|---|---|---|---|---|---|---|---|---|",
         *rows,
         "",
@@ -313,7 +313,7 @@ def _compiler(tables: dict) -> list[str]:
     return [
         "## Machine code",
         "",
-        f"`flexcam run cases/pushrod-engine/intake.toml` takes {found['first_s']:.1f} s where machine code is to be made first, which",
+        f"`flexcam run cases/pushrod-engine/intake.toml` takes {found['first_s']:.1f} s where the kernel is compiled first, which",
         f"then is kept, {found['later_s']:.1f} s from then on, and {found['without_s']:.1f} s without it (`--set run.engine=direct`).",
         "",
     ]

@@ -1,6 +1,6 @@
 """flexcam: flexible valve trains and cam mechanisms by finite elements.
 
-``import flexcam`` loads nothing: every name below is fetched from its room when it is first used.
+``import flexcam`` loads nothing: every name below is imported when it is first used.
 """
 
 from importlib import import_module
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from flexcam.io import Result, read_mesh, read_result, write_mesh
     from flexcam.valvetrain import Model
 
-_ROOMS = {
+_MODULES = {
     "analysis.comparison": ("compare",),
     "analysis.natural_modes": ("modes",),
     "analysis.preparation": ("prepare",),
@@ -70,7 +70,7 @@ _ROOMS = {
     "io": ("Result", "read_mesh", "read_result", "write_mesh"),
     "valvetrain": ("Model",),
 }
-_HOME = {name: room for room, names in _ROOMS.items() for name in names}
+_HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "LAWS",
@@ -110,7 +110,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """Fetch a public name from its room on first use (PEP 562)."""
+    """Import a public name on first use (PEP 562)."""
     if name not in _HOME:
         message = f"module 'flexcam' has no attribute {name!r}"
         raise AttributeError(message)

@@ -1,4 +1,4 @@
-"""What machine code costs when it is used first on a machine, and from then on."""
+"""Cost of the compiled kernel at its first use on a machine, and after that."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ REPEATS = 3
 
 
 def measured() -> dict[str, float]:
-    """Return seconds of a run with contacts: where nothing is kept yet, where it is, and without machine code."""
+    """Return seconds of a run with contacts: without cached code, with it, and without compiled code."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         run = [sys.executable, "-m", "flexcam", "run", CASE, "--overwrite", "-o", folder / "results"]

@@ -1,4 +1,4 @@
-"""flexcam in machine code, which a linear run without coupled damping takes only where it is asked for."""
+"""flexcam's kernel engine, which a linear run without coupled damping takes only where it is asked for."""
 
 from __future__ import annotations
 

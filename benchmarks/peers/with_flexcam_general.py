@@ -1,4 +1,4 @@
-"""flexcam by the loop that takes every system, contact or not: what a run costs that no fast path fits."""
+"""flexcam's direct engine, which takes every system: cost of a run that no other engine fits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Links from shown code back to its description: to the name under which a room hands it on, not that of its file."""
+"""Links from shown code back to its description: to the name under which a package exports it, not that of its file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _BACK = re.compile(r'<a class="viewcode-back" href="(?P<page>[^"#]*)#(?P<name>[^
 def described(link: re.Match[str], names: dict[str, tuple[str, str]]) -> str:
     """Return a link as it is, or mended, or nothing where its page describes no such name.
 
-    Sphinx knows one room to a file, but several rooms may hand on what stands in one file.
+    Sphinx knows one module per file, but several modules may export a name of one file.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from docutils import nodes
-from reference import homes, rooms
+from reference import homes, pages
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
@@ -26,11 +26,11 @@ def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nod
 
 
 class Name(AutoLink):
-    """A name in single quotes: a link where it is public, code wherever it is not; a room's name links to its page."""
+    """A name in single quotes: a link where it is public, code wherever it is not; the name of a package links to its page."""
 
     def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
         """Return the link, or the name as code."""
-        if self.text in rooms() and self.text != "flexcam":
+        if self.text in pages() and self.text != "flexcam":
             self.text = f"~flexcam.{self.text}"
         found, messages = super().run()
         plain = [nodes.literal(n.rawsource, n.astext()) if isinstance(n, nodes.emphasis) else n for n in found]

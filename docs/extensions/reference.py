@@ -1,4 +1,4 @@
-"""Write the pages of the reference that follow from the code: one per room with its public names, one per command."""
+"""Write the pages of the reference that follow from the code: one per package or module, one per command."""
 
 from __future__ import annotations
 
@@ -20,55 +20,74 @@ import flexcam
 from flexcam.cli.app import app
 from flexcam.cli.registry import FILES, load
 
-ROOMS = {
-    "The easy door": ("flexcam", "runner", "starting", "response"),
-    "Cases, results, units": ("case", "io", "units", "checks"),
-    "Laws and cams": ("motion", "cam", "synthesis", "cams", "design"),
-    "Structures and their equations": (
-        "fem",
-        "fem.elements.beam",
-        "fem.elements.bending",
-        "fem.elements.axial",
-        "system",
-        "train",
-        "linalg",
-    ),
-    "Solving": ("integrate", "modal"),
-    "Questions to a case": ("fidelity", "limits", "parting", "stability", "orders", "budget", "reopened", "checkpoint"),
-    "Many runs": ("sweep", "study"),
-    "Pictures and reports": ("view", "scene", "report"),
+GROUPS = {
+    "Start here": ("flexcam",),
+    "Cases and files": ("case", "io"),
+    "Cams": ("cams",),
+    "Structures": ("fem",),
+    "Equations and their solution": ("dynamics", "dynamics.force_laws", "core", "core.errors", "core.units"),
+    "Valve trains": ("valvetrain",),
+    "Analyses of a case": ("analysis",),
+    "Many runs": ("studies",),
+    "Pictures and reports": ("plotting", "report"),
 }
-"""Rooms by what they are for; what is not named here stands under Others."""
+"""Packages by subject. A package that exports no names has a page per module behind it, see `modules_of`."""
 
-OWN = frozenset({"__main__", "cli", "commands", "console", "terminal"})
-"""The command line's own, which are reached by commands."""
+OWN = frozenset({"cli"})
+"""The package that is used by commands only."""
+
+INTERNAL = frozenset(
+    {
+        "case.fault_report", "case.geometry_checks", "case.overrides", "case.quantities", "case.records",
+        "case.references", "case.toml_lines", "report.fidelity_tables", "report.figures", "report.formatting",
+        "report.limits_table", "report.model_tables", "report.result_tables", "report.terminal",
+    }
+)  # fmt: skip
+"""Modules without a page: they serve their own package and the commands."""
 
 INDEX = """API
 ===
 
-Everything that is public, room by room. The names of the first page are enough for most scripts; the others are the parts
-behind them. What is imported is ``flexcam`` or a room: ``from flexcam import fem``, ``from flexcam.cams import Polynomial``.
+All public names, package by package. The names of the first page are enough for most scripts. Import ``flexcam`` or a
+package: ``from flexcam import dynamics``, ``from flexcam.cams import Polynomial``, ``from flexcam.fem.mesh import Mesh``.
 
 """
 
 
+@cache
+def modules_of(package: str) -> tuple[str, ...]:
+    """Return the modules of a package that have pages; none for a package that exports names itself."""
+    module = module_of(package)
+    if hasattr(module, "__all__") or not hasattr(module, "__path__"):
+        return ()
+    found = (m.name for m in pkgutil.walk_packages(module.__path__, f"{package}.") if not m.ispkg)
+    return tuple(name for name in found if name not in INTERNAL and names_of(module_of(name)))
+
+
+@cache
 def groups() -> dict[str, tuple[str, ...]]:
-    """Return all rooms by what they are for."""
-    named = {room for some in ROOMS.values() for room in some}
-    others = tuple(m.name for m in pkgutil.iter_modules(flexcam.__path__) if m.name not in named | OWN)
-    return ROOMS | ({"Others": others} if others else {})
+    """Return all pages by subject."""
+    known = {name for names in GROUPS.values() for name in names}
+    missing = {m.name for m in pkgutil.iter_modules(flexcam.__path__)} - known - OWN - {"__main__"}
+    if missing:
+        message = f"packages without a page of the reference: {sorted(missing)}"
+        raise ValueError(message)
+    return {
+        title: tuple(page for name in names for page in (name, *modules_of(name))) for title, names in GROUPS.items()
+    }
 
 
-def rooms() -> list[str]:
-    return [room for some in groups().values() for room in some]
+def pages() -> list[str]:
+    """Return the names of all pages: packages and modules, without the leading ``flexcam.``."""
+    return [name for names in groups().values() for name in names]
 
 
-def module_of(room: str) -> ModuleType:
-    return importlib.import_module("flexcam" if room == "flexcam" else f"flexcam.{room}")
+def module_of(name: str) -> ModuleType:
+    return importlib.import_module("flexcam" if name == "flexcam" else f"flexcam.{name}")
 
 
 def names_of(module: ModuleType) -> list[str]:
-    """Return the public names of a room: ``__all__``, or what a file of one's own defines."""
+    """Return the public names of a package or module: ``__all__``, or what a module defines."""
     if hasattr(module, "__all__"):
         return [name for name in module.__all__ if not inspect.ismodule(getattr(module, name))]
     own = {name: value for name, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__}
@@ -87,7 +106,7 @@ def words_of(module: ModuleType, name: str) -> str:
 def _files(module: ModuleType) -> list[str]:
     folders = [Path(folder) for folder in getattr(module, "__path__", [])]
     if module is flexcam:
-        return [f"flexcam.{room}" for room in flexcam._ROOMS] + _files(importlib.import_module("flexcam.cams"))
+        return [f"flexcam.{name}" for name in flexcam._MODULES] + _files(importlib.import_module("flexcam.cams"))
     return [f"{module.__name__}.{file.stem}" for folder in folders for file in sorted(folder.glob("[!_]*.py"))]
 
 
@@ -103,18 +122,18 @@ def entry(module: ModuleType, name: str) -> str:
 
 @cache
 def homes() -> dict[int, str]:
-    """Return where each public object is told, by its id: by the first room that hands it on."""
+    """Return the page of each public object, by its id: the first page that has it."""
     told: dict[int, str] = {}
-    for room in rooms():
-        module = module_of(room)
+    for page in pages():
+        module = module_of(page)
         for name in names_of(module):
             told.setdefault(id(getattr(module, name)), f"{module.__name__}.{name}")
     return told
 
 
-def room_page(room: str, told: dict[int, str]) -> str:
-    """Return the page of a room: its purpose, a table of its names, and each name that is told here."""
-    module = module_of(room)
+def module_page(page: str, told: dict[int, str]) -> str:
+    """Return a page: the purpose of the module, a table of its names, and each name that is described here."""
+    module = module_of(page)
     title, names = module.__name__, names_of(module)
     full = {name: told[id(getattr(module, name))] for name in names}
     own = [name for name in names if full[name] == f"{title}.{name}"]
@@ -122,18 +141,21 @@ def room_page(room: str, told: dict[int, str]) -> str:
         name for name in names if inspect.isclass(getattr(module, name)) or inspect.isroutine(getattr(module, name))
     ]
     lines = [title, "=" * len(title), "", f".. automodule:: {title}", "   :no-members:", ""]
-    lines += [".. autosummary::", "", *(f"   {n if n in own else '~' + full[n]}" for n in calls), ""]
+    lines += [f"* :doc:`flexcam.{name} <{name}>`" for name in modules_of(page)]
+    if calls:
+        lines += [".. autosummary::", "", *(f"   {n if n in own else '~' + full[n]}" for n in calls), ""]
     return "\n".join(lines + [entry(module, name) for name in own])
 
 
-def room_pages() -> dict[str, str]:
+def module_pages() -> dict[str, str]:
+    """Return all pages of packages and modules by name."""
     told = homes()
-    return {room: room_page(room, told) for room in rooms()}
+    return {page: module_page(page, told) for page in pages()}
 
 
-def room_index() -> str:
+def module_index() -> str:
     parts = [
-        f".. toctree::\n   :caption: {title}\n\n   " + "\n   ".join(f"{room} <{room}>" for room in some)
+        f".. toctree::\n   :caption: {title}\n\n   " + "\n   ".join(f"{page} <{page}>" for page in some)
         for title, some in groups().items()
     ]
     return INDEX + "\n\n".join(parts) + "\n"
@@ -183,7 +205,7 @@ def write(folder: Path, pages: dict[str, str]) -> None:
 
 def write_pages(app: Sphinx) -> None:
     reference = Path(app.srcdir) / "reference"
-    write(reference / "api", room_pages() | {"index": room_index()})
+    write(reference / "api", module_pages() | {"index": module_index()})
     write(reference / "commands", command_pages())
     (reference / "commands/list.inc").write_text(command_list(), encoding="utf-8")
 

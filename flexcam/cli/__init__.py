@@ -1,4 +1,5 @@
-"""The commands: read, call, print; each returns the status of its run, or None.
+"""The commands: each reads its arguments, calls the packages below, prints, and returns the status of its run.
 
-May import everything below it. A new command is a function in the file of its kind and a name in `FILES`.
+May import `report` and everything below it. A new command is a function in the file of its kind and a name in
+`FILES` of `registry`.
 """

@@ -1,7 +1,7 @@
-"""Errors, units, matrices and their factorization.
+"""Errors, units, matrices and their factorizations, null spaces and generalized eigenvalue problems.
 
-Imports nothing of flexcam. A new unit is a row in `units`, a new kind of factorization a function in
-`factorization`.
+Imports no other package of flexcam. A new unit is a row of the table in `units`; a new kind of factorization is a
+function in `factorization`; input errors are raised through `errors`.
 """
 
 from flexcam.core.eigen import LongArray, natural

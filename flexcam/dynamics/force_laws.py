@@ -197,10 +197,12 @@ def line_contact(
         Penetration, m, and its rate, m/s, along the direction.
     cosine
         Of the angle a between direction and normal.
-    limit, give, rest, depth
-        As in `line_load`.
+    limit
+        Load per length above which the law is linear, N/m.
     width
         Length of the line, m.
+    give, rest, depth
+        As in `line_load`.
     dissipation
         chi, s/m.
 
@@ -345,7 +347,17 @@ def lever(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: Flo
     """Write the answer of an elastic lever end of path p and motion x beyond its linear spring.
 
     The force of the true penetration ``y(p) - x`` less that of the linear one acts on x, and by virtual work times
-    ``y'(p)`` on the lever. Constants: stiffness, damping, arm, driven arm, angle.
+    ``y'(p)`` on the lever.
+
+    Parameters
+    ----------
+    constants, b
+        Constants of all laws, and where those of this one begin: stiffness (N/m), damping (N s/m), arm and driven arm
+        (m), angle (rad).
+    i
+        Its first scalar: the path p (m), then the motion x (m).
+    local, tangent
+        As in `respond`.
     """
     k, c, path, path_rate = constants[b], constants[b + 1], local[PENETRATION, i], local[RATE, i]
     beyond, change, slope, bend = lever_motion(path, constants[b + 2], constants[b + 3], constants[b + 4])
@@ -367,7 +379,18 @@ def arch(constants: FloatArray, b: int, i: int, bent: int, local: FloatArray, ta
     """Write the answer of a shallow arch beyond the straight bar and beam, see `flexcam.fem.elements.arch`.
 
     Axial strain ``e = D + y g (y + 2 y0)/2`` with axial force ``N = EA/L e``: the forces are ``N g (y + y0)`` on the
-    bending scalars y and ``EA/L (e - D)`` on the stretch D. Constants: EA/L, g by rows (36), y0 (6), g y0 (6).
+    bending scalars y and ``EA/L (e - D)`` on the stretch D.
+
+    Parameters
+    ----------
+    constants, b
+        Constants of all laws, and where those of this one begin: EA/L (N/m), g by rows (36), y0 (6), g y0 (6).
+    i
+        Its first scalar: the stretch D (m), then the bending scalars y.
+    bent
+        Number of bending scalars that move, from the first on.
+    local, tangent
+        As in `respond`.
     """
     axial, shortened = constants[b], 0.0
     for r in range(bent):
@@ -391,7 +414,17 @@ def arch(constants: FloatArray, b: int, i: int, bent: int, local: FloatArray, ta
 
 
 def custom(law: int, angle: float, local: FloatArray, tangent: FloatArray) -> None:
-    """Stand for the law of an object in Python, which only the direct engine evaluates: it binds another function."""
+    """Do nothing: the direct engine binds a function in its place that evaluates a law written in Python.
+
+    Parameters
+    ----------
+    law
+        Row of the table of laws.
+    angle
+        Cam angle, rad.
+    local, tangent
+        As in `respond`.
+    """
 
 
 def respond(
@@ -470,7 +503,23 @@ def respond_rows(
     inner: FloatArray, local: FloatArray, tangent: FloatArray, states: FloatArray, force: FloatArray,
     energy: FloatArray, by_state: FloatArray,
 ) -> None:  # fmt: skip
-    """Write forces, energies and derivatives of the energy by the internal states at many instants, a row each."""
+    """Write forces, energies and derivatives of the energy by the internal states at many instants, a row each.
+
+    Parameters
+    ----------
+    laws, constants, cam, column
+        As in `respond`.
+    penetration, rate
+        Scalars and their rates, shape (m, c).
+    inner
+        Internal states, shape (m, s).
+    local, tangent, states
+        Work arrays, as in `respond`.
+    force, energy
+        Written: forces (N) and stored energies (J), shape (m, c).
+    by_state
+        Written: derivatives of the stored energy by the internal states, shape (m, s).
+    """
     for k in range(len(penetration)):
         for i in range(local.shape[1]):
             local[PENETRATION, i], local[RATE, i] = penetration[k, i], rate[k, i]
@@ -594,20 +643,70 @@ class ForceLaw:
 
 
 def elastic_stop(stiffness: float, damping: float = 0.0, depth: float = 1e-5) -> ForceLaw:
-    """Return the law `stop`: stiffness, N/m, damping, N s/m, and the depth over which it grows, m."""
+    """Return the law `stop`.
+
+    Parameters
+    ----------
+    stiffness, damping
+        N/m and N s/m.
+    depth
+        Penetration at which the damping is complete, m.
+
+    Returns
+    -------
+    ForceLaw
+        The law as data.
+    """
     return ForceLaw(STOP, (stiffness, damping, depth))
 
 
 def spring_damper(stiffness: float, damping: float = 0.0) -> ForceLaw:
-    """Return the law `bilateral`: stiffness, N/m, and damping, N s/m."""
+    """Return the law `bilateral`.
+
+    Parameters
+    ----------
+    stiffness, damping
+        N/m and N s/m.
+
+    Returns
+    -------
+    ForceLaw
+        The law as data.
+    """
     return ForceLaw(BILATERAL, (stiffness, damping))
 
 
 def hunt_crossley_contact(stiffness: float, dissipation: float) -> ForceLaw:
-    """Return the law `hunt_crossley`: stiffness, N/m, and dissipation, s/m."""
+    """Return the law `hunt_crossley`.
+
+    Parameters
+    ----------
+    stiffness, dissipation
+        k, N/m, and chi, s/m.
+
+    Returns
+    -------
+    ForceLaw
+        The law as data.
+    """
     return ForceLaw(HUNT_CROSSLEY, (stiffness, dissipation))
 
 
 def oil_column_law(stiffness: float, leak: float, refill: float, plunger_force: float) -> ForceLaw:
-    """Return the law `oil_column`: stiffness, N/m, leak and refill, N s/m, and the force of the plunger spring, N."""
+    """Return the law `oil_column`.
+
+    Parameters
+    ----------
+    stiffness
+        Of the oil, N/m.
+    leak, refill
+        Force per velocity of leak-down and through the open check valve, N s/m.
+    plunger_force
+        Of the spring that extends the adjuster, N.
+
+    Returns
+    -------
+    ForceLaw
+        The law as data.
+    """
     return ForceLaw(OIL_COLUMN, (stiffness, leak, refill, plunger_force))

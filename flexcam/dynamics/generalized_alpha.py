@@ -45,7 +45,22 @@ def predict(
     beta: Any,  # noqa: ANN401 - a number or one per mode
     gamma: Any,  # noqa: ANN401 - a number or one per mode
 ) -> tuple[Number, Number]:
-    """Return displacement and velocity at the end of a step without the new acceleration (Newmark's formulas)."""
+    """Return displacement and velocity at the end of a step without the new acceleration (Newmark's formulas).
+
+    Parameters
+    ----------
+    q, v, a
+        Displacement, velocity and acceleration at the beginning.
+    h
+        Step, s.
+    beta, gamma
+        Newmark's parameters.
+
+    Returns
+    -------
+    tuple
+        Displacement and velocity.
+    """
     return q + h * v + (0.5 - beta) * h * h * a, v + (1.0 - gamma) * h * a
 
 

@@ -80,7 +80,10 @@ Solve = Callable[[FloatArray], FloatArray]
 
 
 def _iterated(mass: Triplets, stiffness: Triplets, solve: Solve, wanted: int) -> tuple[FloatArray, FloatArray]:
-    """Return 1/omega^2, descending, and shapes by Lanczos iteration."""
+    """Return 1/omega^2, descending, and shapes by Lanczos iteration.
+
+    R. G. Grimes, J. G. Lewis, H. D. Simon, SIAM J. Matrix Anal. Appl. 15 (1994).
+    """
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
     K, M = stiffness.csr(), mass.csr()

@@ -1,4 +1,5 @@
 """Materials, sections, meshes, beam elements, assembly and section forces.
 
-May import `core`. A new element is a file in `elements`, a new section shape a constructor in `sections`.
+May import `core`. A new element is a file in `elements`; a new section shape is a constructor in `sections`.
+This package knows no dynamics and no cams.
 """

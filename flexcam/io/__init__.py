@@ -1,7 +1,7 @@
-"""Files: meshes in, results out.
+"""Files: meshes, lift tables and profiles in, results out. Owns h5py and meshio.
 
-May import `fem`, `cams`, `dynamics` and `core`; owns h5py and meshio.
-A new format is one file here with one read or write function.
+May import `fem`, `cams`, `dynamics` and `core`. A new format is a file with one read or write function; datasets of
+a result are laid out in `result_writer`.
 """
 
 from flexcam.io.atomic_write import hold, scratch, whole

@@ -1,4 +1,5 @@
-"""Many runs: sweeps, sensitivity, tolerances, optimization, on local processes or a Dask cluster.
+"""Many runs of one case: sweeps, sensitivity, tolerances and optimization, local or on a Dask cluster.
 
-May import `analysis` and everything below it. A new quantity is a row in `quantities`.
+May import `analysis` and everything below it. A new scalar of a run is a row in `evaluation`; a new study is a file
+that gets its values from `evaluators`.
 """

@@ -1,7 +1,7 @@
-"""The valve train as a value (`model`), its equations, its rigid model and its metrics.
+"""The valve train as a value (`model`), its equations (`system_builder`), its rigid model and its metrics.
 
-May import `dynamics`, `fem`, `cams` and `core`. A new part is a dataclass in `parts` and its rows in `structure`; a
-new contact is a function in `contacts`.
+May import `dynamics`, `fem`, `cams` and `core`. A new part is a dataclass in `parts` and its rows in `structure`; a new
+contact is a function in `contacts`.
 """
 
 from flexcam.valvetrain.buckling import StiffStrut, buckling_load, stiff_struts

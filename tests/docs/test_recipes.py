@@ -75,14 +75,15 @@ def test_recipe(page, tree):
 
 
 TOUCHED = {  # new files of flexcam, changed ones, changed ones of tests
-    "add-a-law": (1, 1, 1), "add-an-element": (1, 2, 1), "add-an-integrator": (1, 2, 2), "add-an-output": (1, 2, 1),
+    "add-a-force-law": (0, 5, 2), "add-a-law": (1, 1, 1), "add-an-element": (1, 2, 1), "add-an-integrator": (1, 2, 2),
+    "add-an-output": (1, 2, 1),
 }  # fmt: skip
-"""What an addition costs the house; the index of the recipes says so too."""
+"""How many files an addition touches; the index of the recipes says so too."""
 
 
 @pytest.mark.parametrize("page", RECIPES, ids=name_of)
 def test_how_many_files_an_addition_touches(page):
-    files = {block.caption for block in blocks(page) if block.caption}
+    files = {block.caption for block in blocks(page) if block.caption.startswith(("flexcam/", "tests/"))}
     new = {name for name in files if not (ROOT / name).exists()}
     tests = {name for name in files if name.startswith("tests/")}
     assert (len(new), len(files - new - tests), len(tests)) == TOUCHED[page.stem]

@@ -28,7 +28,7 @@ def made():
 
 @pytest.fixture(scope="module")
 def pages(made):
-    return made["room_pages"]()
+    return made["module_pages"]()
 
 
 def test_every_public_name_has_an_entry(pages):
@@ -40,25 +40,36 @@ def told(page, module, name):
     return any(line in page for line in (f":: {module}.{name}\n", f":: {name}\n   :module: {module}\n"))
 
 
-def test_every_room_has_a_page(made, pages):
-    known = {m.name for m in pkgutil.iter_modules(flexcam.__path__)}
+def test_every_package_has_a_page(made, pages):
+    known = {m.name for m in pkgutil.iter_modules(flexcam.__path__)} - {"__main__"}
     assert known - made["OWN"] <= set(pages)
     assert made["OWN"] <= known
-    assert all(f"<{room}>" in made["room_index"]() for room in pages)
+    assert all(f"<{page}>" in made["module_index"]() for page in pages)
 
 
-@pytest.mark.parametrize("room", [m.name for m in pkgutil.iter_modules(flexcam.__path__, "flexcam.") if m.ispkg])
-def test_every_name_of_a_room_is_told_or_linked(made, pages, room):
-    """A name that two rooms hand on is told by one, and linked by the other."""
-    short = room.removeprefix("flexcam.")
-    if short in made["OWN"]:
+def test_modules_without_a_page_exist(made):
+    """A module that is renamed leaves the list."""
+    for name in made["INTERNAL"]:
+        importlib.import_module(f"flexcam.{name}")
+
+
+@pytest.mark.parametrize("package", [m.name for m in pkgutil.iter_modules(flexcam.__path__) if m.ispkg])
+def test_every_name_of_a_package_is_described_or_linked(made, pages, package):
+    """A name that two pages have is described on one and linked on the other."""
+    if package in made["OWN"]:
         return
-    module = importlib.import_module(room)
-    page, homes = pages[short], made["homes"]()
-    for name in made["names_of"](module):
-        home = homes[id(getattr(module, name))]
-        linked = home != f"{room}.{name}" and (f"   ~{home}\n" in page or not callable(getattr(module, name)))
-        assert linked or told(page, room, name), f"{room}.{name}"
+    shown = [package, *made["modules_of"](package)]
+    assert any(made["names_of"](importlib.import_module(f"flexcam.{name}")) for name in shown)
+    homes = made["homes"]()
+    for page in shown:
+        title = f"flexcam.{page}"
+        module = importlib.import_module(title)
+        for name in made["names_of"](module):
+            home = homes[id(getattr(module, name))]
+            linked = home != f"{title}.{name}" and (
+                f"   ~{home}\n" in pages[page] or not callable(getattr(module, name))
+            )
+            assert linked or told(pages[page], title, name), f"{title}.{name}"
 
 
 def test_every_command_has_a_page(made):
