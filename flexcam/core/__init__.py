@@ -1,6 +1,6 @@
 """Errors, units, matrices and their factorization.
 
-Imports nothing of flexcam. A new unit is a row in `units`, a new kind of factorization a function in
+Imports no other package of flexcam. A new unit is a row in `units`, a new kind of factorization a function in
 `factorization`.
 """
 
