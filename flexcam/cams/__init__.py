@@ -1,7 +1,7 @@
 """Motion laws, lift events and tables, cam profiles, followers and the synthesis of laws.
 
-May import `core`. A new motion law is a class in `standard_laws` or `polynomial_laws` and a row in `law_registry`;
-a new follower is a class in `followers`.
+Imports `core` only. A new motion law is a class in `standard_laws` or `polynomial_laws` and a row in `law_registry`; a
+new follower is a class in `followers`.
 """
 
 from flexcam.cams.followers import (
