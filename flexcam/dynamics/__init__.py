@@ -1,7 +1,7 @@
-"""The equations of motion of any mechanism, their force laws, and everything that solves them.
+"""Equations of motion, force laws and solvers, independent of beams, cams and valve trains.
 
-Knows neither beams nor cams nor valve trains; may import `core`. A new force law is a function and a row of the
-table in `force_laws`, a new integrator a file beside `central_difference`.
+Imports `core` only. A new force law is a function and a row of the table in `force_laws`; a new integrator is a module
+like `central_difference`.
 """
 
 from flexcam.dynamics.active_dofs import ActiveDofs, InactiveGroup, find_active_dofs
