@@ -1,6 +1,6 @@
-"""The valve train as a value (`model`), its equations, its rigid model and its metrics.
+"""Model of a valve train, its equations of motion, its rigid model and its metrics.
 
-May import `dynamics`, `fem`, `cams` and `core`. A new part is a dataclass in `parts` and its rows in `structure`; a
+Imports `dynamics`, `fem`, `cams` and `core` only. A new part is a dataclass in `parts` and its rows in `structure`; a
 new contact is a function in `contacts`.
 """
 

@@ -1,4 +1,4 @@
-"""What a contact adds to the equations."""
+"""Contributions of contacts to the equations of motion: seats, lash and lash adjusters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from flexcam.valvetrain.structure import Structure
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """Loads, local forces and channels of one contact; positions count within these tuples."""
+    """Loads, local forces and channels of one contact; indices refer to these tuples."""
 
     loads: tuple[Load, ...]
     forces: tuple[LocalForce, ...]
@@ -37,7 +37,7 @@ _zero = constant(0.0)
 def opposed_force(
     name: str, rows: FloatArray, law: ForceLaw, offset: AngleFunction = _zero, switching: tuple[int, ...] = ()
 ) -> LocalForce:
-    """Return a local force that acts against the rows it senses, A = -G, none of which changes with the cam angle."""
+    """Return a local force against its sensed rows, A = -G, with constant rows."""
     sense = tuple(AngleVector.constant(row) for row in rows)
     act = tuple(AngleVector.constant(-row) for row in rows)
     return LocalForce(name, sense, act, law, (offset,) * len(rows), switching)
@@ -53,14 +53,14 @@ def conservative_force(
     offset: AngleFunction = _zero_contacts,
     restitution: float | None = None,
 ) -> LocalForce:
-    """Return a local force of one scalar that acts against the motion that presses its bodies together."""
-    switching = () if restitution is None else (0,)  # an impact happens at the moment of touchdown
+    """Return a local force of one scalar against the penetration of its bodies."""
+    switching = () if restitution is None else (0,)  # an impact occurs at touchdown
     act = AngleVector(-sense.vectors, sense.functions)
     return LocalForce(name, (sense,), (act,), law, (offset,), switching, restitution)
 
 
 def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
-    """Return a stop."""
+    """Return the coupling of a stop."""
     row = structure.row(seat.at, seat.direction, f"contacts.{name}.at")
     if not row.any():
         given = f"a seat at {seat.at!r} along {seat.direction.tolist()}"
@@ -78,7 +78,7 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
 
 
 def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
-    """Return the play between a rocker and its point."""
+    """Return the coupling of the lash between a rocker and its point."""
     where = f"contacts.{name}"
     row, gap = play_row(structure, lash, where), constant(-lash.gap)
     law = elastic_stop(lash.stiffness, lash.damping, lash.damping_depth)
@@ -90,7 +90,7 @@ def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
 
 
 def play_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatArray:
-    """Return the row of how far the two sides of a play have come together, shape (n,)."""
+    """Return the row of the approach of both sides of a lash, shape (n,)."""
     if part.ends is not None and part.direction is not None:
         first, second = (structure.row(end, part.direction, where) for end in part.ends)
         return first - second
@@ -99,7 +99,7 @@ def play_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatAr
 
 
 def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling:
-    """Return a hydraulic lash adjuster.
+    """Return the coupling of a hydraulic lash adjuster.
 
     Parameters
     ----------
