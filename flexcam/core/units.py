@@ -22,7 +22,7 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*
 _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*([+-]?\d+))?\s*")
 
 _LARGEST = 10**308
-"""Largest number accepted: Python integers may exceed the float range."""
+"""Limit above which a number counts as infinite: Python integers may exceed the float range."""
 
 _NONE: Exponents = (0, 0, 0, 0)
 _PREFIXED: dict[str, tuple[Decimal, Exponents]] = {
