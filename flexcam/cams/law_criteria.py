@@ -2,7 +2,6 @@
 
 A grid locates the minima between the joints and successive refinement locates their values. The value just before a
 joint is extrapolated from two points beside it, to rounding for curves that are smooth between the joints.
-
 """
 
 from __future__ import annotations

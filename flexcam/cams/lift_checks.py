@@ -24,7 +24,7 @@ _OF_MEDIAN = 1.4826
 """Ratio of standard deviation to median absolute value of normal noise."""
 
 _GAP, _GAP_RATIO, _WIDE = math.radians(3.0), 3.0, math.radians(20.0)
-"""A step is a gap above 3 deg and three times its neighbours, or above 20 deg."""
+"""A step is wide above 3 deg and three times its neighbours, or above 20 deg."""
 
 
 def table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:

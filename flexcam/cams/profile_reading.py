@@ -75,7 +75,7 @@ class Bridge:
 
 
 def bridged(points: ArrayLike, follower: Follower, *, turn: Turn = 1) -> Bridge | None:
-    """Return the hollows of a profile that a follower bridges because it is too large or flat."""
+    """Return the deepest hollow of a profile that a follower bridges because it is too large or flat; else None."""
     angle = np.linspace(0.0, 2.0 * math.pi, _TRIED, endpoint=False)
     lift = lift_from_profile(points, follower, angle, turn=turn)
     xy = finite_array("points", points, (None, 2))
