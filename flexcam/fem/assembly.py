@@ -26,7 +26,6 @@ def _assembled(beams: Beams, local: Callable[[slice], FloatArray], dofs: DofMap)
     """Return the matrix assembled from element matrices that are computed in blocks.
 
     The triplets are written in place; memory for full element matrices is reserved but not touched.
-
     """
     most = 144 * len(beams)
     rows, cols, values = np.empty(most, np.intp), np.empty(most, np.intp), np.empty(most)
