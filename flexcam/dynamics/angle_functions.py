@@ -104,7 +104,7 @@ class CamFunctionCache:
 
     def __init__(self, angle: FloatArray) -> None:
         self.angle = angle
-        self._known: dict[tuple[int, int], tuple[AngleFunction, FloatArray]] = {}  # keeps the id valid
+        self._known: dict[tuple[int, int], tuple[AngleFunction, FloatArray]] = {}  # keeps the ids valid
         self._made: dict[object, object] = {}
 
     def __call__(self, function: AngleFunction, order: int) -> FloatArray:

@@ -106,7 +106,6 @@ class DofSubset:
         """Return an orthonormal basis of the kept part of the free motions.
 
         Valid if the kept unknowns are uncoupled from the others, so that each part of a free motion is free.
-
         """
         if motions is None or not motions.shape[1]:
             return None if motions is None else np.zeros((len(self.kept), 0))
@@ -265,7 +264,7 @@ class _Rows:
 
     def __init__(self, basis: Basis) -> None:
         self.basis, self.held = basis, basis.held
-        self._known: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}  # keeps the id valid
+        self._known: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}  # keeps the ids valid
 
     def __call__(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the projected rows and their products with the offset."""

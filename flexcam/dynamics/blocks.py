@@ -174,7 +174,7 @@ class Sink(Protocol):
 
 
 Advance = Callable[[int], None]
-"""Progress callback: number of finished items and total."""
+"""Progress callback; its argument is the number of newly finished items."""
 
 
 Thing = TypeVar("Thing")

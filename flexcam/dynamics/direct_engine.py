@@ -70,7 +70,6 @@ class DirectEngine:
         """Return the instants of successive steps and the state of each for the next step.
 
         At saved fields the forces are recomputed from the motion, so that a resumed run is identical bit by bit.
-
         """
         at = self._problem.times(steps)
         motion = self._problem.drive.at(at)

@@ -2,7 +2,6 @@
 
 Both are computed independently of the operators of the time integration, from the matrices, the loads and the local
 forces: between saved fields, where some engines restart their state, and at the last step.
-
 """
 
 from __future__ import annotations

@@ -254,7 +254,6 @@ class Disturbances:
         """Return the rates of forces (n,) and of internal state rates (s,) due to the cam motion alone, per second.
 
         Contacts stay on their side: the prescribed penetration rate is multiplied by their stiffness.
-
         """
         beside = _BESIDE * self._problem.step
         before, there, after = (self._instant(moment.time + one * beside) for one in (-1.0, 0.0, 1.0))
@@ -326,7 +325,6 @@ class Floquet:
         """Return whether no multiplier exceeds 1 by more than a tolerance.
 
         A free motion has a double multiplier of 1, which is accurate to half the digits or fewer.
-
         """
         return bool(abs(self.multipliers[0]) <= 1.0 + tolerance)
 

@@ -111,7 +111,6 @@ class Scheme(Method):
         """Error of a step in the velocity, that of the trapezoidal rule, if the displacement is more accurate.
 
         At beta = 1/6 the displacement equals the series used for the error estimate, while the velocity does not.
-
         """
         return _TRAPEZOIDAL if self.beta < 1.0 / 6.0 + _TRAPEZOIDAL - _ROUNDING else 0.0
 
@@ -129,7 +128,6 @@ class Scheme(Method):
         With a1 from the velocity formula it is ``d1 = d0 + dt v0 + beta/gamma dt (v1 - v0) + o dt^2 a0`` with ``o = 1/2
         - beta/gamma``. For motions that decay within a step, such as an impact against a large damper, only the last
         term remains, which grows with a0.
-
         """
         return abs(0.5 - self.beta / self.gamma)
 

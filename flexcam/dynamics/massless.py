@@ -78,7 +78,6 @@ class Massless:
 
         Massless motions follow their springs in the solution, and forces on them act through the same springs on the
         others. The solution does not depend on the choice of kept unknowns.
-
         """
         return _Following(factorize(matrix.part(self.kept)), self) if self.any else factorize(matrix)
 
@@ -131,7 +130,6 @@ def massless(system: System) -> FloatArray:
 
     Above the dense limit they are computed within groups of unknowns coupled by mass: a massive member is one such
     group, and regular; a body with an offset at a node is a small one.
-
     """
     if system.size <= 2 * DENSE_LIMIT:
         return null_space(system.mass)

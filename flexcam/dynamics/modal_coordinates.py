@@ -1,7 +1,6 @@
 """Modal coordinates, in which mass and stiffness are diagonal and a step costs a few operations per mode.
 
 Massless motions follow their springs: they are modes of zero mass.
-
 """
 
 from __future__ import annotations

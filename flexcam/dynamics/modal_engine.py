@@ -178,7 +178,6 @@ class ModalPropagator:
 
         Blocks are grouped between steps that are the same in every run, as the bits of a matrix product depend on its
         size and on the position of a row in it.
-
         """
         count, ahead = len(rising), first % self._group
         whole = -(-(ahead + count) // self._group)

@@ -50,7 +50,6 @@ def _independent(mass: Triplets, stiffness: Triplets, shapes: FloatArray, known:
     """Return shapes of the same span with unit stiffness and diagonal mass, the lightest last.
 
     A shape is used if its energy exceeds that of its projection on the others.
-
     """
     energy = np.maximum(np.einsum("ik,ik->k", shapes, stiffness.times_all(shapes)), 0.0)
     kept = energy > _DEPENDENT * (known + energy)

@@ -116,7 +116,6 @@ class ModalStep:
 
         The difference keeps the digits of slow modes, which A would lose. Its rounding recurs in every block, so powers
         of it are computed in extended precision.
-
         """
         new = 1.0 - self.old
         slow, stiff, heavy = (one.astype(np.longdouble) for one in (self.slow, self.stiff, self.heavy))
@@ -144,7 +143,6 @@ _GONE = 1e-130
 """Constant that, added and subtracted, removes vanished motions and leaves others unchanged.
 
 Motions that decay further would become denormal numbers, which are very slow.
-
 """
 
 

@@ -130,9 +130,8 @@ def _fixed_point(problem: Problem, search: _Search, tolerance: float) -> State:
 class _Newton:
     """Newton's method, ``(I - Phi) dx = P(x) - x``, with a plain revolution if a step increases the residual.
 
-    Phi is reused while it reduces the residual. Decaying motions make the plain revolution converge; half a step does
-    so less if contacts open and close.
-
+    Phi is reused while it reduces the residual. With decaying motions the plain revolution always reduces the residual;
+    half a step does so less reliably if contacts open and close.
     """
 
     def __init__(self, problem: Problem, scheme: Method, until: float | None) -> None:

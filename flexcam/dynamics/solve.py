@@ -365,7 +365,6 @@ def pilot(problem: Problem, method: Method) -> Series:
     """Return the motion of the first revolution with the given steps, as the reference size of errors.
 
     The given steps may be beyond the stability limit; an unbounded motion is no reference.
-
     """
     sound = method if method.stable_to() == math.inf else newmark()
     begin = problem.start.time if problem.start else 0.0

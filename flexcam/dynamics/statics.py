@@ -3,7 +3,6 @@
 The equilibrium is the minimum of the potential energy: strain energy and contact energy minus the work of the loads.
 With unilateral contacts it is convex, so that Newton's method with a line search converges from any start, whichever
 contacts open and close.
-
 """
 
 from __future__ import annotations
@@ -233,7 +232,6 @@ def static_displacement(
 
     A singular stiffness is allowed if the load does no work on its rigid-body motions or mechanisms (the axial motion
     of a shaft between radial bearings): the solution then has no part along them. No spring is added.
-
     """
     free = null_space(stiffness) if free is None else free
     if not free.shape[1]:
@@ -294,7 +292,6 @@ def moving_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State
 
     A train at rest would be hit by a cam that lifts at the start. The velocities are ``omega du/dtheta``, by a central
     difference over a thousandth of a radian.
-
     """
     forces = LocalForces(system)
     still = _balanced(forces, system, drive, time, _all)
