@@ -119,7 +119,6 @@ def _hinged(pressed: FloatArray, free: FloatArray, ends: NDArray[np.bool_]) -> F
 
     A free motion has no strain energy, so it can be chosen to minimize the motion of the ends. Twist does not move the
     ends; the pseudo-inverse omits it.
-
     """
     seen = free * ends[:, None]
     still = np.eye(len(free)) - free @ np.linalg.pinv(free.T @ seen, rcond=_UNMOVED, hermitian=True) @ seen.T

@@ -216,7 +216,6 @@ class ReachedModes:
 
         Compared with the modal force, this criterion gives low modes more weight, so that spring surge is not missed
         beside the stiff modes of the contact.
-
         """
         rigid, omegas = self.found.modes.rigid, self.found.modes.omegas
         shares = (self.push[rigid:] / omegas[rigid:]) ** 2

@@ -66,7 +66,6 @@ def follower_train(structure: Structure, contact: PublishedLoad | CamContact, wh
     """Return the rigid body of a follower and its attached parts: it translates, or rotates about a pivot.
 
     Without a pivot, the motion has minimum spring energy.
-
     """
     if structure.is_node(contact.follower):
         node = find_node(structure.model, contact.follower, where)

@@ -46,7 +46,6 @@ def coarse_cams(model: Model, turn: float) -> list[CoarseCam]:
     """Return the cams whose lift is not resolved by the steps of a run.
 
     The deviation of the lift from a straight line between two steps is up to ``max |s''| turn^2/8``.
-
     """
     found: list[CoarseCam] = []
     for name, cam in model.cams.items():

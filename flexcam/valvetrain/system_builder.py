@@ -61,7 +61,6 @@ def _at_any_speed(
     """Return the quantities independent of speed.
 
     Damping, couplings other than contacts, probes, and shaft drives with the reactions of these couplings.
-
     """
     couplings = lever_joints(structure), coils(structure), bowings(structure), shafts(structure)
     probes = (probe_of(structure, point) for point in structure.model.probes)
@@ -182,7 +181,6 @@ def _inner_probes(structure: Structure) -> list[Probe]:
     """Return probes of the unknowns not at nodes: loose points and inner parts of springs.
 
     Results then contain every unknown, so that a run can be resumed from them.
-
     """
     model = structure.model
     loose = [probe_of(structure, point) for point in model.loose_points if point not in model.probes]

@@ -125,7 +125,6 @@ def rigid_shift(structure: Structure, end: str, direction: FloatArray) -> FloatA
     """Return the rigid translation of all nodes connected to a node, for a unit displacement along a direction.
 
     If supports guide at an angle to the direction, the unit is the component along it.
-
     """
     motion = np.zeros(structure.dofs.size)
     numbers = structure.dofs.numbers[structure.model.mesh.connected(structure.model.mesh.node(end))]
@@ -199,7 +198,6 @@ def _fields(structure: Structure, contact: CamContact | PublishedLoad, node: int
     """Return motions of the nodes connected to a node, shape (k, m, 6): along the lift, across it, and rotation.
 
     The rotation is about the node, scaled by the length of the part; a single node does not rotate.
-
     """
     mesh, axis = structure.model.mesh, np.asarray(contact.shaft_axis)
     away = mesh.nodes[mesh.connected(node)] - mesh.nodes[node]
