@@ -1,10 +1,10 @@
-"""Followers: where they touch the cam, and which curve that leaves on it.
+"""Followers: contact point on the cam and geometry of the cam profile.
 
-Plane geometry in complex numbers, the cam's centre at the origin. A follower stands in the fixed frame: a translating
-one moves up, along the imaginary axis; the pivot of a swinging one lies on the positive real axis. The cam turns by the
-angle theta, counterclockwise where ``turn`` is 1 and clockwise where it is -1; in the frame of the cam a fixed point c
-is ``c exp(-i turn theta)``. Curvature is taken from the profile's derivatives, which follow from lift, velocity and
-acceleration; nothing is differentiated numerically.
+Plane geometry in complex numbers, the cam's centre at the origin. Followers are defined in the fixed frame: a
+translating one moves up, along the imaginary axis; the pivot of a swinging one lies on the positive real axis. The cam
+turns by the angle theta, counterclockwise where ``turn`` is 1 and clockwise where it is -1; in the frame of the cam a
+fixed point c is ``c exp(-i turn theta)``. Curvature is taken from the profile's derivatives, which follow from lift,
+velocity and acceleration; nothing is differentiated numerically.
 
 Sources: F. Y. Chen, Mechanics and Design of Cam Mechanisms (1982), ch. 4-5; R. L. Norton, Cam Design and Manufacturing
 Handbook, 2nd ed. (2009), ch. 7. The equations for the swinging follower with a flat face are derived in the code.
@@ -28,7 +28,7 @@ Turn = Literal[1, -1]
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """Where a follower touches its cam, fixed frame, per cam angle.
+    """Contact of a follower with its cam as a function of the cam angle, fixed frame.
 
     Parameters
     ----------
@@ -44,14 +44,14 @@ class Touch:
         Centre of the roller, m; the contact point itself for a flat face.
     sliding
         Velocity of the cam's surface relative to the follower along the tangent (the normal turned by -90 deg), m/rad.
-        A roller takes it up by turning.
+        A roller takes up the sliding by rotation.
     sliding_rate
         Its derivative by the cam angle, m/rad^2.
     pressure_rate
         Derivative by the cam angle of the angle from the normal to the motion, 1.
     reach
-        Path along the normal per lift, 1: the cosine of the pressure angle; on a swinging flat face the contact's
-        distance from the pivot along the face, by the arm.
+        Displacement along the normal per lift, 1: the cosine of the pressure angle; for a swinging flat face the
+        distance of the contact from the pivot along the face, divided by the arm.
     reach_rate
         Its derivative by the cam angle, 1.
     turning
@@ -72,7 +72,7 @@ class Touch:
 
 
 class Follower(Protocol):
-    """A follower on a cam.
+    """Interface of a follower on a cam.
 
     `lift` is in metres along the path of the part that follows the cam: of the roller's centre where it swings, of a
     point at the arm's length for a swinging flat face.
@@ -85,7 +85,7 @@ class Follower(Protocol):
 
     @property
     def roller_radius(self) -> float:
-        """m; infinite for a flat face."""
+        """Roller radius, m; infinite for a flat face."""
         ...
 
     @property
@@ -94,11 +94,11 @@ class Follower(Protocol):
         ...
 
     def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
-        """Return where it touches at given lift (m), velocity (m/rad) and acceleration (m/rad^2), shape (n,) each."""
+        """Return the contact at given lift (m), velocity (m/rad) and acceleration (m/rad^2), shape (n,) each."""
         ...
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
-        """Return the lift at which it would touch points given in the fixed frame, m; -inf where it cannot."""
+        """Return the lift at which the follower would contact points in the fixed frame, m; -inf if unreachable."""
         ...
 
     def with_base(self, base_radius: float) -> Follower:
@@ -108,7 +108,7 @@ class Follower(Protocol):
 
 @dataclass(frozen=True)
 class FlatFollower:
-    """Translating follower with a flat face square to its motion.
+    """Translating follower with a flat face normal to its motion.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ class FlatFollower:
         return 1j
 
     def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
-        """Touch at the distance s' from the axis: there the cam's surface moves with the follower."""
+        """Return the contact, at the distance s' from the axis, where the velocities along the normal agree."""
         height = self.base_radius + lift
         point = _complex(turn * velocity + 1j * height)
         up = _complex(np.full(point.shape, 1j))
@@ -157,9 +157,9 @@ def _roller(
     trace: ComplexArray, first: ComplexArray, second: ComplexArray, motion: ComplexArray, swing: FloatArray | float,
     radius: float, turn: Turn,
 ) -> Touch:  # fmt: skip
-    """Return the touch of a roller from its centre's path in the fixed frame, two derivatives, and its direction.
+    """Return the contact of a roller from its centre path in the fixed frame, two derivatives, and its direction.
 
-    `swing` is by how much the direction turns per cam angle.
+    `swing` is the rotation of the direction per cam angle.
     """
     # In the frame of the cam, c exp(-i turn theta): its derivatives, without the common factor.
     speed = first - 1j * turn * trace
@@ -169,9 +169,9 @@ def _roller(
     normal = 1j * turn * along
     pitch = -turn * fast**3 / curved.imag
     point = trace - radius * normal
-    # The material velocity of the cam at the contact, less that of the roller's centre, along the tangent.
+    # The material velocity of the cam at the contact minus that of the roller's centre, along the tangent.
     sliding = (np.conj(-1j * normal) * (1j * turn * point - first)).real
-    # The speed, which the normal follows, turns by what its own direction does in the frame of the cam and by that.
+    # The normal follows the path velocity, which rotates in the frame of the cam and with the frame.
     tilted = swing - turn - curved.imag / fast**2
     lean = motion * np.conj(normal)
     return Touch(
@@ -217,13 +217,13 @@ class RollerFollower:
         return math.sqrt((self.base_radius + self.roller_radius) ** 2 - self.offset**2)
 
     def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
-        """Touch where the normal of the centre's path meets the roller."""
+        """Return the contact where the normal of the centre's path meets the roller."""
         trace = _complex(self.offset + 1j * (self._start + lift))
         up = _complex(np.full(trace.shape, 1j))
         return _roller(trace, _complex(1j * velocity), _complex(1j * acceleration), up, 0.0, self.roller_radius, turn)
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
-        """Return the lift at which the roller would touch a point."""
+        """Return the lift at which the roller would contact a point."""
         beside = self.roller_radius**2 - (point.real - self.offset) ** 2
         height = point.imag + np.sqrt(np.where(beside >= 0.0, beside, 0.0))
         return np.where(beside >= 0.0, height - self._start, -math.inf)
@@ -240,7 +240,7 @@ def _square_to(angle: float, side: Turn) -> complex:
 
 @dataclass(frozen=True)
 class SwingRollerFollower:
-    """Follower that swings about a pivot, with a roller at the end of its arm.
+    """Swinging follower with a roller at the end of its arm.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ class SwingRollerFollower:
     def from_angle(
         cls, roller_radius: float, arm: float, distance: float, angle: float, side: Turn = 1
     ) -> SwingRollerFollower:
-        """Return the follower whose arm stands at an angle (rad) to the line of centres on the base circle."""
+        """Return the follower from the angle (rad) of its arm to the line of centres on the base circle."""
         pitch = math.sqrt(arm**2 + distance**2 - 2.0 * arm * distance * math.cos(angle))
         if pitch <= roller_radius:
             given = f"{math.degrees(angle):g} deg, where the roller's centre is {pitch:g} m from the cam's"
@@ -289,11 +289,11 @@ class SwingRollerFollower:
 
     @property
     def lift_direction(self) -> complex:
-        """Square to the arm on the base circle."""
+        """Unit vector normal to the arm on the base circle."""
         return _square_to(self.start_angle, self.side)
 
     def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
-        """Touch where the normal of the centre's path meets the roller."""
+        """Return the contact where the normal of the centre's path meets the roller."""
         angle = self.start_angle + lift / self.arm
         rate, bend = velocity / self.arm, acceleration / self.arm
         reach = _complex(-self.arm * np.exp(-1j * self.side * angle))
@@ -304,7 +304,7 @@ class SwingRollerFollower:
         return _roller(_complex(self.distance + reach), first, second, motion, swing, self.roller_radius, turn)
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
-        """Return the lift at which the roller would touch a point: the larger of the two triangles' angles."""
+        """Return the lift at which the roller would contact a point: the larger of two triangle solutions."""
         span = np.abs(point - self.distance)
         away = np.angle(-(point - self.distance)) * -self.side
         cosine = (self.arm**2 + span**2 - self.roller_radius**2) / (2.0 * self.arm * np.maximum(span, 1e-300))
@@ -318,7 +318,7 @@ class SwingRollerFollower:
 
 @dataclass(frozen=True)
 class SwingFlatFollower:
-    """Follower that swings about a pivot, with a flat face.
+    """Swinging follower with a flat face.
 
     Parameters
     ----------
@@ -358,11 +358,11 @@ class SwingFlatFollower:
 
     @property
     def lift_direction(self) -> complex:
-        """Square to the face on the base circle."""
+        """Unit vector normal to the face on the base circle."""
         return _square_to(self.start_angle, self.side)
 
     def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
-        """Touch at the distance q along the face where cam and face move alike along the normal.
+        """Return the contact at the distance q along the face where the normal velocities of cam and face agree.
 
         With the face's direction t = -exp(-i psi), its normal m = -i t and the cam's velocity i turn z, equal normal
         velocities at z = a + q t + e m give q = a cos(psi)/(1 + turn psi'). The lower side is the mirror image.
@@ -390,7 +390,7 @@ class SwingFlatFollower:
         )  # fmt: skip
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
-        """Return the lift at which the face would touch a point."""
+        """Return the lift at which the face would contact a point."""
         seen = point if self.side > 0 else np.conj(point)
         span = np.abs(seen - self.distance)
         away = -np.angle(-(seen - self.distance))

@@ -1,4 +1,4 @@
-"""Least squares under linear inequalities."""
+"""Fit of a finite-harmonic lift by constrained least squares."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, positive, refuse
 
 _FEASIBLE = 1e-10
-"""Residual of the dual problem below which the inequalities contradict each other."""
+"""Residual of the dual problem below which the inequalities are contradictory."""
 
 
 def constrained_least_squares(E: FloatArray, f: FloatArray, G: FloatArray, h: FloatArray) -> FloatArray | None:
-    """Return the x of least norm of E x - f with G x >= h.
+    """Return the x that minimizes the norm of E x - f subject to G x >= h.
 
-    The problem is turned into one of least distance, and that into one of non-negative least squares: C. L. Lawson and
-    R. J. Hanson, Solving Least Squares Problems (1974), ch. 23.
+    The problem is reduced to a least-distance problem, and that to non-negative least squares: C. L. Lawson and R. J.
+    Hanson, Solving Least Squares Problems (1974), ch. 23.
     """
     from scipy.optimize import nnls
 
@@ -30,7 +30,7 @@ def constrained_least_squares(E: FloatArray, f: FloatArray, G: FloatArray, h: Fl
     best = np.asarray(np.linalg.solve(R, Q.T @ f), dtype=float)
     if not len(G) or bool((G @ best >= h).all()):
         return best
-    # y = R (x - best): least norm of y with (G R^-1) y >= h - G best.
+    # y = R (x - best): minimum norm of y with (G R^-1) y >= h - G best.
     C = np.linalg.solve(R.T, G.T).T
     d = h - G @ best
     size = max(float(np.abs(d).max()), np.finfo(float).tiny)
@@ -51,14 +51,14 @@ _POINTS_PER_HARMONIC, _LEAST_POINTS = 24, 720
 
 @dataclass(frozen=True, eq=False)
 class HarmonicFit:
-    """A finite-harmonic lift and how it keeps to the wanted one.
+    """Finite-harmonic lift and its deviation from the target lift.
 
     Parameters
     ----------
     event
         The lift.
     strict_deviation, deviation
-        Largest distance from the wanted lift on the strict sections and anywhere, m.
+        Maximum deviation from the target lift on the strict sections and overall, m.
     rms_deviation
         Over the working sections, m.
     """
@@ -73,7 +73,7 @@ def harmonic_fit(
     wanted: Event, count: int, *, strict: Sequence[tuple[float, float]] | None = None, tolerance: float,
     bound: float | None = None,
 ) -> HarmonicFit:  # fmt: skip
-    """Return the lift of so many harmonics with the least squared distance from a wanted one.
+    """Return the lift with a given number of harmonics that has the least squared distance from a target lift.
 
     C. Li, Cam motion simulation and optimization (2014), eqs. 5-6, with its dwells as constraints instead of weights.
     """
@@ -97,7 +97,7 @@ def harmonic_fit(
     bounded = np.isfinite(limit)
     G = np.vstack([rows[bounded], -rows[bounded]])
     h = np.concatenate([(target - limit)[bounded], (-target - limit)[bounded]])
-    # Even angles alone say how near the lift is; section ends beside them are only kept to.
+    # Only the equally spaced angles measure the deviation; section ends between them are constraints.
     x = constrained_least_squares(_rows(even, count), wanted(even), G, h)
     if x is None:
         raise _too_few(rows, target, held, tolerance, bound)
@@ -111,7 +111,7 @@ def harmonic_fit(
 
 
 def harmonics_below(frequency: float, speed: float) -> int:
-    """Return how many harmonics of a cam stay below a natural frequency: n < w0/w."""
+    """Return the number of harmonics of a cam below a natural frequency: n < w0/w."""
     return max(0, math.ceil(positive("frequency", frequency, "rad/s") / positive("speed", speed, "rad/s")) - 1)
 
 
@@ -135,7 +135,7 @@ def _inside(angle: FloatArray, sections: Sequence[tuple[float, float]]) -> NDArr
 def _too_few(
     rows: FloatArray, target: FloatArray, held: NDArray[np.bool_], tolerance: float, bound: float | None
 ) -> InputError:
-    """Return the refusal of a tolerance or bound that so few harmonics cannot keep, with what they can."""
+    """Return the error of a tolerance or bound that so few harmonics cannot meet, with the attainable value."""
     count, why = (rows.shape[1] - 1) // 2, "the constraints leave no such lift"
     reach = _least_deviation(rows[held], target[held], np.zeros((0, rows.shape[1])), np.zeros(0), tolerance)
     if reach is not None and reach > tolerance:
@@ -151,7 +151,7 @@ def _too_few(
 def _least_deviation(
     rows: FloatArray, target: FloatArray, kept: FloatArray, goal: FloatArray, tolerance: float
 ) -> float | None:
-    """Return the least of the largest distances, others kept within a tolerance: a linear program."""
+    """Return the solution with the smallest maximum deviation, others within a tolerance: a linear program."""
     from scipy.optimize import linprog
 
     one, none = np.ones((len(rows), 1)), np.zeros((len(kept), 1))

@@ -1,7 +1,7 @@
-"""The least value of a curve over a revolution.
+"""Criteria of motion laws and minima of curves over a revolution.
 
-A grid finds the valleys between the joints, ever finer grids their floors, and the value just before a joint is carried
-on to it from two places beside it: to rounding for curves that are smooth between the joints.
+A grid locates the minima between the joints and successive refinement locates their values. The value just before a
+joint is extrapolated from two points beside it, to rounding for curves that are smooth between the joints.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse
 
 _POINTS = 2001
-"""Samples per smooth piece: two extremes closer than 1/2000 of it would be taken for one."""
+"""Samples per smooth piece: two extremes closer than 1/2000 of it are not distinguished."""
 
 _HALVINGS = 60
 _ZERO = 1e-9
-"""Size of a derivative (normalized law) that counts as none."""
+"""Size of a derivative (normalized law) that counts as zero."""
 
 _SAME_CRITERIA = 1e-9
-"""Difference of two extremes, as part of the larger, below which both places are told."""
+"""Relative difference of two extremes below which both positions are reported."""
 
 _MOST_PLACES = 40
-"""More places than these are a plateau, of which only the first is told."""
+"""Number of equal extremes above which only the first is reported, as on a plateau."""
 
 _HARMONICS = 12
 _STEPS = ((1, "velocity"), (2, "acceleration"), (3, "jerk"))
@@ -39,16 +39,16 @@ Curve = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class Extreme:
-    """Least or largest value of a curve and where it lies.
+    """Minimum or maximum of a curve and its position.
 
     Parameters
     ----------
     value
         The value.
     at
-        The first place.
+        First position.
     also
-        Further places with the same value.
+        Further positions with the same value.
     """
 
     value: float
@@ -63,13 +63,13 @@ class Criteria:
     Parameters
     ----------
     velocity, acceleration, jerk, moment
-        Signed extremes (least, largest) of s', s'', s''' and of the operating moment s' s''.
+        Signed extremes (minimum, maximum) of s', s'', s''' and of the operating moment s' s''.
     rms
-        Root mean squares of s', s'' and s'''; the last without the impulses where s'' jumps.
+        Root mean squares of s', s'' and s'''; that of s''' excludes the impulses at jumps of s''.
     harmonics
         Amplitudes of s'' as a Fourier series over the rise, from 1 to 12.
     jumps
-        Orders of derivatives (1 to 3) that jump inside the law; one jump in s'' makes the jerk infinite there.
+        Orders of derivatives (1 to 3) that jump inside the law; a jump in s'' makes the jerk infinite.
     ends
         Derivatives s, s', s'', s''' at z = 0 and at z = 1.
     symmetric
@@ -101,7 +101,7 @@ class Criteria:
 
     @property
     def Cj(self) -> float | None:  # noqa: N802
-        """Largest absolute jerk; None where the acceleration jumps inside the law and it is infinite."""
+        """Largest absolute jerk; None if the acceleration jumps inside the law, which makes the jerk infinite."""
         return None if 2 in self.jumps else _largest(self.jerk)
 
     @property
@@ -111,16 +111,16 @@ class Criteria:
 
     @property
     def rest_at_ends(self) -> int:
-        """Order up to which all derivatives from the first vanish at both ends: 0, 1, 2 or 3."""
+        """Order up to which all derivatives from the first vanish at both ends: 0 to 3."""
         met = [all(abs(end[order]) < _ZERO for end in self.ends) for order in (1, 2, 3)]
         return met.index(False) if False in met else 3
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """What a rise between two dwells should meet and this law does not, in words."""
+        """Violated requirements of a rise between two dwells, in words."""
         said = [f"s({z}) = {end[0]:.6g}, not {z}" for z, end in enumerate(self.ends) if abs(end[0] - z) > _ZERO]
         for order, name in _STEPS:
-            steps = ((0, self.ends[0][order]), (1, -self.ends[1][order]))  # after less before
+            steps = ((0, self.ends[0][order]), (1, -self.ends[1][order]))  # right limit minus left limit
             at = [f"by {step:.6g} at z = {z}" for z, step in steps if abs(step) > _ZERO]
             said += [f"the {name} steps next to a dwell: {' and '.join(at)}"] if at else []
         inside = [name for order, name in _STEPS if order in self.jumps]
@@ -129,7 +129,7 @@ class Criteria:
 
 
 def criteria(law: Law) -> Criteria:
-    """Compute the criteria of a law."""
+    """Return the criteria of a law."""
 
     def derivative(order: int) -> Curve:
         return lambda z: law(z, order)
@@ -157,7 +157,7 @@ def criteria(law: Law) -> Criteria:
 
 
 def stationary_points(law: Law, order: int) -> FloatArray:
-    """Return where a derivative of a law may be largest: its joints, ends and stationary points."""
+    """Return candidate positions of an extreme of a derivative: joints, ends and stationary points."""
     pieces = _pieces(law.breaks)
     return np.sort(np.concatenate([_candidates(lambda z: law(z, order + 1), *piece) for piece in pieces]))
 
@@ -180,7 +180,7 @@ def _largest(extremes: tuple[Extreme, Extreme]) -> float:
 
 
 def _pieces(breaks: tuple[float, ...]) -> list[tuple[float, float]]:
-    """Return the smooth pieces; each ends just before its joint, because a law's value there is that to the right."""
+    """Return the smooth pieces; each ends just before its joint because a law's value there is the right limit."""
     ends = list(pairwise([0.0, *breaks, 1.0]))
     return [(a, b if b == 1.0 else float(np.nextafter(b, 0.0))) for a, b in ends]
 
@@ -192,7 +192,7 @@ def _extremes(curve: Curve, slope: Curve, breaks: tuple[float, ...]) -> tuple[Ex
 
 
 def _extreme(values: FloatArray, places: FloatArray, best: int) -> Extreme:
-    """Return an extreme with all places that share it, unless they are a plateau."""
+    """Return an extreme with all positions of the same value, unless they form a plateau."""
     value = float(values[best])
     at = places[np.abs(values - value) <= _SAME_CRITERIA * max(abs(value), _ZERO)]
     apart = at[np.concatenate([[True], np.diff(at) > 1.0 / _POINTS])]
@@ -226,20 +226,20 @@ _REVOLUTION = 2.0 * math.pi
 _SPACING = math.radians(0.05)
 _LEAST_POINTS = 33
 _BESIDE = 1e-8
-"""Distance from a joint at which the side before it is read, rad: a closer angle is taken for the joint."""
+"""Distance from a joint for the left limit, rad: a closer angle counts as the joint."""
 
 _SAME = 1e-12
-"""Part of the least value by which others may lie above it and still be the same; the first place is told."""
+"""Relative difference of minima that count as equal; the first position is reported."""
 
 _VALLEYS = 24
-"""Valleys whose floors are sought, those that look deepest."""
+"""Number of the deepest sampled minima that are refined."""
 
 _FINER = 9
-"""Times that a valley's grid is made four times finer: 1e-8 rad, where the floor is flat to rounding."""
+"""Number of refinements of the grid by four: 1e-8 rad, where a minimum is flat to rounding."""
 
 
 def lowest(curve: SmoothFunction, joints: Sequence[float] = ()) -> Extreme:
-    """Return the least value of a curve over a revolution."""
+    """Return the minimum of a curve over a revolution."""
     edges = [0.0, *(at for at in joints if _BESIDE < at < _REVOLUTION - _BESIDE), _REVOLUTION]
     pieces = [_piece(start, end) for start, end in pairwise(edges)]
     angles = np.concatenate(pieces)
@@ -261,19 +261,19 @@ def _piece(start: float, end: float) -> FloatArray:
 
 
 def _whole(values: FloatArray) -> FloatArray:
-    """Return values without those that are none, such as a curvature where a curve stands still."""
+    """Return values with non-finite ones removed, such as the curvature at a stationary point of a curve."""
     return np.where(np.isnan(values), np.inf, values)
 
 
 def _limits(at: IntArray, sizes: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the first and the last index of the pieces in which indices lie."""
+    """Return the first and the last index of the pieces that contain the indices."""
     piece = np.searchsorted(sizes, at, side="right")
     starts = np.concatenate([[0], sizes[:-1]])
     return starts[piece], sizes[piece] - 1
 
 
 def _valleys(values: FloatArray, sizes: IntArray) -> IntArray:
-    """Return the indices of the deepest valleys, ends of pieces among them."""
+    """Return the indices of the deepest sampled minima, including ends of pieces."""
     first, last = _limits(np.arange(len(values)), sizes)
     at = np.arange(len(values))
     left, right = values[np.maximum(at - 1, first)], values[np.minimum(at + 1, last)]
@@ -284,7 +284,7 @@ def _valleys(values: FloatArray, sizes: IntArray) -> IntArray:
 
 
 def _floors(curve: SmoothFunction, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the least values between pairs of angles, and where they lie."""
+    """Return the minima between pairs of angles, and their positions."""
     rows, parts = np.arange(len(low)), np.linspace(0.0, 1.0, 9)
     at, values = low, np.full(len(low), np.inf)
     for _ in range(_FINER):
@@ -302,11 +302,11 @@ _PANELS_PER_PERIOD = 8
 
 
 def residual_spectrum(law: Law, ratio: ArrayLike) -> FloatArray:
-    """Return the amplitude of the vibration that a rise leaves behind, over the lift.
+    """Return the amplitude of the residual vibration after a rise, relative to the lift.
 
-    Closed form where the law has one. Otherwise the oscillator's exact answer, the Fourier integral of s'' over the
-    rise with what steps of s' at its ends add, by Gauss quadrature between the law's joints. Source: M. P. Koster,
-    Vibrations of Cam Mechanisms (1974), ch. 3.
+    Uses the closed form of the law if available, otherwise the exact response of the oscillator: the Fourier integral
+    of s'' over the rise plus the steps of s' at its ends, by Gauss quadrature between the law's joints. Reference: M.
+    P. Koster, Vibrations of Cam Mechanisms (1974), ch. 3.
     """
     periods = np.asarray(ratio, dtype=float)
     if not ((periods > 0.0).all() and (periods <= _LARGEST).all()):

@@ -1,7 +1,7 @@
-"""Laws by name: those that are complete, those that need parameters, and those of other packages.
+"""Registry of motion laws: complete laws, laws with parameters, and laws of other packages.
 
 A package adds laws by entry points of the group ``flexcam.laws``: a name and a class or function that returns a `Law`;
-its annotated parameters (numbers, or tuples of them) are what a case may give.
+its annotated parameters (numbers, or tuples of numbers) can be given in a case.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from flexcam.cams.standard_laws import (
 from flexcam.core.errors import refuse
 
 LawKind = Callable[..., Law]
-"""A class or function whose parameters are those of a law."""
+"""Class or function whose parameters are those of a law."""
 
 LAWS: Mapping[str, Law] = MappingProxyType(
     {
@@ -55,7 +55,7 @@ LAWS: Mapping[str, Law] = MappingProxyType(
         "fb2": CompoundCycloid(),
     }
 )
-"""Every law that is complete by its name. ``cos`` is what F. I. T. Petrescu calls the simple harmonic law."""
+"""Complete laws by name. ``cos`` is the name F. I. T. Petrescu uses for the simple harmonic law."""
 
 KINDS: Mapping[str, LawKind] = MappingProxyType(
     {
@@ -70,7 +70,7 @@ KINDS: Mapping[str, LawKind] = MappingProxyType(
         "table": through_points,
     }
 )
-"""Every kind of law with parameters, by its id."""
+"""Kinds of law with parameters, by id."""
 
 GROUP = "flexcam.laws"
 
@@ -79,16 +79,16 @@ _BROKEN = (
     ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError, RuntimeError, SyntaxError, TypeError,
     ValueError,
 )  # fmt: skip
-"""What the module of another package may fail with while it is imported."""
+"""Exceptions that importing a module of another package may raise."""
 
 
 def kind_names() -> tuple[str, ...]:
-    """Return the ids of all kinds of law, those of other installed packages last; nothing of theirs is loaded.
+    """Return the ids of all kinds of law, those of installed packages last, without loading these.
 
     Returns
     -------
     tuple
-        Each once.
+        Unique ids.
 
     Examples
     --------
@@ -99,7 +99,7 @@ def kind_names() -> tuple[str, ...]:
 
 
 def law_kind(name: str) -> LawKind | None:
-    """Return a kind of law by its id, flexcam's own before those of other packages, of which only this one is loaded.
+    """Return a kind of law by its id; built-in kinds take precedence, and only the requested package is loaded.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def law_kind(name: str) -> LawKind | None:
     Raises
     ------
     InputError
-        If the package that brings it cannot be loaded.
+        If the package that provides it cannot be loaded.
 
     Examples
     --------

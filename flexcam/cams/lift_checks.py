@@ -1,4 +1,4 @@
-"""What is wrong with a lift table before anything is made of it."""
+"""Checks of a lift table."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ _LEAST_POINTS = 12
 _MOST_FAULTS = 10
 
 _BASE = 0.01
-"""Part of the largest lift below which a point lies on the base circle, and that a lift may bend across a gap."""
+"""Fraction of the largest lift below which a point is on the base circle, and by which a lift may bend across a gap."""
 
 _SCATTERS = 6.0
-"""Standard deviations of the noise by which a point on the base circle may lie off it: one in a thousand million."""
+"""Standard deviations of the noise allowed for a point on the base circle: one in 1e9 lies outside."""
 
 _OF_MEDIAN = 1.4826
-"""Standard deviation over the median absolute value of normal noise."""
+"""Ratio of standard deviation to median absolute value of normal noise."""
 
 _GAP, _GAP_RATIO, _WIDE = math.radians(3.0), 3.0, math.radians(20.0)
-"""A step is wide beyond 3 deg and three times its neighbours, or beyond 20 deg."""
+"""A step is wide above 3 deg and three times its neighbours, or above 20 deg."""
 
 
 def table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
-    """Return what is wrong with a lift table, by rows counted from 1."""
+    """Return the faults of a lift table, with rows counted from 1."""
     if len(theta) != len(s):
         given = f"{len(s)} lifts at {len(theta)} angles"
         return [Fault("lift table", given, "one lift per angle", "", "complete or remove the odd row")]
@@ -65,12 +65,12 @@ def table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
 
 
 def base_level(theta: FloatArray, s: FloatArray) -> float:
-    """Return the lift up to which a point of a table counts as on the base circle, m."""
+    """Return the lift below which a point of a table counts as on the base circle, m."""
     return max(_BASE * float(s.max()), _SCATTERS * scatter(theta, s))
 
 
 def scatter(theta: FloatArray, s: FloatArray) -> float:
-    """Return the standard deviation of a table's noise, from what a parabola through three neighbours misses."""
+    """Return the standard deviation of a table's noise, from the deviation from parabolas through three neighbours."""
     places = np.stack([theta[k : len(theta) - 3 + k] for k in range(4)])
     values = np.stack([s[k : len(s) - 3 + k] for k in range(4)])
     apart = places[:, None] - places[None]
@@ -80,7 +80,7 @@ def scatter(theta: FloatArray, s: FloatArray) -> float:
 
 
 def _gaps(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
-    """Return the first gap on the lift; what a table leaves out at its ends is another matter."""
+    """Return the first gap on the lift; a missing range at the ends of a table is checked elsewhere."""
     high = np.maximum(s[:-1], s[1:]) > low
     bent = _bends(theta, s) > _BASE * float(s.max())
     gap = wide_steps(theta)[:-1] & high & (bent | (np.diff(theta) > _WIDE))
@@ -94,9 +94,9 @@ def _gaps(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
 
 
 def _bends(theta: FloatArray, s: FloatArray) -> FloatArray:
-    """Return how far the lift may bend away from a straight line in every step, by the slopes on both sides of it.
+    """Return the possible deviation of the lift from a straight line in each step, from the slopes on both sides.
 
-    Each slope is taken over as much angle as the step itself has, which keeps the noise of near points out of it.
+    Each slope is taken over the angle of the step itself, which reduces the effect of noise.
     """
     step, slope = np.diff(theta), np.diff(s) / np.diff(theta)
     at = np.arange(len(step))
@@ -109,18 +109,18 @@ def _bends(theta: FloatArray, s: FloatArray) -> FloatArray:
 
 
 def wide_steps(theta: FloatArray) -> NDArray[np.bool_]:
-    """Tell which steps to the next point, around the revolution, are wider than their neighbours lead one to expect."""
+    """Return which steps to the next point, around the revolution, are wide compared with their neighbours."""
     step = np.diff(theta, append=theta[0] + _REVOLUTION)
     beside = np.maximum(np.roll(step, 1), np.roll(step, -1))
     return (step > _WIDE) | ((step > _GAP) & (step > _GAP_RATIO * beside))
 
 
 def _open_end(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
-    """Return the fault of a lift that does not come back to where it began."""
+    """Return the fault of a lift that does not return to its initial value."""
     jump = abs(float(s[-1] - s[0]))
     if theta[-1] - theta[0] > _REVOLUTION - 1e-9:  # the last row repeats the first
         closes = jump <= low
-    elif wide_steps(theta)[-1]:  # the base circle is left out
+    elif wide_steps(theta)[-1]:  # the base circle is omitted
         closes = max(float(s[0]), float(s[-1])) <= low
     else:
         closes = jump <= low + _GAP_RATIO * float(np.abs(np.diff(s)).max())

@@ -1,4 +1,4 @@
-"""Least and largest values of a lift and of its derivatives."""
+"""Lift events: lift over the cam angle, its joints and extremes."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 
 _SNAP = 1e-9
-"""Angles this close to a joint (rad) count as on it, so that rounding of k * step cannot choose the side of a jump."""
+"""Angles this close to a joint (rad) count as on it, so that rounding of k * step does not select the side of a jump.
+"""
 
 _REVOLUTION = 2.0 * math.pi
 _ROUNDING = 1e-12
 
 
 class Event(Protocol):
-    """Lift of a follower over the cam angle, periodic over a revolution."""
+    """Interface of a periodic lift over the cam angle."""
 
     @property
     def height(self) -> float:
@@ -42,14 +43,14 @@ class Event(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """A stretch of cam angle with one law.
+    """Segment of cam angle with one law.
 
     Parameters
     ----------
     start, span
         rad, from the beginning of the event.
     base, height
-        Lift at the lower end and what the law adds to it, m.
+        Lift at the lower end and rise of the law, m.
     law
         The law; None for a dwell.
     backwards
@@ -64,7 +65,7 @@ class Segment:
     backwards: bool = False
 
     def __call__(self, local: FloatArray, order: int) -> FloatArray:
-        """Return the derivative at angles from the beginning of the event; a jump shows the side of later angles."""
+        """Return the derivative at angles from the beginning of the event; at a jump the right limit."""
         base = np.full_like(local, self.base if order == 0 else 0.0)
         if self.law is None:
             return base
@@ -84,31 +85,32 @@ class Segment:
 
 @dataclass(frozen=True)
 class LiftEvent:
-    """Lift of a follower over the cam angle.
+    """Lift of a follower over the cam angle: ramps, rise, dwell and return.
 
     Parameters
     ----------
     law
         Law of the rise.
     lift
-        What the rise adds to the ramp, m.
+        Height of the rise above the ramp, m.
     rise, fall, dwell
         Cam angles of rise, return and upper dwell, rad; the rest of the revolution is the lower dwell.
     phase
-        Cam angle at which the rise begins, rad; an opening ramp lies before it.
+        Cam angle at which the rise begins, rad; an opening ramp precedes it.
     fall_law
-        Law of the return, run backwards; None for the law of the rise, whose mirror image the return then is.
+        Law of the return, run backwards; None for the mirror image of the rise.
     ramp, closing_ramp
-        Before the rise and after the return; the same ramp closes where none is given.
+        Ramps before the rise and after the return; the closing ramp defaults to the opening one.
     single_dwell
-        Where the only dwell lies, for laws that end at rest but begin under acceleration: ``high`` (the return runs
-        into the next rise) or ``low`` (the law is turned about, so that rise runs into return). None if both.
+        Position of the only dwell, for laws that end at rest but begin with an acceleration: ``high`` (the return runs
+        into the next rise) or ``low`` (the law is reversed, so that the rise runs into the return). None for two
+        dwells.
 
     Raises
     ------
     InputError
-        If an angle is out of range, they take more than one revolution together, a ramp is steeper than the lift
-        allows, or the dwells are not as `single_dwell` says.
+        If an angle is out of range, the sum exceeds one revolution, a ramp is too steep for the lift, or the dwells
+        contradict `single_dwell`.
 
     Examples
     --------
@@ -187,12 +189,12 @@ class LiftEvent:
 
     @property
     def height(self) -> float:
-        """Largest lift, ramp included, m; more than that of the upper dwell where a law rises above 1."""
+        """Largest lift including the ramp, m; above that of the upper dwell if a law overshoots 1."""
         return self._height
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
-        """Stretches from the beginning of the opening ramp (or of the rise) on; the lower dwell follows."""
+        """Segments from the beginning of the opening ramp (or of the rise); the lower dwell follows."""
         opening, closing = self._ramps
         rise_law = Turned(self.law) if self.single_dwell == "low" else self.law
         fall_law = self.fall_law or self.law
@@ -255,14 +257,14 @@ class LiftEvent:
 
 @dataclass(frozen=True, eq=False)
 class Shifted:
-    """An event that happens later.
+    """Event delayed by a phase.
 
     Parameters
     ----------
     event
         The event.
     phase
-        Cam angle by which it is later, rad.
+        Delay in cam angle, rad.
 
     Examples
     --------
@@ -290,7 +292,7 @@ class Shifted:
 
 
 def distinct(angles: FloatArray) -> tuple[float, ...]:
-    """Return angles within a revolution, ascending, each once.
+    """Return unique angles within a revolution, ascending.
 
     Parameters
     ----------
@@ -312,12 +314,12 @@ def _from(law: Law, ramp: Ramp | None, span_by_lift: float) -> Law:
 
 
 def event_extremes(event: Event, order: int = 0) -> tuple[Extreme, Extreme]:
-    """Return the least and the largest value of a lift or of a derivative of it."""
+    """Return the minimum and maximum of a lift or of its derivative."""
     return _known_extremes(event, order) if _hashable(event) else _extremes(event, order)
 
 
 def _hashable(event: Event) -> bool:
-    """Tell whether an event can be a key: one that holds arrays cannot."""
+    """Return whether an event can be a dictionary key; one that contains arrays cannot."""
     try:
         hash(event)
     except TypeError:
@@ -331,21 +333,21 @@ def _extremes(event: Event, order: int) -> tuple[Extreme, Extreme]:
 
 
 _known_extremes = lru_cache(maxsize=64)(_extremes)
-"""The same cam is asked at every speed."""
+"""Cache of extremes, as the same cam is evaluated at every speed."""
 
 
 _BESIDE = 1e-8
-"""Distance from a joint at which the other side is read, rad: an angle closer counts as on it."""
+"""Distance from a joint for the limit on the other side, rad: a closer angle counts as on the joint."""
 
 _NONE = 1e-6
-"""A step below this part of the largest value of its curve is none."""
+"""Relative size of a step, to the largest value of its curve, below which it is zero."""
 
 _GRID = np.linspace(0.0, 2.0 * np.pi, 3601)
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A place where two stretches meet.
+    """Boundary between two segments.
 
     Parameters
     ----------
@@ -360,17 +362,17 @@ class Joint:
 
     @property
     def smooth(self) -> bool:
-        """Whether nothing steps."""
+        """True if all derivatives are continuous."""
         return not any(self.steps)
 
 
 def joints(event: Event) -> list[Joint]:
-    """Return every joint of an event, with the steps there."""
+    """Return all joints of an event with the steps there."""
     angles = np.array(event.joints)
     rows = list[list[float]]()
     for order in range(4):
         step = event(angles, order) - event(angles - _BESIDE, order)
-        # What the curve itself does between the two places is no step.
+        # Subtract the change of the smooth curve between both places.
         step -= _BESIDE * event(angles - _BESIDE, order + 1)
         size = float(np.abs(event(_GRID, order)).max(initial=0.0))
         rows.append(np.where(np.abs(step) > _NONE * size, step, 0.0).tolist())

@@ -1,4 +1,4 @@
-"""A measured or imported lift: points over the cam angle made into a periodic spline, and what that changed."""
+"""Measured or imported lift tables: smoothing by a periodic spline and report of the changes."""
 
 from __future__ import annotations
 
@@ -17,44 +17,45 @@ from flexcam.core.errors import InputError, in_words, refuse
 
 _REVOLUTION = 2.0 * math.pi
 _STEP = math.radians(1.0)
-"""Spacing of the points that are added on the base circle."""
+"""Spacing of the points added on the base circle."""
 
 _KNOTS = (360, 720, 1440)
-"""A knot per degree of cam angle; more where the tolerance asks for it."""
+"""Initial number of knots, one per degree of cam angle; the tolerance may require more."""
 
 _FAR, _SMALL = 8.0, 5e-4
-"""A point is moved far by more than eight times the scatter and half a thousandth of the lift."""
+"""A point is an outlier if it moves by more than eight times the scatter and 1/2000 of the lift."""
 
 _PASSED = 1e-5
-"""Part of the largest lift, in the root mean square, by which a spline still passes through points."""
+"""RMS deviation, relative to the largest lift, up to which a spline interpolates the points."""
 
 _BELOW = 1e-4
-"""Part of the largest lift by which a spline may dip below the base circle without a word."""
+"""Fraction of the largest lift by which a spline may fall below the base circle without a warning."""
 
 _RIPPLE = np.linspace(0.0, 2.0 * math.pi, 7201)
 
 _CAUTION = 1.4
-"""Weight of the degrees of freedom in cross-validation: 1 now and then follows the noise (Kim and Gu 2004)."""
+"""Weight of the degrees of freedom in cross-validation; 1 sometimes follows the noise (Kim and Gu 2004)."""
 
 
 @dataclass(frozen=True)
 class LiftReport:
-    """What smoothing changed.
+    """Changes of a lift table by smoothing.
 
     Parameters
     ----------
     points
-        How many were given.
+        Number of points given.
     rms_change, largest_change, at
         Root mean square and largest difference of spline and points, m, and the cam angle of the latter, rad.
     acceleration_before, acceleration_after
-        Least and largest second derivative by the cam angle, m/rad^2: of the points by differences, and of the spline.
+        Minimum and maximum second derivative by the cam angle, m/rad^2: of the points by differences, and of the
+        spline.
     smoothing
-        The weight of roughness that was found.
+        Roughness weight of the fit.
     scatter
-        Standard deviation of the points' noise, as they themselves show it, m.
+        Estimated standard deviation of the noise of the points, m.
     remarks
-        What should not be overlooked, in words.
+        Warnings, in words.
     """
 
     points: int
@@ -69,7 +70,7 @@ class LiftReport:
 
 
 def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = None) -> tuple[Shifted, LiftReport]:
-    """Make a periodic spline of a lift given by points.
+    """Return a periodic spline for a lift given by points.
 
     The spline minimizes the squared distances plus a weight times the integral of its squared third derivative
     (C. H. Reinsch, Smoothing by spline functions, Numerische Mathematik 10 (1967); here on even knots, P. H. C. Eilers
@@ -78,23 +79,23 @@ def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = N
     Parameters
     ----------
     angle
-        Cam angles, rad, ascending, over one revolution at most, shape (m,). What they leave out is base circle.
+        Cam angles, rad, ascending, over one revolution at most, shape (m,). Missing angles are base circle.
     lift
         m, shape (m,).
     tolerance
-        Root mean square of what smoothing may change, m; 0 to pass through the points (up to 1440, or smooth ones);
-        None to judge the noise by generalized cross-validation.
+        Root mean square change allowed, m; 0 to interpolate the points (up to 1440, or smooth ones); None to estimate
+        the noise by generalized cross-validation.
 
     Returns
     -------
     Shifted, LiftReport
-        The event, a `PeriodicSpline` with its first knot at the first point, and what was changed.
+        The event, a `PeriodicSpline` with its first knot at the first point, and the changes.
 
     Raises
     ------
     InputError
-        If angles do not ascend or take more than a revolution, points are too few or leave gaps, lift is negative or
-        does not come back to where it began.
+        If angles do not ascend or take more than a revolution, points are too few or leave gaps, or the lift is
+        negative or not periodic.
 
     Examples
     --------
@@ -110,7 +111,7 @@ def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = N
     if faults:
         raise InputError(faults)
     theta, s = _closed(theta, s)
-    local = theta - theta[0]  # knots lie on the points of an even table: elsewhere a spline through them may not exist
+    local = theta - theta[0]  # knots on equally spaced points: elsewhere an interpolating spline may not exist
     around, heights = _with_base_circle(local, s)
     noise = scatter(theta, s)
     if tolerance is None:
@@ -122,7 +123,7 @@ def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = N
 
 
 def _column(name: str, values: ArrayLike) -> FloatArray:
-    """Return a column as numbers; which of them are none is told with their rows."""
+    """Return a column as numbers; non-finite values are reported later with their rows."""
     try:
         column = np.array(values, dtype=float)
     except (TypeError, ValueError):
@@ -133,9 +134,9 @@ def _column(name: str, values: ArrayLike) -> FloatArray:
 
 
 def _judged(theta: FloatArray, s: FloatArray, count: int, noise: float) -> tuple[_Fit, float]:
-    """Return the fit by cross-validation, with more knots where fewer change points by far more than they scatter.
+    """Return the fit by cross-validation, with more knots if fewer knots leave outliers.
 
-    Where more knots do not halve that, it is an outlier, and fewer will do.
+    If more knots do not halve the deviation, the point is an outlier and the coarser spline is used.
     """
     fit = _Fit.of(theta, s, count, _KNOTS[0])
     weight = _cross_validated(fit)
@@ -151,7 +152,7 @@ def _judged(theta: FloatArray, s: FloatArray, count: int, noise: float) -> tuple
 
 
 def _within(theta: FloatArray, s: FloatArray, count: int, tolerance: float) -> tuple[_Fit, float]:
-    """Return the fit and the largest weight of roughness that keep to a tolerance, with as few knots as do."""
+    """Return the fit with the largest roughness weight and the fewest knots within a tolerance."""
     fit = _Fit.of(theta, s, count, _KNOTS[0])
     least = fit.change(_LEAST)
     for most in _KNOTS[1:]:
@@ -173,13 +174,13 @@ def _within(theta: FloatArray, s: FloatArray, count: int, tolerance: float) -> t
 
 
 def _closed(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the table without a last row that repeats the first one a revolution later."""
+    """Return the table without a last row that repeats the first row one revolution later."""
     twice = theta[-1] - theta[0] > _REVOLUTION - 1e-9
     return (theta[:-1], s[:-1]) if twice else (theta, s)
 
 
 def _with_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the points with more on the base circle, where the table leaves it out."""
+    """Return the points with additional ones on the base circle where the table has none."""
     ends, lifts = np.append(theta, theta[0] + _REVOLUTION), np.append(s, s[0])
     spacing = min(_STEP, float(np.median(np.diff(theta))))
     angles, heights = [theta], [s]
@@ -194,7 +195,7 @@ def _with_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, Flo
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """What smoothing works on.
+    """Matrices of the smoothing problem.
 
     Rows of the spline at the points and their square, those of the measured points alone, third differences of the
     coefficients (which stand for the third derivative) and their square, and the lifts.
@@ -232,7 +233,7 @@ class _Fit:
         return np.asarray(found, dtype=float)
 
     def change(self, weight: float) -> float:
-        """Return the root mean square of what the measured points are changed by."""
+        """Return the root mean square change of the measured points."""
         change = self.rows[: self.count] @ self.coefficients(weight) - self.lift[: self.count]
         return float(np.sqrt(np.mean(change**2)))
 
@@ -242,7 +243,7 @@ class _Fit:
         return float(np.abs(change).max())
 
     def score(self, weight: float) -> float:
-        """Return the generalized cross-validation of the measured points: mean square change over (1 - c trace/m)^2."""
+        """Return the generalized cross-validation score: mean square change over (1 - c trace/m)^2."""
         used = float(np.trace(np.linalg.solve(self.square + weight * self.rough, self.measured)))
         m = self.count
         return math.inf if _CAUTION * used >= m else (self.change(weight) / (1.0 - _CAUTION * used / m)) ** 2
@@ -250,12 +251,14 @@ class _Fit:
 
 _ILL = 1e-7
 _LEAST, _LOWEST, _HIGHEST = 1e-9, -7.0, 8.0
-"""Weight of roughness where nothing is to be changed, and powers of ten between which it is sought otherwise; the
-roughness is scaled to the square of the rows."""
+"""Roughness weight for interpolation, and the range of powers of ten of the search otherwise.
+
+The roughness is scaled to the square of the rows.
+"""
 
 
 def _strongest(fit: _Fit, tolerance: float) -> float:
-    """Return the largest weight that changes the points by no more than the tolerance."""
+    """Return the largest roughness weight whose change of the points is within the tolerance."""
     low, high = _LOWEST, _HIGHEST
     if fit.change(10.0**low) > tolerance:
         return _LEAST
@@ -266,11 +269,11 @@ def _strongest(fit: _Fit, tolerance: float) -> float:
 
 
 _HALVED = 6.0 * math.log10(2.0)
-"""Power of ten by which the weight of squared third differences rises where their spacing is halved."""
+"""Increase of the power of ten of the roughness weight when the knot spacing is halved."""
 
 
 def _cross_validated(fit: _Fit, near: float | None = None) -> float:
-    """Return the weight of least score; with many knots every score takes long, and only those near are looked at."""
+    """Return the weight of minimum score; with many knots only weights near the expected one are evaluated."""
     powers = np.arange(_LOWEST + 1.0, _HIGHEST + 1.0)
     if near is not None:
         powers = np.maximum(near + np.arange(-2.0, 3.0), _LOWEST)
@@ -297,7 +300,7 @@ def _report(theta: FloatArray, s: FloatArray, spline: Shifted, weight: float, no
 
 
 def _remarks(theta: FloatArray, s: FloatArray, spline: Shifted, noise: float) -> list[str]:
-    """Return what should not be overlooked: points that were moved far, a ripple below the base circle."""
+    """Return warnings: outliers, and ripple below the base circle."""
     change, top = np.abs(spline(theta) - s), float(s.max())
     far = np.flatnonzero(change > _FAR * noise + _SMALL * top)
     said: list[str] = []

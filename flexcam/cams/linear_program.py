@@ -1,4 +1,4 @@
-"""The linear program behind minimax: its unknowns are a family's coefficients and a largest value per criterion."""
+"""Linear program of the minimax synthesis: coefficients of a family and a bound per criterion."""
 
 from __future__ import annotations
 
@@ -15,41 +15,41 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
 
 ORDERS = {"Cv": 1, "Ca": 2, "Cj": 3}
-"""Criteria that are linear, and the derivative each is the largest absolute value of."""
+"""Linear criteria and the order of the derivative whose largest absolute value each measures."""
 
 ALMOST = 1e-7
-"""Part by which a law on the way to the best one may miss a bound."""
+"""Relative violation of a bound allowed for an intermediate law."""
 
 CRITERIA = (*ORDERS, "rms", "Cm")
 
 _INSIDE = 1e-8
-"""Part of a limit by which the program stays below it, so that rounding does not carry the law over it."""
+"""Relative margin to a limit, so that rounding does not violate it."""
 
 _PRECISE = 1e-10
 _INFEASIBLE = 2
 """Status of `scipy.optimize.linprog`."""
 
 Condition = tuple[float, int, float]
-"""Position, order of a derivative, and its value there."""
+"""Position, order of derivative, and prescribed value."""
 
 Cut = tuple[FloatArray, float]
-"""A tangent plane of the rms: its gradient, and its value at zero."""
+"""Tangent plane of the rms: gradient, and value at zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """What is minimized over a family, and under which conditions.
+    """Minimization problem over a family of laws.
 
     Parameters
     ----------
     family
-        Of laws.
+        Family of laws.
     weights
-        Of the criteria in the objective.
+        Weights of the criteria in the objective.
     limits
         Bounds on linear criteria.
     conditions
-        Values the law must take.
+        Prescribed values of the law.
     monotone
         Whether the velocity must not be negative.
     """
@@ -65,12 +65,12 @@ class Program:
         return sum(weight * _criterion(law, name) for name, weight in self.weights.items())
 
     def met(self, law: Law, slack: float) -> bool:
-        """Tell whether a law keeps to the bounds and does not turn back, but for a slack."""
+        """Return whether a law satisfies the bounds and does not reverse, within a slack."""
         within = all(_criterion(law, name) <= limit * (1.0 + slack) for name, limit in self.limits.items())
         return within and (not self.monotone or _slowest(law) >= -slack - _INSIDE)
 
     def missed(self, law: Law, slack: float) -> list[str]:
-        """Return which bounds and conditions a law does not meet, but for a slack, in words."""
+        """Return the violated bounds and conditions of a law, within a slack, in words."""
         values = {name: _criterion(law, name) for name in self.limits}
         said = [f"{name} is {values[name]:.9g}, its bound {limit:.9g}"
                 for name, limit in self.limits.items() if values[name] > limit * (1.0 + slack)]  # fmt: skip
@@ -95,7 +95,7 @@ class Program:
         self, places: Mapping[int, FloatArray], cuts: Sequence[Cut] = (),
         around: tuple[FloatArray, float] | None = None,
     ) -> tuple[FloatArray, float]:  # fmt: skip
-        """Return the coefficients and the dual objective, which no law of the family beats."""
+        """Return the coefficients and the dual objective, a lower bound for the family."""
         from scipy.optimize import linprog
 
         A, b = self._inequalities(places, cuts, around)
@@ -105,7 +105,7 @@ class Program:
         found = linprog(cost, A, b, E, e, bounds=box, method="highs", options={
             "primal_feasibility_tolerance": _PRECISE, "dual_feasibility_tolerance": _PRECISE,
         })  # fmt: skip
-        if found.x is None and found.status != _INFEASIBLE:  # the solver gives up now and then after its presolve
+        if found.x is None and found.status != _INFEASIBLE:  # the solver occasionally fails after its presolve
             found = linprog(cost, A, b, E, e, bounds=box, method="highs", options={
                 "primal_feasibility_tolerance": _PRECISE, "dual_feasibility_tolerance": _PRECISE, "presolve": False,
             })  # fmt: skip
@@ -117,7 +117,7 @@ class Program:
         return np.asarray(found.x[: self.family.size], dtype=float), dual
 
     def least_rms(self, places: Mapping[int, FloatArray]) -> tuple[FloatArray, float]:
-        """Return the coefficients of least rms alone, by constrained least squares, and that rms."""
+        """Return the coefficients of minimum rms, by constrained least squares, and that rms."""
         z, weight = (np.concatenate(parts) for parts in zip(*quadrature(()), strict=True))
         rows, offset = self.family.rows(z, 2)
         root = np.sqrt(weight)
@@ -140,7 +140,7 @@ class Program:
         return refuse("bounds", given, f"what {self.family.name} can meet", "there is no such law", remedy)
 
     def _box(self, around: tuple[FloatArray, float] | None) -> list[tuple[float | None, float | None]]:
-        """Return the bounds of the unknowns; a bound of zero adds nothing to the dual objective."""
+        """Return the bounds of the unknowns; a bound of zero does not contribute to the dual objective."""
         near: list[tuple[float | None, float | None]] = [(None, None)] * self.family.size
         if around is not None:
             near = [(v - around[1], v + around[1]) for v in around[0].tolist()]
@@ -155,7 +155,7 @@ class Program:
         blocks += [self._limited(name, *self.family.rows(places[ORDERS[name]], ORDERS[name])) for name in self.limits]
         if self.monotone:
             rows, offset = self.family.rows(places[1], 1)
-            # From a law that turns back by rounding, a short step could mend nothing else.
+            # If a law reverses by rounding, a short step could only correct that.
             blocks.append((self._wide(-rows), offset + (0.0 if around is None else ALMOST)))
         if cuts:
             slopes = np.array([slope for slope, _ in cuts])
@@ -167,19 +167,19 @@ class Program:
         return np.vstack([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])
 
     def _moment(self, z: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return rows and offset of s' s'', linear about given coefficients."""
+        """Return rows and offset of s' s'' linearized about given coefficients."""
         (V, v), (A, a) = self.family.rows(z, 1), self.family.rows(z, 2)
         first, second = V @ x + v, A @ x + a
         rows = second[:, None] * V + first[:, None] * A
         return rows, first * second - rows @ x
 
     def _weighted(self, name: str, rows: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return abs(rows x + offset) <= the largest value of a criterion."""
+        """Return the inequalities abs(rows x + offset) <= the largest value of a criterion."""
         pick = self._pick(name, len(rows))
         return np.vstack([np.hstack([rows, -pick]), np.hstack([-rows, -pick])]), np.concatenate([-offset, offset])
 
     def _limited(self, name: str, rows: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return abs(rows x + offset) <= the limit."""
+        """Return the inequalities abs(rows x + offset) <= the limit."""
         limit = self.limits[name] * (1.0 - _INSIDE)
         rows, offset = self._wide(rows) / limit, offset / limit
         return np.vstack([rows, -rows]), np.concatenate([1.0 - offset, 1.0 + offset])
@@ -200,7 +200,7 @@ class Program:
 
 
 def _solutions(E: FloatArray, e: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
-    """Return one solution of E x = e and the directions in which it may move, shape (size, k)."""
+    """Return a particular solution of E x = e and a basis of the null space, shape (size, k)."""
     if not len(E):
         return np.zeros(size), np.eye(size)
     base = np.asarray(np.linalg.lstsq(E, e, rcond=None)[0], dtype=float)
@@ -210,12 +210,12 @@ def _solutions(E: FloatArray, e: FloatArray, size: int) -> tuple[FloatArray, Flo
 
 
 def _slowest(law: Law) -> float:
-    """Return the least velocity of a law."""
+    """Return the minimum velocity of a law."""
     return float(law(stationary_points(law, 1), 1).min())
 
 
 def _criterion(law: Law, name: str) -> float:
-    """Return a criterion alone: all of them at once would cost more than the program."""
+    """Return a single criterion: all of them at once would cost more than the program."""
     if name == "rms":
         return float(np.sqrt(sum(float(weight @ law(z, 2) ** 2) for z, weight in quadrature(law.breaks))))
     if name == "Cm":

@@ -1,8 +1,8 @@
-"""The law of a family whose largest velocity, acceleration or jerk is least: a linear program, with its proof.
+"""Minimax synthesis: the law of a family with the smallest peak of velocity, acceleration or jerk.
 
-Between the places where the program looks, a curve may rise above its bound; such places are added until none is left
-(exchange, as E. Y. Remez's algorithm does). The dual solution of the last program bounds every law of the family from
-below, so the gap between both says how far from the optimum the law can be.
+Between the sampled positions a curve may exceed its bound; such positions are added until none is left (the exchange of
+E. Y. Remez's algorithm). The dual solution of the last linear program is a lower bound for the family, and the duality
+gap bounds the distance from the optimum.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from flexcam.core.errors import InputError, refuse
 _START = np.linspace(0.0, 1.0, 161)
 _ROUNDS = 200
 _GAP = 1e-8
-"""Part of the objective by which a law may miss the bound before places are added."""
+"""Relative violation of the bound allowed before positions are added."""
 
 _CLOSED = 1e-6
-"""Part of the objective beyond which the law is not called the best: a hundred times what the search asks for."""
+"""Relative duality gap above which the law is not reported as optimal: a hundred times the target of the search."""
 
 
 @dataclass(frozen=True, eq=False)
 class Synthesized:
-    """A law found, and how good it is.
+    """Result of a synthesis.
 
     Parameters
     ----------
@@ -40,16 +40,15 @@ class Synthesized:
     objective
         Weighted sum of its criteria.
     bound
-        No law of the family under the same conditions has less; None where the problem is not convex.
+        Lower bound for the family under the same conditions; None if the problem is not convex.
     bound_all
-        No law at all has less, as far as that is known; None where it is not.
+        Lower bound for all laws; None if unknown.
     criteria
-        Of the law.
+        Criteria of the law.
     family
-        In words.
+        Name of the family.
     open
-        What keeps the law from being the one sought, in words: a bound it misses, a gap that the search did not close.
-        Empty if it converged.
+        Reasons for non-convergence, in words: a violated bound, or a remaining gap. Empty if converged.
     """
 
     law: Law
@@ -62,12 +61,12 @@ class Synthesized:
 
     @property
     def converged(self) -> bool:
-        """Whether the law meets its bounds and, where there is a proof, is proved to be the best."""
+        """True if the law meets its bounds and, if a bound is known, is proved optimal."""
         return not self.open
 
     @property
     def gap(self) -> float | None:
-        """Duality gap: objective less the family's bound."""
+        """Duality gap: objective minus the family's bound."""
         return None if self.bound is None else self.objective - self.bound
 
 
@@ -75,12 +74,12 @@ def minimax(
     family: Family, minimize: Mapping[str, float], *, bounds: Mapping[str, float] | None = None,
     conditions: Sequence[Condition] = (), monotone: bool = True,
 ) -> Synthesized:  # fmt: skip
-    """Return the law of a family with the least weighted sum of criteria.
+    """Return the law of a family with the minimum weighted sum of criteria.
 
-    ``Cv``, ``Ca``, ``Cj`` are linear; the root mean square ``rms`` of the acceleration is convex: alone it is a problem
-    of least squares, beside others it is met by its tangent planes, and the bound holds either way. The operating
-    moment ``Cm`` is neither: the law is then the best nearby, found by linear programs within a changing trust region
-    from the laws of least acceleration and of least rms, and has no bound.
+    ``Cv``, ``Ca``, ``Cj`` are linear; the root mean square ``rms`` of the acceleration is convex: alone it is a
+    least-squares problem, with others it is approximated by tangent planes, and the bound holds in both cases. The
+    operating moment ``Cm`` is neither: the law is then a local optimum, found by linear programs in a trust region
+    starting from the laws of minimum acceleration and of minimum rms, and has no bound.
     """
     weights, limits = _checked("minimize", minimize, CRITERIA), _checked("bounds", bounds or {}, ORDERS)
     if not weights:
@@ -95,7 +94,7 @@ def minimax(
 
 
 def _open(program: Program, law: Law, objective: float, bound: float | None) -> tuple[str, ...]:
-    """Return what a law misses of its bounds, its conditions and its proof, in words."""
+    """Return the violated bounds and conditions and the remaining gap of a law, in words."""
     said = list(program.missed(law, ALMOST))
     if bound is not None and abs(objective - bound) > _CLOSED * max(1.0, abs(bound)):
         side = "above" if objective > bound else "below"
@@ -104,7 +103,7 @@ def _open(program: Program, law: Law, objective: float, bound: float | None) -> 
 
 
 def _exchanged(program: Program) -> tuple[FloatArray, float]:
-    """Return the coefficients of the best law and the bound that proves it."""
+    """Return the coefficients of the optimal law and the lower bound."""
     places: dict[int, FloatArray] = dict.fromkeys((1, 2, 3), _START)
     cuts = list[Cut]()
     alone = set(program.weights) == {"rms"}
@@ -120,20 +119,20 @@ def _exchanged(program: Program) -> tuple[FloatArray, float]:
 
 
 _FIRST, _SMALLEST, _LARGEST = 0.1, 1e-8, 0.2
-"""Distances of coefficients within which the moment is taken as linear."""
+"""Trust region radii for the linearized moment."""
 
 _PATIENCE = 8
-"""Times that a step is tried again with more places before it is shortened."""
+"""Number of repetitions of a step with more positions before it is shortened."""
 
 
 def _nearby(program: Program) -> FloatArray:
-    """Return the better of the laws that no small step improves, from that of least acceleration and of least rms."""
+    """Return the better of the local optima from the laws of minimum acceleration and of minimum rms."""
     starts = [_exchanged(replace(program, weights={name: 1.0}))[0] for name in ("Ca", "rms")]
     return min((_descended(program, start) for start in starts), key=lambda x: program.objective(program.family.law(x)))
 
 
 def _descended(program: Program, x: FloatArray) -> FloatArray:
-    """Return the coefficients of a law that no small step improves."""
+    """Return the coefficients of a local optimum."""
     law, radius, stubborn = program.family.law(x), _FIRST, 0
     best = program.objective(law)
     places: dict[int, FloatArray] = dict.fromkeys((1, 2, 3), np.linspace(0.0, 1.0, 401))
@@ -142,7 +141,7 @@ def _descended(program: Program, x: FloatArray) -> FloatArray:
         cuts = [program.tangent(x)] if "rms" in program.weights else []
         try:
             step, _ = program.solve(places, cuts, around=(x, radius))
-        except InputError:  # a place just added is not met here, and the step is too short to mend it
+        except InputError:  # a position just added is violated, and the step is too short to correct it
             radius *= 2.0
             if radius > _LARGEST:
                 break
@@ -150,7 +149,7 @@ def _descended(program: Program, x: FloatArray) -> FloatArray:
         tried = program.family.law(step)
         places = {order: _with(places[order], stationary_points(tried, order)) for order in places}
         if not program.met(tried, 0.5 * ALMOST) and stubborn < _PATIENCE:
-            stubborn += 1  # the places just added may see to it
+            stubborn += 1  # the positions just added may correct it
             continue
         stubborn, value = 0, program.objective(tried)
         if value < best * (1.0 - 1e-9) and program.met(tried, 0.5 * ALMOST):
@@ -166,7 +165,7 @@ def pareto(
     family: Family, first: str, second: str, *, count: int = 9, conditions: Sequence[Condition] = (),
     monotone: bool = True,
 ) -> list[Synthesized]:  # fmt: skip
-    """Return laws of which none is better in both of two criteria than another: a front, from end to end."""
+    """Return a Pareto front of two criteria, from end to end."""
     if first == second or count < 3:
         raise refuse("pareto", f"{first}, {second}, {count} laws", "two different criteria and three laws or more")
 
@@ -175,7 +174,7 @@ def pareto(
 
     least = solve({second: 1.0}, {})
     best = solve({first: 1.0}, {})
-    # The best in one criterion alone leaves the other one open: it is made best among its equals.
+    # The optimum of one criterion alone is not unique: choose the one with the best other criterion.
     low = _value(least.criteria, second) * (1.0 + 1e-6)
     high = _value(solve({second: 1.0}, {first: best.objective * (1.0 + 1e-6)}).criteria, second) * (1.0 + 1e-6)
     return [solve({first: 1.0}, {second: float(limit)}) for limit in np.geomspace(low, max(low, high), count)]

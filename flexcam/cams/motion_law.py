@@ -1,4 +1,4 @@
-"""What a motion law is: a rise from 0 to 1 over 0 to 1, with its derivatives."""
+"""Motion laws: a normalized rise from 0 to 1 over 0 to 1, with its derivatives."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from flexcam.core import FloatArray
 class Law(Protocol):
     """Normalized motion law s(z), s(0) = 0 and s(1) = 1.
 
-    A law is a frozen dataclass with its parameters as fields. Where a derivative jumps, the value is that to the
-    right (at z = 1 that to the left).
+    A law is a frozen dataclass with its parameters as fields. At a jump of a derivative, the value is the right limit
+    (at z = 1 the left limit).
     """
 
     @property
@@ -30,15 +30,15 @@ class Law(Protocol):
 
 @runtime_checkable
 class ClosedResidual(Protocol):
-    """A law that knows its residual vibration in closed form."""
+    """Law with a closed form of its residual vibration."""
 
     def residual(self, ratio: FloatArray) -> FloatArray:
-        """Return the amplitude over the lift for rise times of so many periods of the oscillator, above zero."""
+        """Return the amplitude over the lift, for rise times in periods of the oscillator, above zero."""
         ...
 
 
 def horner(z: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Return a polynomial at some places, by Horner's scheme.
+    """Evaluate a polynomial by Horner's scheme.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ _POINTS = 16
 
 
 def quadrature(breaks: tuple[float, ...], panels: int = 64) -> list[tuple[FloatArray, FloatArray]]:
-    """Return Gauss points and weights of panels of which none holds a joint."""
+    """Return Gauss points and weights of panels that contain no joint inside."""
     points, weights = np.polynomial.legendre.leggauss(_POINTS)
     edges = np.unique(np.concatenate([np.linspace(0.0, 1.0, panels + 1), breaks]))
     return [(0.5 * (a + b) + 0.5 * (b - a) * points, 0.5 * (b - a) * weights) for a, b in pairwise(edges)]
@@ -77,10 +77,10 @@ def quadrature(breaks: tuple[float, ...], panels: int = 64) -> list[tuple[FloatA
 
 @dataclass(frozen=True)
 class Turned:
-    """s(z) = 1 - u(1 - z); a symmetric law is its own.
+    """Reversed law s(z) = 1 - u(1 - z); a symmetric law equals its reverse.
 
-    R. Roussev, B. Paleva-Kadiyska and V. Galabov, Quinquinomial power functions (2021), eq. 1, turn their laws so for
-    the cam that dwells only below.
+    R. Roussev, B. Paleva-Kadiyska and V. Galabov, Quinquinomial power functions (2021), eq. 1, reverse their laws in
+    this way for a cam with a lower dwell only.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class Turned:
         return tuple(sorted(1.0 - at for at in self.law.breaks))
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
-        """Return the derivative of the given order at z; at a jump that to the right, which is u's to the left."""
+        """Return the derivative of the given order at z; at a jump the right limit, which is the left limit of u."""
         mirrored = 1.0 - z
         for at in self.law.breaks:
             mirrored = np.where(z == 1.0 - at, np.nextafter(at, 0.0), mirrored)

@@ -1,4 +1,4 @@
-"""Lifts that are periodic by themselves: a spline on even knots, and a sum of harmonics."""
+"""Periodic lifts: spline with equally spaced knots, and sum of harmonics."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _REVOLUTION = 2.0 * math.pi
 _GRID = np.linspace(0.0, _REVOLUTION, 7201)
 
 _AT_ONCE = 64
-"""Harmonics whose waves are in memory together: of ten thousand that would be tens of GB."""
+"""Number of harmonics evaluated together: ten thousand would need tens of GB."""
 
 # Column k: the cardinal B-spline of degree 5 on its k-th interval, powers of the place in the interval, times 120.
 _CARDINAL = (
@@ -38,7 +38,7 @@ _CARDINAL = (
 
 
 def spline_rows(angle: FloatArray, knots: int, order: int = 0) -> tuple[IntArray, FloatArray]:
-    """Return which coefficients of a periodic spline of degree 5 act at given angles, and by what weights."""
+    """Return the active coefficients of a periodic spline of degree 5 at given angles, and their weights."""
     width = _REVOLUTION / knots
     place = np.mod(angle, _REVOLUTION) / width
     interval = np.floor(place).astype(np.int64)
@@ -50,7 +50,7 @@ def spline_rows(angle: FloatArray, knots: int, order: int = 0) -> tuple[IntArray
 
 
 class _Seamless(ABC):
-    """A lift without joints; its height is looked for once."""
+    """Lift without joints; the height is cached."""
 
     @property
     def joints(self) -> tuple[float, ...]:
@@ -72,7 +72,7 @@ class _Seamless(ABC):
 
 @dataclass(frozen=True, eq=False)
 class PeriodicSpline(_Seamless):
-    """Lift over a revolution as a spline of degree 5 on even knots; its fourth derivative is continuous.
+    """Lift over a revolution as a spline of degree 5 with equally spaced knots and continuous fourth derivative.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class PeriodicSpline(_Seamless):
 
 @dataclass(frozen=True)
 class HarmonicLift(_Seamless):
-    """Lift as a mean and a few harmonics of the cam angle: it excites nothing above the last of them.
+    """Lift as a mean and a few harmonics of the cam angle, which bounds the excitation spectrum.
 
     C. Li, Cam motion simulation and optimization (2014), eq. 5.
 
@@ -135,14 +135,14 @@ class HarmonicLift(_Seamless):
 
 
 def highest(event: Event) -> float:
-    """Return the largest lift of an event, m, to 1e-9 of it."""
+    """Return the largest lift of an event, m, with a relative accuracy of 1e-9."""
     at = float(_GRID[np.argmax(event(_GRID))])
     fine = at + np.linspace(-1.0, 1.0, 2001) * (_GRID[1] - _GRID[0])
     return float(event(fine).max())
 
 
 def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
-    """Return the harmonics of an event's lift or of a derivative of it."""
+    """Return the harmonics of an event's lift or of its derivative."""
     points, weights = np.polynomial.legendre.leggauss(8)
     even = np.linspace(0.0, _REVOLUTION, max(361, 2 * count + 1))
     edges = np.concatenate([distinct(np.concatenate([even[:-1], event.joints])), [_REVOLUTION]])
@@ -161,7 +161,7 @@ _REVOLUTION_ORDERS = 2.0 * math.pi
 
 @dataclass(frozen=True, eq=False)
 class OrderSpectrum:
-    """Orders of a history.
+    """Order spectrum of a time history.
 
     Parameters
     ----------
@@ -169,8 +169,8 @@ class OrderSpectrum:
         Complex amplitudes c_0 to c_count, shape (count + 1,): value = Re sum c_n exp(i n angle), as those of
         `flexcam.cams.harmonics`.
     gap
-        By how much the history misses closing: the difference of its values at both ends, in its own unit. What does
-        not close leaks into every order, by about ``gap / (pi n)``.
+        Periodicity error: the difference of the values at both ends, in their own unit. It leaks into every order by
+        about ``gap / (pi n)``.
     """
 
     coefficients: ComplexArray
@@ -183,11 +183,11 @@ class OrderSpectrum:
 
 
 def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpectrum:
-    """Return the orders of a history over one revolution.
+    """Return the order spectrum of a history over one revolution.
 
-    No window: a revolution is the period. The orders are those of the nearest trigonometric polynomial, weighted by the
-    angle that every instant stands for, so that they are exact for one of degree `count` at any instants, and the
-    discrete Fourier transform at even ones.
+    No window is applied because a revolution is the period. The orders are those of the least-squares trigonometric
+    polynomial, weighted by the angle of each sample. They are exact for a polynomial of degree `count` at any samples,
+    and equal the discrete Fourier transform for equally spaced ones.
     """
     at = finite_array("angle", angle, (None,))
     history = finite_array("values", values, (len(at),))

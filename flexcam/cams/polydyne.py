@@ -1,7 +1,7 @@
-"""Polydyne cams: the lift that makes what follows an elastic train do what was wanted, at one speed.
+"""Polydyne cams: lift that gives a prescribed motion of an elastic train at one speed.
 
-Every harmonic of the wanted motion is divided by the train's answer to that harmonic. Source: D. A. Stoddart, Polydyne
-Cam Design, Machine Design 25 (1953), for one mass, where it gives s = y + (w/w0)^2 y''; here for any linear train.
+Each harmonic of the target motion is divided by the train's frequency response. Reference: D. A. Stoddart, Polydyne Cam
+Design, Machine Design 25 (1953), for one mass, where it gives s = y + (w/w0)^2 y''; here for any linear train.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM
 
 Transfer = Callable[[FloatArray], ComplexArray]
-"""Motion of the follower's end per lift of the cam, by circular frequency (rad/s, zero included)."""
+"""Frequency response: motion of the follower's end per lift of the cam, by circular frequency (rad/s, zero included).
+"""
 
 _DEAF = 1e-9
-"""An answer smaller than this part of the static one cannot be asked for."""
+"""Frequency response, relative to the static one, below which a harmonic cannot be prescribed."""
 
 _ROUNDING = 1e-12
 _MOST = 1000
@@ -31,7 +32,7 @@ _GRID = np.linspace(0.0, 2.0 * math.pi, 1441)
 
 @dataclass(frozen=True)
 class SingleMass:
-    """A mass on a spring that the cam's lift drives: y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0.
+    """Mass on a spring driven by the cam's lift: y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ class SingleMass:
         positive("damping", self.damping, "", zero=True)
 
     def __call__(self, omega: FloatArray) -> ComplexArray:
-        """Return the motion per lift."""
+        """Return the frequency response."""
         r = omega / self.frequency
         drive = 1.0 + 2j * self.damping * r
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -66,9 +67,9 @@ class Polydyne:
     event
         Lift of the cam.
     wanted
-        Motion it was made for, as harmonics.
+        Target motion, as harmonics.
     left_out
-        Largest part of the wanted motion that so many harmonics do not hold, m.
+        Largest deviation of the target motion from its harmonics, m.
     """
 
     event: HarmonicLift
@@ -77,7 +78,7 @@ class Polydyne:
 
 
 def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60) -> Polydyne:
-    """Return the cam that makes the end of a train move as wanted at a design speed."""
+    """Return the cam that gives the end of a train a target motion at a design speed."""
     positive("speed", speed, "rad/s")
     if not 1 <= count <= _MOST:
         raise refuse("count", count, f"a whole number from 1 to {_MOST}")
@@ -88,7 +89,7 @@ def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60
         given = f"a train that does not answer to harmonic {int(np.argmax(silent))} at {_rpm(speed):g} rpm"
         raise refuse("speed", given, "one that answers to every harmonic", "", "another speed, or some damping")
     goal = _lift(amplitude)
-    # A harmonic in resonance must not be in the cam at all.
+    # A harmonic in resonance must be absent from the cam.
     resonant = ~np.isfinite(answer)
     cam = np.where(resonant, 0.0, amplitude / np.where(resonant, 1.0, answer))
     return Polydyne(_lift(cam), goal, float(np.abs(goal(_GRID) - wanted(_GRID)).max()))
@@ -106,14 +107,14 @@ def motion_at(cam: Event, transfer: Transfer, speed: float, *, count: int = 60) 
 
 
 def _moved(cam: Event, transfer: Transfer, speed: float, count: int) -> tuple[ComplexArray, IntArray]:
-    """Return the harmonics of the motion on a cam, and which of the cam's are in resonance."""
+    """Return the harmonics of the motion on a cam, and which of the cam's harmonics are in resonance."""
     amplitude, answer = harmonics(cam, count), transfer(speed * np.arange(count + 1.0))
     held = np.abs(amplitude) > _ROUNDING * np.abs(amplitude).max()
     return amplitude * np.where(np.isfinite(answer), answer, 0.0), np.flatnonzero(held & ~np.isfinite(answer))
 
 
 def off_design(design: Polydyne, transfer: Transfer, speeds: Sequence[float]) -> FloatArray:
-    """Return the largest distance from the wanted motion at other speeds."""
+    """Return the largest deviation from the target motion at other speeds."""
     count, wanted = len(design.event.cosine), design.wanted(_GRID)
 
     def away(speed: float) -> float:

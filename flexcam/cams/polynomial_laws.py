@@ -1,4 +1,4 @@
-"""Polynomial laws of given exponents."""
+"""Polynomial and B-spline laws."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 
 
 _LARGEST = 60
-"""Exponents beyond it lose too many digits in between the ends."""
+"""Exponent above which too many digits are lost between the ends."""
 
 _NEAR_END = 0.05
-"""Distance from z = 1 within which the law is summed in powers of 1 - z: its end conditions then hold exactly."""
+"""Distance from z = 1 within which the law is evaluated in powers of 1 - z, so that its end conditions are exact."""
 
 
 @dataclass(frozen=True)
 class Polynomial:
-    """s = sum a_j z^j over given exponents, by default with s(1) = 1 and all other derivatives there is room for zero.
+    """s = sum a_j z^j with given exponents, by default with s(1) = 1 and as many zero derivatives at 1 as possible.
 
     The coefficients then are ``a_j = prod p_i/(p_i - p_j)`` over the other exponents; with the lowest exponent p the
-    first p - 1 derivatives vanish at z = 0. They are exact fractions, also for conditions of one's own. Source: R. L.
+    first p - 1 derivatives vanish at z = 0. They are exact fractions, also for explicit conditions. Reference: R. L.
     Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 4, for 3-4-5 and 4-5-6-7.
 
     Parameters
@@ -39,7 +39,7 @@ class Polynomial:
     exponents
         Distinct whole numbers from 2, ascending; from 1 where conditions are given.
     conditions
-        As many as exponents, each a position, the order of a derivative and its value there; none for the default.
+        One per exponent: position, order of derivative and value; none for the default.
 
     Raises
     ------
@@ -89,7 +89,7 @@ class Polynomial:
 
     @cached_property
     def _from_end(self) -> FloatArray:
-        """Coefficients of the powers of w = 1 - z, from w^0; the ones that vanish do so exactly."""
+        """Coefficients of the powers of w = 1 - z, from w^0; vanishing ones are exactly zero."""
         powers = range(self.exponents[-1] + 1)
         terms = zip(self._exact, self.exponents, strict=True)
         pairs = [(a, p) for a, p in terms]
@@ -118,7 +118,7 @@ class Polynomial:
 
 
 def _impossible(p: tuple[int, ...], least: int) -> str:
-    """Return why some exponents make no law; nothing for an empty text."""
+    """Return why exponents do not define a law; empty if they do."""
     if len(p) < 2:
         return "one power alone does not come to rest"
     if min(p) < least:
@@ -154,10 +154,10 @@ def _solved(rows: list[list[Fraction]], right: list[Fraction]) -> tuple[Fraction
 
 
 def quinquinomial(row: int = 1) -> Polynomial:
-    """Return a law of the published family with the exponents 2, 2 + n, 2 + 2n, 2 + 3n, 2 + 4n and n = 3 row.
+    """Return a law with the published exponents 2, 2 + n, 2 + 2n, 2 + 3n, 2 + 4n and n = 3 row.
 
-    s' = c z (1 - z^n)^4: at rest in everything at z = 1, at full acceleration at z = 0, for a cam with one dwell.
-    Source: R. Roussev, B. Paleva-Kadiyska and V. Galabov, Quinquinomial power functions (2021), tables 1 and 2.
+    s' = c z (1 - z^n)^4: all derivatives vanish at z = 1, full acceleration at z = 0, for a cam with one dwell. Source:
+    R. Roussev, B. Paleva-Kadiyska and V. Galabov, Quinquinomial power functions (2021), tables 1 and 2.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def _derived(coefficients: FloatArray, order: int) -> FloatArray:
 
 
 _LEAST_DEGREE = 5
-"""Below it the fourth derivative is not continuous."""
+"""Degree below which the fourth derivative is not continuous."""
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ class BSplineLaw:
     Raises
     ------
     InputError
-        If numbers do not fit together.
+        If the numbers are inconsistent.
 
     Examples
     --------
@@ -303,7 +303,7 @@ def through_points(z: tuple[float, ...], s: tuple[float, ...]) -> BSplineLaw:
     from scipy.interpolate import make_interp_spline
 
     still = [(1, 0.0), (2, 0.0)]
-    # The stubs know the end conditions by name only.
+    # The type stubs accept the end conditions by name only.
     spline: BSpline[np.float64] = make_interp_spline(  # pyright: ignore[reportCallIssue, reportUnknownVariableType]
         np.array(z),
         np.array(s),

@@ -1,4 +1,4 @@
-"""The profile that a lift and a follower ask for, and what it does to them."""
+"""Cam profiles: geometry from lift and follower, extremes and checks."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from flexcam.core.errors import InputError, positive, refuse
 _REVOLUTION = 2.0 * math.pi
 _MOST_POINTS = 1_000_000
 _STRAIGHT = 1e-9
-"""Curvature of the path of a roller's centre, over that of the roller, that is none."""
+"""Relative curvature of a roller's centre path, to that of the roller, that counts as zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class CamProfile:
-    """A cam, point by point, in its own frame: the one in which the follower stands where the cam angle is zero.
+    """Cam profile at points in its own frame, which coincides with the fixed frame at cam angle zero.
 
     Parameters
     ----------
     follower
-        The follower it was made for.
+        Follower of the profile.
     turn
         Sense of rotation: 1 counterclockwise, -1 clockwise.
     angle
@@ -40,7 +40,7 @@ class CamProfile:
     touch
         Contact in the fixed frame.
     event
-        The lift it was made of.
+        Lift of the profile.
     """
 
     follower: Follower
@@ -54,7 +54,7 @@ class CamProfile:
 
     @cached_property
     def extremes(self) -> ProfileExtremes:
-        """Extremes over the whole revolution, between the points too."""
+        """Extremes over the whole revolution, including those between the points."""
         return profile_extremes(self.event, self.follower, self.turn)
 
     @property
@@ -89,7 +89,7 @@ class CamProfile:
 
     @property
     def push(self) -> ComplexArray:
-        """Lift per motion of the cam along the lift as it begins (real part) and to its left, shape (n,)."""
+        """Lift per displacement of the cam along the initial lift direction (real part) and to its left, shape (n,)."""
         return self.touch.normal * np.conj(self.follower.lift_direction) / self.touch.reach
 
     @property
@@ -99,7 +99,7 @@ class CamProfile:
 
     @property
     def offset(self) -> FloatArray:
-        """Distance of the contact from the normal's parallel through the cam's centre, m; s' under a flat follower."""
+        """Distance of the contact from the parallel to the normal through the cam centre, m; s' for a flat face."""
         return -(self.touch.point * np.conj(1j * self.touch.normal)).real
 
     def _turned(self, fixed: ComplexArray) -> FloatArray:
@@ -112,7 +112,7 @@ class CamProfile:
 
 
 def cam_profile(event: Event, follower: Follower, *, count: int = 720, turn: Turn = 1) -> CamProfile:
-    """Return the profile of a cam at even cam angles."""
+    """Return the profile of a cam at equally spaced cam angles."""
     if not 12 <= count <= _MOST_POINTS:
         raise refuse("count", count, f"a whole number from 12 to {_MOST_POINTS}")
     return profile_at(event, follower, np.linspace(0.0, _REVOLUTION, count, endpoint=False), turn)
@@ -127,7 +127,7 @@ def profile_at(
 ) -> CamProfile:
     """Return the profile of a cam at given cam angles."""
     lift, velocity, acceleration = motion or (event(angle), event(angle, 1), event(angle, 2))
-    # A radius is infinite at a point of inflection, and where the pitch curve stands still.
+    # A radius is infinite at a point of inflection and at a stationary point of the pitch curve.
     with np.errstate(divide="ignore", invalid="ignore"):
         touch = follower.touch(lift, velocity, acceleration, turn)
     return CamProfile(follower, turn, angle, lift, velocity, acceleration, touch, event)
@@ -135,20 +135,20 @@ def profile_at(
 
 @dataclass(frozen=True)
 class ProfileExtremes:
-    """What is largest and least on a profile, each with its cam angle, rad.
+    """Extremes of a profile, each with its cam angle, rad.
 
     Parameters
     ----------
     convex
-        Least radius of curvature where the profile is convex, m; zero or less where it is undercut.
+        Minimum radius of curvature of convex parts, m; zero or negative if undercut.
     hollow
-        Radius of the tightest hollow, m, above zero; None where there is none.
+        Radius of the tightest hollow, m, above zero; None without a hollow.
     pressure_angle
-        The steepest, signed, rad.
+        Largest in magnitude, signed, rad.
     offset
-        Least and largest distance of the contact, m.
+        Minimum and maximum offset of the contact, m.
     sliding
-        The fastest, signed, m/rad.
+        Largest in magnitude, signed, m/rad.
     """
 
     convex: Extreme
@@ -161,8 +161,8 @@ class ProfileExtremes:
 def profile_extremes(event: Event, follower: Follower, turn: Turn = 1) -> ProfileExtremes:
     """Return the extremes of a profile over the whole revolution.
 
-    Under a roller the curvature of its centre's path is what is looked at: it passes smoothly through the points of
-    inflection and through undercut, where the radius of the profile leaps.
+    For a roller the curvature of its centre's path is used: it is continuous at points of inflection and at undercut,
+    where the radius of the profile jumps.
     """
 
     def seen(measure: Callable[[CamProfile], FloatArray], sign: float = 1.0) -> Extreme:
@@ -182,7 +182,7 @@ def profile_extremes(event: Event, follower: Follower, turn: Turn = 1) -> Profil
 def _curvatures(
     seen: Callable[[Callable[[CamProfile], FloatArray], float], Extreme], follower: Follower
 ) -> tuple[Extreme, Extreme | None]:
-    """Return the least radius of convex parts and that of the tightest hollow."""
+    """Return the minimum radius of convex parts and that of the tightest hollow."""
     roller = follower.roller_radius
     if not math.isfinite(roller):
         return seen(lambda made: made.radius, 1.0), None
@@ -197,7 +197,7 @@ def _curvatures(
 
 
 def relaxed_arm(event: Event, base_radius: float, angle: FloatArray) -> FloatArray:
-    """Return r_a = sqrt(2 r_0 s + s^2), which takes the place of s' in the relaxed profile, m."""
+    """Return r_a = sqrt(2 r_0 s + s^2), which replaces s' in the relaxed profile, m."""
     lift = np.maximum(event(angle), 0.0)
     return np.sqrt(lift * (2.0 * positive("base_radius", base_radius, "m") + lift))
 
@@ -232,23 +232,23 @@ PRESSURE_ANGLE = math.radians(30.0)
 _HALVINGS = 60
 _ROUNDING = 1e-9
 _BESIDE = 1e-8
-"""Distance from a joint at which the side before it is looked at, rad."""
+"""Distance from a joint for the left limit, rad."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something a profile does that it should not.
+    """Violated limit of a profile.
 
     Parameters
     ----------
     what, remedy
-        In words.
+        Description and remedy, in words.
     angle
-        Cam angle where it is worst, rad.
+        Cam angle of the worst value, rad.
     value, limit
-        What was found and what is allowed, SI.
+        Value found and limit, SI.
     kind
-        What is measured: an angle, rad, or a length, m.
+        Kind of quantity: an angle, rad, or a length, m.
     """
 
     what: str
@@ -262,7 +262,7 @@ class Finding:
 def findings(
     profile: CamProfile, *, pressure_angle: float = PRESSURE_ANGLE, cutter: float | None = None, base_helps: bool = True
 ) -> list[Finding]:
-    """Return what is wrong with a profile, each with the angle where it is worst, between its points too."""
+    """Return the violated limits of a profile with the angle of the worst value, including between the points."""
     found: list[Finding] = []
     if cutter is not None:
         positive("cutter", cutter, "m")
@@ -285,13 +285,13 @@ def findings(
 
 
 def _remedy(others: list[str], *, base_helps: bool) -> str:
-    """Return remedies as a sentence, a larger base circle first where it is one."""
+    """Return remedies as a sentence, a larger base circle first if it helps."""
     *first, last = [*(["a larger base circle"] if base_helps else []), *others]
     return f"take {', '.join(first)} or {last}" if first else f"take {last}"
 
 
 def undercut(radius: FloatArray, follower: Follower) -> NDArray[np.bool_]:
-    """Tell where a profile is undercut: its pitch curve bends more than the roller, or a flat face meets a hollow."""
+    """Return where a profile is undercut: the pitch curve is sharper than the roller, or a flat face meets a hollow."""
     return (radius <= 0.0) & (radius >= -follower.roller_radius)
 
 
@@ -299,7 +299,7 @@ def minimum_base_radius(
     event: Event, follower: Follower, *, pressure_angle: float = PRESSURE_ANGLE, radius: float = 0.0,
     turn: Turn = 1, count: int = 1440,
 ) -> float:  # fmt: skip
-    """Return the smallest base circle without undercut, within a pressure angle and with convex parts round enough."""
+    """Return the smallest base circle without undercut, within limits of pressure angle and convex radius."""
     high = 100.0 * positive("lift", event.height, "m")
     angles = np.union1d(np.linspace(0.0, 2.0 * math.pi, count, endpoint=False), _beside(event.joints))
     motion = event(angles), event(angles, 1), event(angles, 2)
@@ -321,7 +321,7 @@ def minimum_base_radius(
         return 0.0
     low, high = float(candidates[first - 1]), float(candidates[first])
     least = _bisected(fits, low, high)
-    # The worst angles lie between those looked at; they hardly move with the base circle, so one more look is enough.
+    # The worst angles lie between the samples and hardly move with the base circle, so one more pass suffices.
     seen = profile_extremes(event, follower.with_base(least), turn)
     worst = (seen.convex.at, seen.pressure_angle.at)
     angles = np.union1d(angles, [*worst, *_beside(worst)])
@@ -330,7 +330,7 @@ def minimum_base_radius(
 
 
 def _within(made: CamProfile, pressure_angle: float, radius: float) -> bool:
-    """Tell whether a profile is within limits at its points."""
+    """Return whether a profile is within limits at its points."""
     if undercut(made.radius, made.follower).any() or float(np.abs(made.pressure_angle).max()) > pressure_angle:
         return False
     convex = made.radius > -made.follower.roller_radius

@@ -1,4 +1,4 @@
-"""From a profile back to the lift: what a given cam does to a given follower."""
+"""Lift of a follower from a given cam profile."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexcam.core import ComplexArray, FloatArray, IntArray
 from flexcam.core.errors import finite_array, refuse
 
 _AT_ONCE = 2_000_000
-"""Pairs of angle and point looked at together."""
+"""Number of pairs of angle and point evaluated together."""
 
 _REFINEMENTS = 6
 
@@ -22,8 +22,8 @@ _REFINEMENTS = 6
 def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *, turn: Turn = 1) -> FloatArray:
     """Return the lift of a follower on a profile given by points.
 
-    The follower rests on the point that lifts it most. Between the points the profile is a periodic spline of degree 5
-    over the chord length, so that a roller too large for a hollow bridges it, as it would.
+    The follower rests on the point with the highest lift. Between the points the profile is a periodic spline of degree
+    5 over the chord length, so that a roller too large for a hollow bridges it.
     """
     from scipy.interpolate import make_interp_spline
 
@@ -45,7 +45,7 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
 
     if not len(turned):
         return np.zeros(np.shape(angle))
-    # Fine enough to meet a roller much smaller than the cam.
+    # Fine enough for a roller much smaller than the cam.
     count = min(
         _MOST_SAMPLES, max(len(xy), _LEAST_SAMPLES, math.ceil(8.0 * length / min(follower.roller_radius, length)))
     )
@@ -60,14 +60,14 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
 
 @dataclass(frozen=True)
 class Bridge:
-    """A hollow that a follower cannot enter.
+    """Hollow that a follower bridges.
 
     Parameters
     ----------
     depth
-        Largest distance that is left between the follower and the hollow, along its path, m.
+        Largest gap between the follower and the hollow, along its path, m.
     point
-        Where that is, m, frame of the cam.
+        Position of the largest gap, m, frame of the cam.
     """
 
     depth: float
@@ -75,7 +75,7 @@ class Bridge:
 
 
 def bridged(points: ArrayLike, follower: Follower, *, turn: Turn = 1) -> Bridge | None:
-    """Return what a follower bridges of a profile given by points, because it is too large or flat for a hollow."""
+    """Return the deepest hollow of a profile that a follower bridges because it is too large or flat; else None."""
     angle = np.linspace(0.0, 2.0 * math.pi, _TRIED, endpoint=False)
     lift = lift_from_profile(points, follower, angle, turn=turn)
     xy = finite_array("points", points, (None, 2))
@@ -91,15 +91,15 @@ def bridged(points: ArrayLike, follower: Follower, *, turn: Turn = 1) -> Bridge 
 
 _TRIED = 2880
 _TOUCHING = 1e-6
-"""Between the cam angles that are tried, an eighth of a degree apart, a contact is missed by a tenth of this."""
+"""Contact tolerance: between sampled cam angles, 1/8 deg apart, a contact is missed by a tenth of this."""
 
 _LEAST_SAMPLES, _MOST_SAMPLES = 360, 20_000
 _CANDIDATES = 3
-"""Peaks looked at per angle: where a contact jumps, two are almost as high."""
+"""Peaks evaluated per angle: at a jump of the contact two are almost equal."""
 
 
 def _highest(points: ComplexArray, at: FloatArray, follower: Follower, turned: ComplexArray) -> FloatArray:
-    """Return where on the curve the highest peaks lie, shape (angles, candidates)."""
+    """Return the positions of the highest peaks on the curve, shape (angles, candidates)."""
     rows = max(1, _AT_ONCE // len(points))
     parts = [turned[i : i + rows, None] for i in range(0, len(turned), rows)]
     return np.concatenate([at[_peaks(follower.lift_at(points * part))] for part in parts])
@@ -112,7 +112,7 @@ def _peaks(values: FloatArray) -> IntArray:
 
 
 def _refined(lift: Callable[[FloatArray], FloatArray], start: FloatArray, spacing: float) -> FloatArray:
-    """Return the largest value near the starts, by parabolas through three places ever closer together."""
+    """Return the maximum near the starting points, by successive parabolas through three points."""
     at, width = start, spacing
     best = lift(at[:, None])[:, 0]
     for _ in range(_REFINEMENTS):
@@ -121,7 +121,7 @@ def _refined(lift: Callable[[FloatArray], FloatArray], start: FloatArray, spacin
         peak = np.clip(np.argmax(values, axis=1), 1, 3)
         rows = np.arange(len(at))
         left, middle, right = (values[rows, peak + k] for k in (-1, 0, 1))
-        with np.errstate(divide="ignore", invalid="ignore"):  # out of reach is minus infinity
+        with np.errstate(divide="ignore", invalid="ignore"):  # minus infinity if out of reach
             bend = left - 2.0 * middle + right
             shift = np.where(np.isfinite(bend) & (bend < 0.0), 0.5 * (left - right) / bend, 0.0)
         at = around[rows, peak] + 0.5 * width * np.clip(shift, -1.0, 1.0)

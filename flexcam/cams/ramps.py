@@ -1,4 +1,4 @@
-"""Ramps: the slow take-off and landing that take up lash, and how the main lift goes on from them."""
+"""Ramps: slow opening and closing that take up lash, and the transition to the main lift."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 
 _GAIN = (0.0, 1.0, 0.0, -2.0, 2.0, -0.6)
-"""Powers of z of the integral of (1 - z)^3 (1 + 3 z): slope 1 at z = 0, then none, without a step of acceleration."""
+"""Powers of z of the integral of (1 - z)^3 (1 + 3 z): slope 1 at z = 0, zero at z = 1, without a step of acceleration.
+"""
 
 _SHORTEST = 1e-3
 _GAINED = 0.4
-"""Its value at z = 1."""
+"""Value of the integral at z = 1."""
 
 
 @lru_cache
@@ -40,7 +41,7 @@ class Ramp:
     duration
         Cam angle, rad.
     take_off
-        Part of the duration over which the velocity rises, 0 to 1; with 0 it steps.
+        Fraction of the duration over which the velocity rises, 0 to 1; with 0 the velocity steps.
     """
 
     height: float
@@ -60,12 +61,12 @@ class Ramp:
 
     @property
     def _part(self) -> float:
-        """Height over that of a ramp at full velocity from the start."""
+        """Ratio of the height to that of a ramp with full velocity from the start."""
         return 1.0 - (1.0 - _GAINED) * self.take_off
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Where the take-off ends."""
+        """End of the take-off."""
         return (self.take_off,) if 0.0 < self.take_off < 1.0 else ()
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
@@ -73,7 +74,7 @@ class Ramp:
         t = self.take_off
         line = ((z - (1.0 - _GAINED) * t), np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
         if t > 0.0:
-            # The take-off is the mirror image of the gain that the main lift ends on.
+            # The take-off is the mirror image of the gain at the end of the main lift.
             backwards = np.clip(1.0 - z / t, 0.0, 1.0)
             start = t ** (1 - order) * (-1.0) ** (order + 1) * _gain(backwards, order)
             start = start + (_GAINED * t if order == 0 else 0.0)
@@ -83,7 +84,7 @@ class Ramp:
 
 @dataclass(frozen=True)
 class FromRamp:
-    """A law that begins with a velocity and goes on without a step of velocity or acceleration of its own.
+    """Law with an initial velocity and continuous velocity and acceleration.
 
     s = (1 - 0.4 k) law + k g, where g' = (1 - z)^3 (1 + 3 z).
 

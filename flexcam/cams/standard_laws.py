@@ -1,4 +1,4 @@
-"""Laws made of a line and a few harmonics."""
+"""Trigonometric, parabolic and composite motion laws."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexcam.core.errors import refuse
 
 @dataclass(frozen=True)
 class Harmonic:
-    """s = z - sum c_n sin(2 pi n z)/(2 pi n): the cycloidal law is the one with c_1 = 1 alone.
+    """s = z - sum c_n sin(2 pi n z)/(2 pi n); c_1 = 1 alone gives the cycloidal law.
 
     s' vanishes at both ends if the c_n sum to 1.
 
@@ -27,7 +27,7 @@ class Harmonic:
     Raises
     ------
     InputError
-        If an order is no whole number from 1 or a coefficient not finite.
+        If an order is not a positive integer or a coefficient is not finite.
 
     Examples
     --------
@@ -58,15 +58,18 @@ class Harmonic:
         """Return the residual amplitude: abs(sin pi l)/(pi l) times abs(1 + sum c_n l^2/(n^2 - l^2))."""
         total = np.sinc(ratio)
         for n, c in self.harmonics:
-            # sin(pi l)/(n - l) = (-1)^(n + 1) sin(pi (l - n))/(l - n): finite where they meet.
+            # sin(pi l)/(n - l) = (-1)^(n + 1) sin(pi (l - n))/(l - n): finite at l = n.
             total = total + c * ratio * (-1.0) ** (n + 1) * np.sinc(ratio - n) / (n + ratio)
         return np.abs(total)
 
 
 PAVLOVIC_TRIGONOMETRIC = Harmonic(((1, 15.0 / 16.0), (2, 1.0 / 24.0)))
-"""z - 15 sin(2 pi z)/(32 pi) - sin(4 pi z)/(96 pi), as the figures of V. D. Pavlovic and M. M. Lutovac, New class of
-camshaft transfer functions, were computed; s' = 1/48 at both ends, which breaks the paper's conditions (2) and (4). The
-classical law is Gutman's, with 6 pi in place of 4 pi."""
+"""Law z - 15 sin(2 pi z)/(32 pi) - sin(4 pi z)/(96 pi).
+
+The figures of V. D. Pavlovic and M. M. Lutovac, New class of camshaft transfer functions, were computed with it; s' =
+1/48 at both ends, which violates the paper's conditions (2) and (4). The classical law is Gutman's, with 6 pi in place
+of 4 pi.
+"""
 
 GUTMAN = Harmonic(((1, 15.0 / 16.0), (3, 1.0 / 16.0)))
 """Gutman's 1-3 law: z - 15 sin(2 pi z)/(32 pi) - sin(6 pi z)/(96 pi)."""
@@ -77,7 +80,7 @@ FREUDENSTEIN = Harmonic(((1, 27.0 / 28.0), (3, 1.0 / 28.0)))
 
 @dataclass(frozen=True)
 class SimpleHarmonic:
-    """s = (1 - cos pi z)/2; its acceleration steps where it meets a dwell.
+    """s = (1 - cos pi z)/2; its acceleration steps at a dwell.
 
     Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 2.
 
@@ -110,7 +113,7 @@ _ROUNDING = 1e-9
 class CosineSum:
     """s = sum d_k cos(k pi z), k from 0; d = (1/2, -1/2) is the simple harmonic law.
 
-    Its velocity vanishes at both ends whatever the coefficients; its acceleration does so only if they see to it.
+    The velocity vanishes at both ends for all coefficients; the acceleration only for some.
 
     Parameters
     ----------
@@ -173,13 +176,13 @@ PAVLOVIC_NEW = CosineSum(
 )  # fmt: skip
 """Equation (21) of V. D. Pavlovic and M. M. Lutovac, New class of camshaft transfer functions, as printed.
 
-It is not symmetric, s(1/2) = 0.498047, and its acceleration steps by pi^2 at both ends.
+The law is not symmetric, s(1/2) = 0.498047, and its acceleration steps by pi^2 at both ends.
 """
 
 
 @dataclass(frozen=True)
 class Cycloidal:
-    """s = z - sin(2 pi z)/(2 pi); its acceleration is continuous from dwell to dwell.
+    """s = z - sin(2 pi z)/(2 pi); its acceleration is continuous at dwells.
 
     Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 2.
 
@@ -241,7 +244,7 @@ _ROUNDING_HARMONIC_ACCELERATION = 1e-9
 def harmonic_acceleration(b: tuple[float, ...] = (2.0 * math.pi,)) -> Harmonic:
     """Return the law with the acceleration sum b_n sin(2 pi n z), n from 1.
 
-    Rest at both ends needs sum b_n/(2 pi n) = 1, and the follower must not turn back. Source: C. Li, Cam motion
+    Rest at both ends needs sum b_n/(2 pi n) = 1, and the velocity must not be negative. Reference: C. Li, Cam motion
     simulation and optimization (2014), eqs. 7-11. One amplitude of 2 pi is the cycloidal law.
 
     Parameters
@@ -278,21 +281,21 @@ def harmonic_acceleration(b: tuple[float, ...] = (2.0 * math.pi,)) -> Harmonic:
 
 @dataclass(frozen=True)
 class Scca:
-    """Acceleration that rises as a sine, stays, falls as a cosine through zero, and runs back antisymmetrically.
+    """Acceleration with a sine rise, a constant part and a cosine fall through zero, continued antisymmetrically.
 
-    With the parts b (both sines together), c (both constants) and d (the cosine), b + c + d = 1: (0, 0, 1) is simple
-    harmonic, (1/2, 0, 1/2) cycloidal, (0, 1, 0) parabolic, (1/4, 1/2, 1/4) the modified trapezoid, (1/4, 0, 3/4) the
-    modified sine. Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 3.
+    With the fractions b (both sines together), c (both constants) and d (the cosine), b + c + d = 1: (0, 0, 1) is
+    simple harmonic, (1/2, 0, 1/2) cycloidal, (0, 1, 0) parabolic, (1/4, 1/2, 1/4) the modified trapezoid, (1/4, 0, 3/4)
+    the modified sine. Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 3.
 
     Parameters
     ----------
     b, c, d
-        Parts of the rise, zero or more, 1 together.
+        Fractions of the rise, not negative, with sum 1.
 
     Raises
     ------
     InputError
-        If a part is negative or they do not sum to 1.
+        If a fraction is negative or they do not sum to 1.
 
     Examples
     --------
@@ -321,17 +324,17 @@ class Scca:
         return tuple(sorted(joint for joint in joints if 0.0 < joint < 1.0))
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
-        """Return the derivative of the given order at z; the second half is the first one turned about the middle."""
+        """Return the derivative of the given order at z; the second half is the first one rotated about the middle."""
         second = (z > 0.5) | ((z == 0.5) & (self.d == 0.0))
         mirrored = np.where(second, 1.0 - z, z)
-        for part in (self.b, 1.0 - self.d):  # 1 - z at a joint is the other joint, whatever its rounding
+        for part in (self.b, 1.0 - self.d):  # 1 - z at a joint is the other joint up to rounding
             mirrored = np.where(z == 1.0 - 0.5 * part, 0.5 * part, mirrored)
         half = self._first_half(mirrored, order, second)
         turned = (1.0 if order == 0 else 0.0) + (-1.0) ** (order + 1) * half
         return np.where(second, turned, half)
 
     def _first_half(self, x: FloatArray, order: int, left: NDArray[np.bool_]) -> FloatArray:
-        """Return the derivative on 0 to 1/2; at a joint that of the part to the right, or to the left where told."""
+        """Return the derivative on 0 to 1/2; at a joint the right limit, or the left limit if requested."""
         end, start = 0.5 * self.b, 0.5 * (1.0 - self.d)
         rising = _before(x, end, left)
         flat = _before(x, start, left)
@@ -340,7 +343,7 @@ class Scca:
 
 
 def _before(x: FloatArray, joint: float, left: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell what lies before a joint; on it, what looks to the left."""
+    """Return whether z lies before a joint; at the joint, true for the left limit."""
     return (x < joint) | (left & (x == joint) & (joint > 0.0))
 
 
@@ -372,14 +375,14 @@ def _cosine(x: FloatArray, b: float, c: float, d: float, order: int) -> FloatArr
 class CompoundCycloid:
     """Rise of a valve cam without dwell: s'' = A sin(pi z/p) up to z = p, then -B sin(pi (z - p)/(2 (1 - p))).
 
-    Lift and velocity are continuous at the split p; the deceleration is greatest at the nose, z = 1, and goes on
-    smoothly in the mirrored return. C. Li, Cam motion simulation and optimization (2014), names a cam "FB2" (compound
-    cycloid II) without defining it; this form and its default split are flexcam's choice.
+    Lift and velocity are continuous at the split p; the deceleration is greatest at the nose, z = 1, and smooth in the
+    mirrored return. C. Li, Cam motion simulation and optimization (2014), names a cam "FB2" (compound cycloid II)
+    without defining it; this form and its default split are flexcam's choice.
 
     Parameters
     ----------
     split
-        Part of the rise that accelerates, between 0 and 1.
+        Fraction of the rise with positive acceleration, between 0 and 1.
 
     Raises
     ------
@@ -400,7 +403,7 @@ class CompoundCycloid:
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Positions of inner jumps: the jerk's at the split."""
+        """Positions of inner jumps: that of the jerk at the split."""
         return (self.split,)
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
@@ -409,7 +412,7 @@ class CompoundCycloid:
 
     @property
     def _peak(self) -> float:
-        """A, from s(1) = 1."""
+        """Amplitude A, from s(1) = 1."""
         p, pi = self.split, math.pi
         return 1.0 / (p**2 / pi + 4.0 * p * (1.0 - p) / pi**2)
 

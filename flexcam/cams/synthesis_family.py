@@ -1,4 +1,4 @@
-"""What no law at all can beat."""
+"""Families of laws for synthesis, and lower bounds for all laws."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from flexcam.core.errors import refuse
 def bound_over_all(weights: Mapping[str, float], limits: Mapping[str, float], *, free_ends: bool) -> float | None:
     """Return a lower bound of the objective over all laws from rest to rest.
 
-    C_v >= 1 (the mean velocity), C_a >= 4 (the parabola), C_j >= 32 (three stretches of constant jerk; 12, the 2-3
-    polynomial's, where the acceleration may step at the ends), rms of s'' at least sqrt(12) (the 2-3 polynomial),
-    C_m >= 9/4 (s'^2 rises and falls linearly). With a bound J on the jerk, C_a is at least that of the law whose
-    acceleration is a trapezoid of slopes J, as bang-bang control has it; with one on C_a, C_j is. Bounds on C_v and C_a
-    raise each other: no law goes farther than one whose velocity is a trapezoid, V - V^2/A = 1.
+    C_v >= 1 (the mean velocity), C_a >= 4 (the parabola), C_j >= 32 (three segments of constant jerk; 12, the 2-3
+    polynomial's, where the acceleration may step at the ends), rms of s'' at least sqrt(12) (the 2-3 polynomial), C_m
+    >= 9/4 (s'^2 rises and falls linearly). With a bound J on the jerk, C_a is at least that of the law whose
+    acceleration is a trapezoid of slopes J, as in bang-bang control; a bound on C_a bounds C_j in the same way. Bounds
+    on C_v and C_a raise each other: the limit is the law with a trapezoidal velocity, V - V^2/A = 1.
     """
     least = {"Cv": 1.0, "Ca": 4.0, "Cj": 12.0 if free_ends else 32.0, "rms": math.sqrt(12.0), "Cm": 2.25}
     if "Cj" in limits:
@@ -40,7 +40,7 @@ def bound_over_all(weights: Mapping[str, float], limits: Mapping[str, float], *,
 
 
 def least_jerk(acceleration: float, *, free_ends: bool) -> float:
-    """Return the least C_j under a bound on C_a."""
+    """Return the minimum C_j under a bound on C_a."""
     if not 4.0 < acceleration < (6.0 if free_ends else 8.0):
         return 0.0
     above = acceleration - 4.0
@@ -48,7 +48,7 @@ def least_jerk(acceleration: float, *, free_ends: bool) -> float:
 
 
 def least_acceleration(jerk: float, *, free_ends: bool) -> float:
-    """Return the least C_a under a bound on the jerk."""
+    """Return the minimum C_a under a bound on the jerk."""
     if not free_ends:
         return 4.0 if jerk < 32.0 else 8.0 / (1.0 + math.sqrt(1.0 - 32.0 / jerk))
     acceleration = 4.0
@@ -72,7 +72,7 @@ class Family(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """Description of the family."""
         ...
 
     def rows(self, z: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
@@ -80,7 +80,7 @@ class Family(Protocol):
         ...
 
     def equalities(self) -> tuple[FloatArray, FloatArray]:
-        """Return what the coefficients must meet besides, A x = b."""
+        """Return the equality constraints A x = b of the coefficients."""
         ...
 
     def law(self, x: FloatArray) -> Law:
@@ -90,7 +90,7 @@ class Family(Protocol):
 
 @dataclass(frozen=True)
 class SplineFamily:
-    """B-splines on even knots; with one piece they are the polynomials of their degree.
+    """B-splines on equally spaced knots; with one piece, polynomials of their degree.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class SplineFamily:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """Description of the family."""
         if self.pieces == 1:
             return f"polynomials of degree {self.degree}"
         return f"B-splines of degree {self.degree} on {self.pieces} pieces"
@@ -131,7 +131,7 @@ class SplineFamily:
 
     @cached_property
     def _map(self) -> tuple[FloatArray, FloatArray]:
-        """Matrix and offset from the free coefficients to all."""
+        """Matrix and offset from the free coefficients to all coefficients."""
         n, held = self._count, self.rest + 1
         offset = np.concatenate([np.zeros(held), np.zeros(n - 2 * held), np.ones(held)])
         free = np.arange(held, n - held)
@@ -166,7 +166,7 @@ class SplineFamily:
         return basis @ matrix, basis @ offset
 
     def equalities(self) -> tuple[FloatArray, FloatArray]:
-        """Ask nothing: ends and symmetry are built in."""
+        """Return no constraints: ends and symmetry are built in."""
         return np.zeros((0, self.size)), np.zeros(0)
 
     def law(self, x: FloatArray) -> Law:
@@ -177,12 +177,12 @@ class SplineFamily:
 
 @dataclass(frozen=True)
 class HarmonicFamily:
-    """s = z - sum c_n sin(2 pi n z)/(2 pi n), at rest and without acceleration at the ends, symmetric.
+    """s = z - sum c_n sin(2 pi n z)/(2 pi n), symmetric, with zero velocity and acceleration at the ends.
 
     Parameters
     ----------
     orders
-        The n, two or more, distinct, from 1.
+        Orders n: two or more distinct positive integers.
     """
 
     orders: tuple[int, ...] = (1, 2, 3, 4, 5)
@@ -193,7 +193,7 @@ class HarmonicFamily:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """Description of the family."""
         return f"harmonic laws of orders {', '.join(map(str, self.orders))}"
 
     @property
@@ -208,7 +208,7 @@ class HarmonicFamily:
         return -(w ** (order - 1.0)) * np.sin(np.multiply.outer(z, w) + order * math.pi / 2.0), line
 
     def equalities(self) -> tuple[FloatArray, FloatArray]:
-        """Make the coefficients sum to 1, or the velocity would step at the ends."""
+        """Return the constraint that the coefficients sum to 1, so that the velocity does not step at the ends."""
         return np.ones((1, self.size)), np.ones(1)
 
     def law(self, x: FloatArray) -> Law:

@@ -1,4 +1,4 @@
-"""Opening, closing, duration and overlap, as engine people read them: in crank degrees at a given lift."""
+"""Valve events: opening, closing, duration and overlap in crank degrees at a given lift."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import positive
 
 THRESHOLDS = {"1 mm": 1e-3, "0.05 in": 0.05 * 0.0254}
-"""Valve lifts at which events are read."""
+"""Valve lifts at which events are evaluated."""
 
 _CYCLE = 4.0 * math.pi
 _GRID = np.linspace(0.0, 2.0 * math.pi, 7201)
@@ -20,14 +20,14 @@ _GRID = np.linspace(0.0, 2.0 * math.pi, 7201)
 
 @dataclass(frozen=True)
 class ValveEvent:
-    """When a valve is open beyond a lift, in crank angles of a four-stroke cycle.
+    """Opening and closing of a valve at a lift, in crank angles of a four-stroke cycle.
 
     Parameters
     ----------
     lift
         The lift, m.
     opens, closes
-        Crank angles, rad, `opens` from 0 to 4 pi, `closes` behind it; the crank stands at 0 where the cam does.
+        Crank angles, rad, `opens` from 0 to 4 pi, `closes` after it; crank and cam angle are zero together.
     """
 
     lift: float
@@ -41,12 +41,12 @@ class ValveEvent:
 
     @property
     def centre(self) -> float:
-        """Crank angle halfway, rad from 0 to 4 pi."""
+        """Crank angle halfway between opening and closing, rad from 0 to 4 pi."""
         return math.fmod(0.5 * (self.opens + self.closes), _CYCLE)
 
 
 def valve_event(event: Event, lift: float, *, ratio: float = 1.0, lash: float = 0.0) -> ValveEvent | None:
-    """Return when a valve is open beyond a lift."""
+    """Return the crank angles between which a valve is open beyond a lift."""
     positive("lift", lift, "m")
     positive("ratio", ratio, "")
     positive("lash", lash, "m", zero=True)
@@ -70,7 +70,7 @@ def overlap(one: ValveEvent, other: ValveEvent) -> float:
 
 
 def _crossing(event: Event, lift: float, low: float, high: float) -> float:
-    """Return where the lift passes a value between two angles, by bisection."""
+    """Return the angle at which the lift crosses a value between two angles, by bisection."""
     rising = _above(event, lift, high)
     for _ in range(60):
         middle = 0.5 * (low + high)

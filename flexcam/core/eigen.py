@@ -1,7 +1,8 @@
-"""Products of matrices with more digits than double precision has.
+"""Eigenvalue problems and matrix products in extended precision.
 
-Numbers are cut into slices of so few bits that products of slices, and sums of these, are exact in double precision;
-a matrix product is then a few ordinary ones: K. Ozaki, T. Ogita, S. Oishi and S. M. Rump, Numer. Algorithms 59 (2012).
+Matrices are split into slices of so few bits that products of slices, and sums of them, are exact in double precision;
+a matrix product then needs a few ordinary products: K. Ozaki, T. Ogita, S. Oishi and S. M. Rump, Numer. Algorithms 59
+(2012).
 """
 
 from __future__ import annotations
@@ -17,38 +18,38 @@ LongArray = NDArray[np.longdouble]
 """Array of extended precision."""
 
 _SLICES = 4
-"""Some twenty bits each: together more than extended precision has."""
+"""Number of slices of about twenty bits each: together more than extended precision has."""
 
 _FEW = 100
-"""Size up to which the processor's own extended precision, a term at a time, is as fast."""
+"""Size up to which the processor's own extended precision, one term at a time, is as fast."""
 
 
 def product(A: LongArray, B: LongArray) -> LongArray:
-    """Return A B with the digits of extended precision."""
+    """Return A B in extended precision."""
     n = A.shape[1]
     if n <= _FEW:
         return A @ B
     bits = (53 - math.ceil(math.log2(_SLICES * n))) // 2
     left, right = _sliced(A, bits, axis=1), _sliced(B, bits, axis=0)
     found = np.zeros((len(A), B.shape[1]), dtype=np.longdouble)
-    for last in reversed(range(_SLICES)):  # the smallest ones first
+    for last in reversed(range(_SLICES)):  # sum the smallest terms first
         found += np.hstack(left[: last + 1]) @ np.vstack(right[last::-1])
     return found
 
 
 def _sliced(matrix: LongArray, bits: int, *, axis: int) -> list[FloatArray]:
-    """Return slices whose sum is the matrix, but for what lies below the last one."""
+    """Return slices whose sum is the matrix, except for the bits below the last slice."""
     size = np.frexp(np.abs(matrix).max(axis=axis, keepdims=True))[1]
     slices: list[FloatArray] = []
     for i in range(1, _SLICES + 1):
-        large = np.ldexp(1.5, size - bits * i + 52)  # what is added to it keeps the bits above the slice's end
+        large = np.ldexp(1.5, size - bits * i + 52)  # adding a number to it keeps the bits above the end of the slice
         slices.append((matrix.astype(float) + large) - large)
         matrix = matrix - slices[-1]
     return slices
 
 
 def times(matrix: FloatArray, columns: LongArray) -> LongArray:
-    """Return a matrix of which most is zero times columns, in extended precision."""
+    """Return the product of a mostly zero matrix with columns, in extended precision."""
     found = np.zeros((len(matrix), columns.shape[1]), dtype=np.longdouble)
     for i, row in enumerate(matrix):
         held = np.flatnonzero(row)
@@ -59,27 +60,27 @@ def times(matrix: FloatArray, columns: LongArray) -> LongArray:
 _TWO = np.longdouble(2.0)
 
 _MIXED = 1e-3
-"""What two vectors may mix, as a part of either, to be told apart by a first correction."""
+"""Relative mixing of two vectors up to which a first correction can separate them."""
 
 _PASSES = 6
 _SMALL = 1e-9
-"""Correction whose square is rounding."""
+"""Correction whose square is of the size of rounding."""
 
 _REFINED = 500
-"""Size up to which the vectors are refined."""
+"""Number of unknowns up to which the vectors are refined."""
 
 
 def natural(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the eigenvalues and vectors of ``K x = lambda M x``, the vectors orthonormal in M.
+    """Return the eigenvalues and eigenvectors of ``K x = lambda M x``, the vectors orthonormal in M.
 
-    An eigensolver in double precision leaves an error of the size of the largest eigenvalue's rounding in every one, so
-    that the lowest frequencies of a stiff structure lose half their digits. A refinement with products in extended
-    precision gives them back: T. Ogita and K. Aishima, Japan J. Indust. Appl. Math. 35 (2018).
+    An eigensolver in double precision leaves an error of the size of the rounding of the largest eigenvalue in every
+    eigenvalue, so that the lowest frequencies of a stiff structure lose half their digits. A refinement with products
+    in extended precision recovers them: T. Ogita and K. Aishima, Japan J. Indust. Appl. Math. 35 (2018).
     """
     if not (np.diag(M) > 0.0).all():
         message = "the mass is not positive"
         raise np.linalg.LinAlgError(message)
-    scale = np.exp2(-np.round(0.5 * np.log2(np.diag(M))))  # rounds nothing
+    scale = np.exp2(-np.round(0.5 * np.log2(np.diag(M))))  # exact: no rounding
     heavy, stiff = (scale[:, None] * matrix * scale for matrix in (M, K))
     L = np.linalg.cholesky(heavy)
     half = np.linalg.solve(L, stiff)
@@ -92,7 +93,7 @@ def natural(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _refined(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
     X = vectors.astype(np.longdouble)
-    for _ in range(_PASSES):  # every pass squares the error
+    for _ in range(_PASSES):  # each pass squares the error
         heavy, stiff = _products(X, M, K)
         labels = _near(heavy, stiff)
         if (np.bincount(labels) > 1).any():
@@ -109,13 +110,13 @@ def _refined(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatAr
 
 
 def _products(X: LongArray, M: FloatArray, K: FloatArray) -> tuple[LongArray, LongArray]:
-    """Return what both matrices are between vectors, symmetric to the last bit: rounding then spoils no right angle."""
+    """Return the projections of both matrices on the vectors, exactly symmetric to preserve orthogonality."""
     heavy, stiff = (product(X.T, times(matrix, X)) for matrix in (M, K))
     return (heavy + heavy.T) / _TWO, (stiff + stiff.T) / _TWO
 
 
 def _near(heavy: LongArray, stiff: LongArray) -> IntArray:
-    """Return groups of vectors whose eigenvalues lie so close that a first correction cannot tell them apart."""
+    """Return groups of vectors whose eigenvalues are too close to be separated by a first correction."""
     values = np.diag(stiff) / np.diag(heavy)
     rounding = np.finfo(np.longdouble).eps * np.abs(values).max(initial=0.0)
     mixing, apart = np.abs(stiff - values * heavy) + rounding, np.abs(values[None, :] - values[:, None])
@@ -123,7 +124,7 @@ def _near(heavy: LongArray, stiff: LongArray) -> IntArray:
 
 
 def _turned(X: LongArray, labels: IntArray, heavy: LongArray, stiff: LongArray) -> LongArray:
-    """Return the vectors, those of a group turned within their own space until they are natural."""
+    """Return the vectors, each group rotated within its own space into eigenvectors."""
     turned = X.copy()
     for label in np.flatnonzero(np.bincount(labels) > 1).tolist():
         group = np.flatnonzero(labels == label)
@@ -134,7 +135,7 @@ def _turned(X: LongArray, labels: IntArray, heavy: LongArray, stiff: LongArray) 
 
 
 def _mixed(labels: IntArray, heavy: LongArray, stiff: LongArray) -> LongArray:
-    """Return what is to be added to every vector of the others: its residual along them, by how far they are apart."""
+    """Return the correction by the other vectors: the residual along them over the eigenvalue differences."""
     values = np.diag(stiff) / np.diag(heavy)
     same = labels[:, None] == labels
     apart = np.where(same, 1.0, values[None, :] - values[:, None])

@@ -1,4 +1,4 @@
-"""The one voice for refused input: where, what was given, what is allowed, why, what to do."""
+"""Input validation errors: the place, the given value, the allowed values, the reason and the remedy."""
 
 from __future__ import annotations
 
@@ -17,39 +17,39 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 Read = TypeVar("Read")
-"""What is read of a text."""
+"""Type of a value read from text."""
 
 
 def printable(text: str) -> str:
-    r"""Return a text in which control characters are told, so that one from a file cannot command a terminal."""
+    r"""Return a text with control characters escaped, so that text from a file cannot control a terminal."""
     return _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
 
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_ -]*$"
-"""What a name in a case or in a mesh looks like: results keep it as a name of HDF5 and in channels, parted by dots."""
+"""Pattern of a name in a case or a mesh. Results use it as an HDF5 name and in channel names, separated by dots."""
 
 NAMES = "a name of letters, digits, '_', '-' and spaces"
-"""The same in words."""
+"""Description of valid names, for messages."""
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is wrong with an input.
+    """A fault in an input.
 
     Parameters
     ----------
     where
-        The place in the user's own terms: a key path with its line, a node, a parameter.
+        Location in the input: a key path with its line, a node, a parameter.
     given
-        What stands there.
+        Value found there.
     allowed
-        What may stand there.
+        Allowed values.
     why
         The reason for the limit.
     remedy
-        What to do about it.
+        How to correct it.
     """
 
     where: str
@@ -68,11 +68,11 @@ class Fault:
 
 
 class FlexcamError(Exception):
-    """Base of every error that flexcam raises on purpose."""
+    """Base class of all errors that flexcam raises deliberately."""
 
 
 class InputError(FlexcamError, ValueError):
-    """Refused input, with every fault that was found.
+    """Invalid input, with all faults found.
 
     Parameters
     ----------
@@ -94,13 +94,13 @@ class InputError(FlexcamError, ValueError):
 
 
 def refuse(where: str, given: object, allowed: str, why: str = "", remedy: str = "") -> InputError:
-    """Return the refusal of a single value, to be raised by the caller."""
+    """Return the error for a single invalid value, to be raised by the caller."""
     shown = given if isinstance(given, str) else told(given)
     return InputError([Fault(where, shown, allowed, why, remedy)])
 
 
 def gathered(read: Callable[[str], Read], given: Iterable[str]) -> tuple[list[Read], list[Fault]]:
-    """Return what is read of texts, and the faults of all those that cannot be read."""
+    """Return the values read from texts, and the faults of those that cannot be read."""
     found, faults = list[Read](), list[Fault]()
     for one in given:
         try:
@@ -111,7 +111,7 @@ def gathered(read: Callable[[str], Read], given: Iterable[str]) -> tuple[list[Re
 
 
 def together(first: Callable[[], Read], *others: Callable[[], object]) -> Read:
-    """Return what the first of several checks returns, once all of them have been made."""
+    """Run several checks, collect their faults, and return the result of the first."""
     found, faults = list[Read](), list[Fault]()
     for i, check in enumerate((first, *others)):
         try:
@@ -126,7 +126,7 @@ def together(first: Callable[[], Read], *others: Callable[[], object]) -> Read:
 
 
 def told(value: object) -> str:
-    """Return a value as it would stand in a case file: nobody who writes one needs to read Python."""
+    """Format a value as in a case file, without Python notation."""
     if value is None or isinstance(value, bool):
         return "nothing" if value is None else str(value).lower()
     if isinstance(value, dict):
@@ -144,12 +144,12 @@ def _inner(value: object) -> str:
 
 
 def said(fault: Exception) -> str:
-    """Return why something went wrong, in the system's own words: without its number and the path, told elsewhere."""
+    """Return the operating system's reason for an error, without its number and path."""
     return (fault.strerror if isinstance(fault, OSError) else None) or str(fault)
 
 
 def in_words(shape: Iterable[int | None]) -> str:
-    """Return a shape; None stands for any length."""
+    """Format an array shape; None means any length."""
     return " x ".join("any" if n is None else str(n) for n in shape) or "of a single number"
 
 
@@ -163,7 +163,7 @@ def positive(where: str, value: float, unit: str, *, zero: bool = False) -> floa
 
 
 def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
-    """Return a read-only copy of `values` as a float array of the given shape."""
+    """Return a read-only copy of `values` as a finite float array of the given shape."""
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -179,7 +179,7 @@ def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return a hint at the nearest known name, or an empty text."""
+    """Return a suggestion of the closest known name, or an empty text."""
     names = [other for other in known if other != name]
     swapped = [other for other in names if sorted(other.lower()) == sorted(name.lower())]
     near = swapped or difflib.get_close_matches(name, names, n=1, cutoff=0.6)

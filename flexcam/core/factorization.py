@@ -1,8 +1,8 @@
-"""Banded Cholesky factor of long thin structures: shafts and chains of beams.
+"""Factorization of matrices: banded Cholesky, sparse LU and dense.
 
-Renumbered by levels from one end, such a structure has a narrow band, whatever the order of its nodes. Solving with the
-band then touches memory in one direction only, which at equal arithmetic is two to three times as fast as a general
-sparse factor, and factorizing is ten times as fast. Source: E. Cuthill and J. McKee, Reducing the bandwidth of sparse
+The stiffness of long, thin structures (shafts, chains of beams) has a narrow band once the unknowns are renumbered by
+levels from one end. A banded solve accesses memory in order and is two to three times as fast as a general sparse
+factor; the factorization is ten times as fast. Reference: E. Cuthill and J. McKee, Reducing the bandwidth of sparse
 symmetric matrices, Proc. 24th ACM Nat. Conf. (1969), in reverse order.
 """
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 
 _WIDEST = 64
-"""Half bandwidth up to which the band is the faster: eight parallel shafts tied at every node have 31."""
+"""Half bandwidth up to which the banded factor is faster: eight parallel shafts coupled at every node have 31."""
 
 _ROUNDING = 8.0 * np.finfo(float).eps
-"""Of entries of size 1 that are the sums of few."""
+"""Rounding tolerance of entries of size 1 that are sums of few terms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +40,9 @@ class BandFactor:
     upper
         Factor by diagonals, as LAPACK's `pbtrf` stores it, shape (w + 1, n).
     order
-        Unknown at each place of the band, shape (n,).
+        Unknown at each row of the band, shape (n,).
     scale
-        What the unknowns were scaled with, in the order of the band, shape (n,).
+        Scale factors of the unknowns, in the order of the band, shape (n,).
     """
 
     upper: FloatArray
@@ -50,7 +50,7 @@ class BandFactor:
     scale: FloatArray
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """Return x for a right-hand side of shape (n,) or (n, k)."""
+        """Solve for a right-hand side of shape (n,) or (n, k)."""
         from scipy.linalg.lapack import dpbtrs
 
         if not right.size:
@@ -63,7 +63,7 @@ class BandFactor:
 
 
 def band_factor(scaled: csr_array, scale: FloatArray) -> BandFactor | None:
-    """Return the factor of a matrix if it is symmetric, positive definite and of narrow band after renumbering."""
+    """Return the banded factor of a matrix; None unless it is symmetric, positive definite and of narrow band."""
     from scipy.linalg.lapack import dpbtrf
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
@@ -78,7 +78,7 @@ def band_factor(scaled: csr_array, scale: FloatArray) -> BandFactor | None:
 
 
 def _band(matrix: csr_array, order: IntArray) -> FloatArray | None:
-    """Return the upper diagonals of a renumbered matrix, shape (w + 1, n); None where it is wide or not symmetric."""
+    """Return the upper diagonals of a renumbered matrix, shape (w + 1, n); None if it is wide or not symmetric."""
     entries, place = matrix.tocoo(), np.empty(len(order), np.intp)
     place[order] = np.arange(len(order))
     rows, cols = place[entries.row], place[entries.col]
@@ -95,16 +95,16 @@ def _band(matrix: csr_array, order: IntArray) -> FloatArray | None:
 
 
 DENSE_LIMIT = 300
-"""Up to this many unknowns a dense product beats a sparse one, and scipy need not be imported."""
+"""Number of unknowns up to which a dense product is faster than a sparse one and scipy need not be imported."""
 
 
 class SingularMatrixError(FlexcamError, ArithmeticError):
-    """The matrix has no inverse: some motion has neither mass nor stiffness.
+    """Singular matrix: a motion has neither mass nor stiffness.
 
     Parameters
     ----------
     unknowns
-        Positions of unknowns that take part in that motion, where they are known.
+        Indices of the unknowns that take part in that motion, if known.
     """
 
     def __init__(self, unknowns: tuple[int, ...] = ()) -> None:
@@ -113,10 +113,10 @@ class SingularMatrixError(FlexcamError, ArithmeticError):
 
 
 class Factor(Protocol):
-    """Something that solves ``A x = b`` for one fixed A."""
+    """Interface of a factorization: solves ``A x = b`` for a fixed A."""
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """Return x for a right-hand side of shape (n,) or (n, k)."""
+        """Solve for a right-hand side of shape (n,) or (n, k)."""
         ...
 
 
@@ -139,7 +139,7 @@ class _SparseLU:
 
 
 def diagonal_scale(matrix: Triplets) -> FloatArray:
-    """Return 1/sqrt of the diagonal: it removes the units, so that translations and rotations compare."""
+    """Return 1/sqrt of the diagonal; scaling with it makes translations and rotations comparable."""
     diagonal = np.abs(matrix.diagonal())
     return 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
 
@@ -163,7 +163,7 @@ def _dense_inverse(scaled: FloatArray, scale: FloatArray) -> _Inverse:
 
 
 def _null_unknowns(scaled: FloatArray) -> tuple[int, ...]:
-    """Return the unknowns that move most in the motion the matrix does not resist."""
+    """Return the unknowns with the largest motion in the null vector of the matrix."""
     return _largest(np.linalg.svd(scaled)[2][-1])
 
 
@@ -188,10 +188,10 @@ def _sparse_lu(scaled: csc_array, scale: FloatArray) -> _SparseLU:
     try:
         lu = splu(scaled, permc_spec="MMD_AT_PLUS_A", options=options)
         regular = bool(np.abs(lu.U.diagonal()).min() > np.finfo(float).eps)
-    except RuntimeError:  # SuperLU's only sign of an exactly zero pivot
+    except RuntimeError:  # SuperLU reports an exactly zero pivot only this way
         lu, regular = None, False
     if lu is None or not regular:
-        # Inverse iteration: the shift finds the motion without stiffness, it solves nothing.
+        # Inverse iteration: the shift serves to find the null vector only.
         shifted = splu((scaled + 1e-8 * eye_array(len(scale))).tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
         motion = np.random.default_rng(0).standard_normal(len(scale))
         for _ in range(3):
@@ -201,5 +201,5 @@ def _sparse_lu(scaled: csc_array, scale: FloatArray) -> _SparseLU:
 
 
 def operator(matrix: Triplets) -> FloatArray | csr_array:
-    """Return the form of the matrix whose products are fastest at its size."""
+    """Return the matrix in the storage form with the fastest products at its size."""
     return matrix.dense() if matrix.size <= DENSE_LIMIT else matrix.csr()

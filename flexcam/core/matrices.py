@@ -1,4 +1,4 @@
-"""A square sparse matrix kept as coordinate triplets, so that a small run never imports scipy."""
+"""Square sparse matrices as coordinate triplets, so that a small run need not import scipy."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ FloatArray = NDArray[np.float64]
 """Array of double precision."""
 
 ComplexArray = NDArray[np.complex128]
-"""Array of complex numbers of double precision."""
+"""Array of double precision complex numbers."""
 
 IntArray = NDArray[np.intp]
-"""Array of whole numbers, such as indices."""
+"""Array of integers, such as indices."""
 
 
 _FEW = 300
-"""Unknowns up to which a dense product needs no scipy and is as fast."""
+"""Number of unknowns up to which a dense product is as fast as scipy's sparse one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Triplets:
-    """Square matrix as (row, column, value) triplets; entries at the same place add up.
+    """Square matrix as (row, column, value) triplets; duplicate entries add up.
 
     Parameters
     ----------
     size
         Number of rows and columns.
     rows, cols
-        Places of the entries, shape (k,).
+        Row and column indices of the entries, shape (k,).
     values
         Entries, shape (k,).
     """
@@ -60,17 +60,17 @@ class Triplets:
 
     @classmethod
     def outer(cls, left: FloatArray, right: FloatArray, factor: float = 1.0) -> Self:
-        """Return ``factor * left right^T`` of two vectors, shape (n,), entry by entry where both are non-zero."""
+        """Return ``factor * left right^T`` of two vectors, shape (n,), with the entries where both are non-zero."""
         if factor == 0.0:
             return cls.zeros(len(left))
-        i = np.flatnonzero(left != 0.0)  # compared first: numpy then finds few entries ten times as fast
+        i = np.flatnonzero(left != 0.0)  # comparing first makes numpy find few entries ten times as fast
         j = i if right is left else np.flatnonzero(right != 0.0)
         values = factor * np.outer(left[i], right[j])
         return cls(len(left), np.repeat(i, len(j)), np.tile(j, len(i)), values.ravel())
 
     @classmethod
     def joined(cls, matrices: Sequence[Triplets]) -> Self:
-        """Return the sum of some matrices of one size, one at least."""
+        """Return the sum of one or more matrices of the same size."""
         rows, cols, values = (np.concatenate([getattr(m, n) for m in matrices]) for n in ("rows", "cols", "values"))
         return cls(matrices[0].size, rows, cols, values)
 
@@ -80,7 +80,7 @@ class Triplets:
         return flat.reshape(self.size, self.size)
 
     def csr(self) -> csr_array:
-        """Return the matrix in scipy's compressed row form (imports scipy)."""
+        """Return the matrix in scipy's compressed sparse row format (imports scipy)."""
         from scipy.sparse import coo_array
 
         return coo_array((self.values, (self.rows, self.cols)), shape=(self.size, self.size)).tocsr()
@@ -108,7 +108,7 @@ class Triplets:
         return self.joined((self, other))
 
     def part(self, index: IntArray) -> Self:
-        """Return the rows and columns named by `index`, renumbered in its order."""
+        """Return the submatrix of the rows and columns `index`, in that order."""
         place = np.full(self.size, -1, dtype=np.intp)
         place[index] = np.arange(len(index))
         rows, cols = place[self.rows], place[self.cols]
@@ -121,15 +121,15 @@ def _summed(places: IntArray, values: FloatArray, size: int) -> FloatArray:
 
 
 TOO_MUCH = 0.05
-"""Share of the strain energy that rounding may reach; the estimate is a bound, some ten times above the error."""
+"""Limit of rounding as a fraction of the strain energy; the estimate is an upper bound, about ten times the error."""
 
 
 def energy_rounding(matrix: Triplets, shapes: FloatArray) -> FloatArray:
-    """Return what rounding the matrix's entries can change of ``x^T K x``, ``eps |x|^T |K| |x|``.
+    """Return the bound ``eps |x|^T |K| |x|`` of the rounding error of ``x^T K x``.
 
-    The bending stiffness of short elements is a small difference of large entries: on n elements per span this grows
-    like n^4 against the energy of the lowest mode. Source: I. Fried, Condition of finite element matrices generated
-    from nonuniform meshes, AIAA J. 10 (1972).
+    The bending stiffness of short elements is a small difference of large entries: for n elements per span the bound
+    grows as n^4 relative to the energy of the lowest mode. Reference: I. Fried, Condition of finite element matrices
+    generated from nonuniform meshes, AIAA J. 10 (1972).
     """
     size = Triplets(matrix.size, matrix.rows, matrix.cols, np.abs(matrix.values))
     absolute = np.abs(shapes)
@@ -137,17 +137,17 @@ def energy_rounding(matrix: Triplets, shapes: FloatArray) -> FloatArray:
 
 
 def share_lost(matrix: Triplets, shape: FloatArray) -> float:
-    """Return the part of a displacement that rounding the stiffness may have taken."""
+    """Return the fraction of a displacement that rounding of the stiffness may have changed."""
     energy = abs(float(shape @ matrix.times(shape)))
     return float(energy_rounding(matrix, shape[:, None])[0]) / energy if energy > 0.0 else 0.0
 
 
 def connected_components(size: int, rows: IntArray, cols: IntArray) -> IntArray:
-    """Return what each of some things hangs together with.
+    """Return the component label of each node of a graph.
 
-    Every group is hooked to its least neighbour until none is left, which at least halves their number each time:
-    Y. Shiloach and U. Vishkin, An O(log n) parallel connectivity algorithm, J. Algorithms 3 (1982). In numpy alone,
-    so that a small run needs no scipy.
+    Each group is merged with its lowest-numbered neighbour until none is left, which at least halves their number in
+    each pass: Y. Shiloach and U. Vishkin, An O(log n) parallel connectivity algorithm, J. Algorithms 3 (1982). Uses
+    numpy only, so that a small run does not import scipy.
     """
     labels = np.arange(size)
     while (labels[rows] != labels[cols]).any():
@@ -161,6 +161,6 @@ def connected_components(size: int, rows: IntArray, cols: IntArray) -> IntArray:
 
 
 def component_members(labels: IntArray) -> list[IntArray]:
-    """Return the members of every group, in the order of their labels."""
+    """Return the members of each component, in the order of their labels."""
     order = np.argsort(labels, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(labels[order])) + 1) if len(labels) else []

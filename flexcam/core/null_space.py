@@ -1,4 +1,4 @@
-"""Motions that a stiffness matrix does not resist: rigid-body motions and mechanisms."""
+"""Null space of a stiffness matrix: rigid-body motions and mechanisms."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from flexcam.core.factorization import DENSE_LIMIT, Factor, diagonal_scale, fact
 from flexcam.core.matrices import FloatArray, Triplets
 
 _ROUNDING = 64.0 * np.finfo(float).eps
-"""Eigenvalues of the diagonally scaled matrix below this are rounding: K's own entries carry one eps each."""
+"""Eigenvalues of the diagonally scaled matrix below this are rounding: each entry of K has an error of one eps."""
 
 _AT_MOST = 24
-"""Motions sought in a sparse matrix: six rigid ones for each of four unconnected parts."""
+"""Maximum dimension searched in a sparse matrix: six rigid-body motions for each of four unconnected parts."""
 
 
 def null_space(matrix: Triplets) -> FloatArray:
-    """Return a basis of the motions that a symmetric matrix does not resist.
+    """Return a basis of the null space of a symmetric matrix.
 
-    For a structure of beams `flexcam.fem.rigid_bodies.free_motions` gives them exactly; here they are the eigenvectors
-    whose eigenvalues are rounding, which on a mesh of thousands of elements the softest true motions are as well.
+    For a beam structure `flexcam.fem.rigid_bodies.free_motions` gives the exact motions. This function returns the
+    eigenvectors whose eigenvalues are rounding; on a mesh of thousands of elements this includes the softest elastic
+    motions.
 
-    The matrix is scaled to a unit diagonal first, so the answer does not depend on units. Above a few
-    hundred unknowns the smallest eigenvalues come from shift-invert Lanczos; the shift exists only inside
-    that search and is not added to the stiffness.
+    The matrix is first scaled to a unit diagonal, so the result does not depend on units. Above a few hundred unknowns
+    the smallest eigenvalues are computed by shift-invert Lanczos; the shift is not added to the stiffness.
     """
     if matrix.size == 0:
         return np.zeros((0, 0))
@@ -51,7 +51,7 @@ def _lanczos_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
 
 
 def pins(motions: FloatArray) -> list[int]:
-    """Return one unknown per motion such that holding these unknowns holds all motions.
+    """Return one unknown per motion such that fixing these unknowns removes all the motions.
 
     Gaussian elimination with row pivots.
     """
@@ -66,7 +66,7 @@ def pins(motions: FloatArray) -> list[int]:
 
 @dataclass(frozen=True, eq=False)
 class _Changed:
-    """Solves with A + U D U^T by what solves with A: M. A. Woodbury, Inverting Modified Matrices (1950)."""
+    """Solver for A + U D U^T based on a solver for A: M. A. Woodbury, Inverting Modified Matrices (1950)."""
 
     base: Factor
     vectors: FloatArray
@@ -81,8 +81,8 @@ class _Changed:
 def factorize_held(matrix: Triplets, motions: FloatArray, stiffness: float) -> Factor:
     """Return the factorization of ``A + k F F^T``.
 
-    The hold couples everything that moves with everything else, so for many unknowns it is not formed: one unknown per
-    motion is held in its place, and the difference, of few vectors, is put right in every answer.
+    The term ``k F F^T`` couples all moving unknowns, so it is not formed for many unknowns: one unknown per motion is
+    constrained instead, and a low-rank update corrects each solution.
     """
     if not motions.shape[1]:
         return factorize(matrix)

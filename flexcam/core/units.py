@@ -1,7 +1,6 @@
-"""Units at the boundary: text such as ``"40 kN/m"`` becomes an SI number, once, here.
+"""Unit conversion: text such as ``"40 kN/m"`` becomes an SI number on input.
 
-The table is small on purpose (a full unit library costs more start-up time than a run) and is held
-against pint in the tests.
+The table is small because a full unit library takes longer to import than a run. The tests compare it with pint.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from decimal import Context, Decimal
 from flexcam.core.errors import did_you_mean, refuse
 
 RPM = math.pi / 30.0
-"""A revolution per minute, rad/s."""
+"""One revolution per minute, rad/s."""
 
 Exponents = tuple[int, int, int, int]
 """Exponents of metre, kilogram, second, radian."""
@@ -23,7 +22,7 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*
 _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*([+-]?\d+))?\s*")
 
 _LARGEST = 10**308
-"""Whole numbers may be longer than any float."""
+"""Limit above which a number counts as infinite: Python integers may exceed the float range."""
 
 _NONE: Exponents = (0, 0, 0, 0)
 _PREFIXED: dict[str, tuple[Decimal, Exponents]] = {
@@ -61,20 +60,20 @@ _PLAIN: dict[str, tuple[Decimal, Exponents]] = {
     "lbf": (Decimal("4.4482216152605"), (1, 1, -2, 0)),
     "psi": (Decimal("6894.757293168361"), (-1, 1, -2, 0)),
 }
-"""Exact where the unit is a decimal number of SI, so that a text is the same float as its SI number."""
+"""Units that are an exact decimal multiple of SI, so that a text converts to the same float as its SI number."""
 
 _EXACT = Context(prec=60, traps=[])
-"""Digits of the arithmetic of units: a single rounding is left, that to a float. What is too large is infinite."""
+"""Decimal precision of unit arithmetic, so that only the conversion to float rounds. Overflow gives infinity."""
 
 
 @dataclass(frozen=True)
 class Dimension:
-    """A kind of quantity: its exponents, the SI unit it is shown in, and an example of its text.
+    """Physical dimension: exponents, the SI unit for display, and an example text.
 
     Parameters
     ----------
     name
-        The engineer's word for it.
+        Name for messages.
     exponents
         Exponents of metre, kilogram, second, radian.
     si
@@ -82,8 +81,7 @@ class Dimension:
     example
         A valid text, for messages.
     least, most
-        Size in SI outside which a number is no such quantity of a mechanism; zero is always inside. They also keep the
-        arithmetic away from the ends of floating point.
+        Plausible range in SI for a mechanism; zero is always allowed. The range also avoids overflow and underflow.
     """
 
     name: str
@@ -150,7 +148,7 @@ def _unit_product(text: str, where: str) -> tuple[Decimal, Exponents]:
             raise refuse(
                 where, f"unit {symbol!r} in {text!r}", allowed, "no such unit is known", hint or "write it in SI"
             )
-        # As in print, everything up to the next '*' or '/' stays below a '/': N s/m, kg/(m s) is kg/m/s.
+        # As in print, a '/' applies to all factors up to the next '*' or '/': N s/m, kg/(m s) is kg/m/s.
         divide = match[1] == "/" or (match[1] == "" and divide)
         power = int(match[3] or 1) * (-1 if divide else 1)
         factor = _EXACT.multiply(factor, _EXACT.power(found[0], power))
@@ -160,13 +158,13 @@ def _unit_product(text: str, where: str) -> tuple[Decimal, Exponents]:
 
 
 def _same_kind(found: Exponents, wanted: Exponents) -> bool:
-    """Tell whether two kinds agree; a radian may be left out of moments and what is made of them, nowhere else."""
+    """Return whether two dimensions agree; the radian may be omitted in moments and derived quantities only."""
     of_moments = wanted[:2] == (2, 1)
     return found[:3] == wanted[:3] if of_moments else found == wanted
 
 
 def parse(value: float | str, dimension: str, where: str = "value", *, noise: bool = False) -> float:
-    """Return a quantity in SI."""
+    """Parse a quantity and return its SI value."""
     kind = DIMENSIONS[dimension]
     article = "an" if kind.name[0] in "aeiou" else "a"
     allowed = f"{article} {kind.name} such as {kind.example!r}" + (f", or a number in {kind.si}" if kind.si else "")
@@ -199,12 +197,12 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
 
 
 def shaft_name(turns: float) -> str:
-    """Return whose speed is counted, as it stands before ``rpm``."""
+    """Return the name of the shaft whose speed is given, as written before ``rpm``."""
     return "crank" if turns == 2.0 else "camshaft"
 
 
 def shaft_speed(speed: float, turns: float) -> str:
-    """Return a speed in words: that of the shaft that is counted, and of the crankshaft's that of the camshaft too."""
+    """Format the speed of the reference shaft; for the crankshaft also that of the camshaft."""
     own = f"camshaft {round(speed / RPM, 9):g} rpm"
     return own if turns == 1.0 else f"crankshaft {round(turns * speed / RPM, 9):g} rpm ({own})"
 
@@ -216,5 +214,5 @@ _SHOWN = {
 
 
 def shown(unit: str) -> tuple[float, str]:
-    """Return in what an engineer reads a quantity."""
+    """Return a quantity in the unit engineers commonly use."""
     return _SHOWN.get(unit, (1.0, unit))

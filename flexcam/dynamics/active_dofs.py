@@ -1,13 +1,12 @@
-"""Which unknowns can ever move: the rest need not be integrated, and nothing changes.
+"""Active degrees of freedom: unknowns that can move. The others are excluded from the integration.
 
-M, C, K and the local forces couple unknowns. A group of coupled unknowns moves if a load pushes it that changes in
-time, a local force acts on it that changes with the cam angle, it begins with a velocity, or it begins out of balance.
-Every other group stays where it begins, also under its weight. Scalars of a local force that nothing drives while they
-are zero (`Idle`), such as the bending of a straight strut, couple nothing until something moves them.
+M, C, K and the local forces couple unknowns. A group of coupled unknowns moves if a time-dependent load or a local
+force that depends on the cam angle acts on it, if it has an initial velocity, or if it is initially not in equilibrium.
+Every other group stays at its initial displacement, also under its weight. Idle scalars of a local force, such as the
+bending of a straight strut, couple nothing unless another force moves them.
 
-An entry couples unless it is exactly zero. Entries of the size of rounding, such as those between the planes of a
-shaft a hair off the axis, are taken for what they say: a soft spring between stiff parts has entries as small, and
-leaving out less than possible costs time, never truth.
+An entry couples unless it is exactly zero, even if it is of the size of rounding: a soft spring between stiff parts has
+entries as small. Too many active unknowns cost time only, not accuracy.
 """
 
 from __future__ import annotations
@@ -25,13 +24,13 @@ from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.system import LocalForce, System
 
 _SLOW = 1e-13
-"""Part of the largest velocity of a start, as roots of energies, below which one is rounding of a difference."""
+"""Fraction of the largest initial velocity, as square roots of energies, below which a velocity is rounding."""
 
 _BALANCED = 1e-12
-"""Part of the forces on a group below which what is left of them is rounding of its equilibrium."""
+"""Fraction of the forces on a group below which its residual is rounding of the equilibrium."""
 
 _NOTHING = 1e-15
-"""Part of the forces on all groups below which a force is rounding."""
+"""Fraction of the forces on all groups below which a force is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +40,11 @@ class InactiveGroup:
     Parameters
     ----------
     unknowns
-        Which, shape (k,).
+        Indices of the unknowns, shape (k,).
     loaded
-        Whether constant loads or forces act on it, in balance.
+        Whether constant loads or forces act on it, in equilibrium.
     free
-        Whether the stiffness leaves a motion of it free.
+        Whether the group has a motion without stiffness.
     """
 
     unknowns: IntArray
@@ -55,16 +54,16 @@ class InactiveGroup:
 
 @dataclass(frozen=True, eq=False)
 class ActiveDofs:
-    """What of a system can move from a start.
+    """Active unknowns of a system for an initial state.
 
     Parameters
     ----------
     moving
-        Which unknowns, shape (n,).
+        Mask of the active unknowns, shape (n,).
     still
-        The groups that never do.
+        The inactive groups.
     held
-        Displacements at which they stay, shape (n,); zero for what moves.
+        Constant displacements of the inactive unknowns, shape (n,); zero for active ones.
     """
 
     moving: NDArray[np.bool_]
@@ -78,7 +77,7 @@ def find_active_dofs(
     velocity: FloatArray | None = None,
     inner: FloatArray | None = None,
 ) -> ActiveDofs:
-    """Return which unknowns of a system can ever move from a start."""
+    """Return the active unknowns of a system for an initial state."""
     n = system.size
     d = np.zeros(n) if displacement is None else displacement
     v = np.zeros(n) if velocity is None else velocity
@@ -103,7 +102,7 @@ def find_active_dofs(
 
 @dataclass(frozen=True, eq=False)
 class _Asleep:
-    """Scalars of a local force that begin idle, and the unknowns that they sense or act on."""
+    """Idle scalars of a local force, and the unknowns that they sense or act on."""
 
     force: LocalForce
     scalars: frozenset[int]
@@ -111,7 +110,7 @@ class _Asleep:
 
 
 def _idle(system: System, d: FloatArray) -> list[_Asleep]:
-    """Return the sets of idle scalars that are zero at a start."""
+    """Return the sets of idle scalars that are zero in the initial state."""
     found: list[_Asleep] = []
     for force in system.local_forces:
         for held in force.idle_scalars():
@@ -122,7 +121,7 @@ def _idle(system: System, d: FloatArray) -> list[_Asleep]:
 
 
 def _coupled(system: System, idle: list[_Asleep]) -> IntArray:
-    """Return the group of every unknown, by its lowest member."""
+    """Return the group label of every unknown: its lowest member."""
     pairs = [
         (m.rows[m.values != 0.0], m.cols[m.values != 0.0]) for m in (system.mass, system.damping, system.stiffness)
     ]
@@ -135,14 +134,14 @@ def _coupled(system: System, idle: list[_Asleep]) -> IntArray:
 
 
 def _involved(force: LocalForce, size: int, asleep: frozenset[int] = frozenset()) -> NDArray[np.bool_]:
-    """Return which unknowns a local force senses or acts on, but for scalars that are asleep."""
+    """Return the unknowns that a local force senses or acts on, except through idle scalars."""
     pairs = [pair for i, pair in enumerate(zip(force.sense, force.act, strict=True)) if i not in asleep]
     vectors = [np.zeros((1, size)), *(one.vectors for pair in pairs for one in pair)]
     return (np.concatenate(vectors) != 0.0).any(axis=0)
 
 
 def _changing(system: System) -> NDArray[np.bool_]:
-    """Return which unknowns are under a load that changes in time."""
+    """Return the unknowns under a time-dependent load."""
     vectors = [load.vector for load in system.loads if not load.steady]
     return (np.array(vectors).reshape(len(vectors), system.size) != 0.0).any(axis=0)
 
@@ -150,7 +149,7 @@ def _changing(system: System) -> NDArray[np.bool_]:
 def _resting(
     system: System, d: FloatArray, inner: FloatArray | None, moving: NDArray[np.bool_], labels: IntArray
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return the constant forces on what does not move, shape (k, n), and what moves, local forces included."""
+    """Return the constant forces on inactive unknowns, shape (k, n), and the active unknowns, local forces included."""
     still, moving = CamMotion(np.zeros(1), np.zeros(1), np.zeros(1)), moving.copy()
     steady = [load.vector * load.history(still)[0] for load in system.loads if load.steady]
     forces = LocalForces(system)
@@ -170,7 +169,7 @@ def _resting(
 
 
 def _varies(force: LocalForce, gap: FloatArray) -> bool:
-    """Return whether a force at rest may change with the cam angle: by its vectors, its offsets or its law."""
+    """Return whether a force at rest depends on the cam angle through its vectors, offsets or law."""
     if any(one.functions for one in (*force.sense, *force.act)):
         return True
     if not all(isinstance(offset, Constant) for offset in force.offset):
@@ -179,7 +178,7 @@ def _varies(force: LocalForce, gap: FloatArray) -> bool:
 
 
 def _unbalanced(system: System, d: FloatArray, steady: FloatArray, labels: IntArray) -> NDArray[np.bool_]:
-    """Return which unknowns the constant forces and the stiffness push by more than rounding."""
+    """Return the unknowns on which constant forces and stiffness are not in equilibrium within rounding."""
     K, scale = system.stiffness, diagonal_scale(system.stiffness)
     strained = np.bincount(K.rows, weights=np.abs(K.values * d[K.cols]), minlength=system.size)
     missing = np.abs(steady.sum(axis=0) - K.times(d)) * scale
@@ -189,13 +188,13 @@ def _unbalanced(system: System, d: FloatArray, steady: FloatArray, labels: IntAr
 
 
 def _started(v: FloatArray, mass: FloatArray) -> NDArray[np.bool_]:
-    """Return which unknowns begin with a velocity; without mass, any velocity is one."""
+    """Return the unknowns with an initial velocity; for massless unknowns any velocity counts."""
     sizes = np.abs(v) * np.sqrt(np.maximum(mass, 0.0))
     return (sizes > _SLOW * sizes.max(initial=0.0)) | ((v != 0.0) & (mass <= 0.0))
 
 
 def _any(one: NDArray[np.bool_], labels: IntArray) -> NDArray[np.bool_]:
-    """Return which unknowns are of a group with some that hold."""
+    """Return the unknowns of groups with at least one marked member."""
     found = np.zeros(len(labels), dtype=bool)
     found[labels[one]] = True
     return found[labels]

@@ -1,8 +1,8 @@
-"""Steps as long as the error allows: the given one, halved as often as needed.
+"""Adaptive time steps: the given step, halved as often as the error requires.
 
-The error of a step is what the method's displacement lacks of the Taylor series with a straight acceleration,
-``d0 + h v0 + h^2 (a0/3 + a1/6)``: O. C. Zienkiewicz and Y. M. Xie, Earthq. Eng. Struct. Dyn. 20 (1991). Halving keeps
-the instants of the results where they are, and as few operators as there are lengths.
+The error of a step is the difference of the displacement from the Taylor series with a linear acceleration, ``d0 + h v0
++ h^2 (a0/3 + a1/6)``: O. C. Zienkiewicz and Y. M. Xie, Earthq. Eng. Struct. Dyn. 20 (1991). Halving preserves the
+output instants and needs one operator per step length.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from flexcam.dynamics.system import System
 
 _MOST_HALVINGS = 16
 _DOUBLED = 1.0 / 16.0
-"""Share of the tolerance below which the step is doubled: its error grows by 8, and half of it is kept in hand."""
+"""Fraction of the tolerance below which the step is doubled: the error grows by 8, with a safety factor of 2."""
 
 
 class StepFloorError(ArithmeticError):
@@ -32,7 +32,7 @@ class StepFloorError(ArithmeticError):
     Parameters
     ----------
     unknown
-        Where it is largest.
+        Unknown with the largest error.
     times
         Error over tolerance.
     step
@@ -45,19 +45,19 @@ class StepFloorError(ArithmeticError):
 
 
 class Norm:
-    """Size of displacements as energies, against the largest of a motion.
+    """Energy norm of displacements, relative to the largest of a motion.
 
-    The stiffness weighs them, and so does the mass at the motion's own frequency, for what no stiffness holds; the
-    diagonals do, so that no unit of an unknown matters.
+    The weights are the diagonals of the stiffness and of the mass at the frequency of the motion, for unknowns without
+    stiffness. The norm therefore does not depend on units.
 
     Parameters
     ----------
     system
         The system.
     motion
-        A motion of the kind that is to be computed: displacements and velocities, shape (m, n).
+        A representative motion: displacements and velocities, shape (m, n).
     unseen
-        Part of an error that displacements do not show, see `Method`.
+        Error not visible in the displacements, see `Method`.
     """
 
     def __init__(self, system: System, motion: Series, unseen: float = 0.0) -> None:
@@ -69,7 +69,7 @@ class Norm:
         self._size = float(np.linalg.norm(moved * self._weights, axis=1).max(initial=0.0))
 
     def error(self, moments: Sequence[StepState]) -> tuple[float, int]:
-        """Return the largest error of some successive steps, as a part of the motion, and the unknown that leads."""
+        """Return the largest relative error of successive steps, and the unknown with it."""
         lacking = np.array([_lacking(*pair, self._unseen) for pair in pairwise(moments)]) * self._weights
         sizes = np.linalg.norm(lacking, axis=1)
         worst = int(np.argmax(sizes))
@@ -77,33 +77,33 @@ class Norm:
 
 
 def _lacking(old: StepState, new: StepState, unseen: float) -> FloatArray:
-    h = new.time - old.time  # zero over an impact
+    h = new.time - old.time  # zero across an impact
     lacking = new.d - old.d - h * old.v - h**2 * (old.a / 3.0 + new.a / 6.0)
     return np.maximum(np.abs(lacking), unseen * h**2 * np.abs(new.a - old.a)) if unseen else lacking
 
 
 class StepController:
-    """Walks as a `EventStepper` does, by steps whose error is below a tolerance.
+    """Step size control on top of an `EventStepper`.
 
     Parameters
     ----------
     walker
-        Takes the steps.
+        Stepper that takes the steps.
     at
-        What is prescribed at a time, s.
+        Prescribed inputs at a time, s.
     step
-        The longest one, s.
+        Largest step, s.
     adaptive
         Tolerance and smallest step.
     norm
-        Measures errors.
+        Error norm.
 
     Attributes
     ----------
     halvings
-        How often the given step is halved now.
+        Current number of halvings of the given step.
     rejected
-        Steps taken again with half their length.
+        Number of steps repeated with half their length.
     """
 
     def __init__(self, walker: EventStepper, at: At, step: float, adaptive: Adaptive, norm: Norm) -> None:
@@ -115,7 +115,7 @@ class StepController:
         self.rejected = 0
 
     def walk(self, now: StepState, to: StepInputs) -> list[StepState]:
-        """Return the instants behind `now` up to `to`, a whole step later."""
+        """Return the instants after `now` up to `to`, one full step later."""
         begin, whole, done = now.time, 2**self._most, 0
         walked: list[StepState] = []
         while done < whole:
@@ -133,7 +133,7 @@ class StepController:
         return walked
 
     def _tried(self, now: StepState, there: StepInputs) -> tuple[list[StepState], float]:
-        """Return a step and its error over the tolerance; no step if that is too large."""
+        """Return a step and its error relative to the tolerance; no step if the error is too large."""
         events = self._walker.events
         part = self._walker.walk(now, there)
         error, unknown = self._norm.error([now, *part])

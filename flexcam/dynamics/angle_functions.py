@@ -17,7 +17,7 @@ AngleFunction = Callable[[FloatArray, int], FloatArray]
 
 @dataclass(frozen=True)
 class Constant:
-    """A function of the cam angle that is `value` everywhere, and can be told from others."""
+    """Constant function of the cam angle, distinguishable from other functions."""
 
     value: float
 
@@ -39,7 +39,7 @@ class Derivative:
 
 @dataclass(frozen=True, eq=False)
 class AngleVector:
-    """A vector that depends on the cam angle: a few constant vectors times scalar functions.
+    """Vector that depends on the cam angle: constant vectors times scalar functions.
 
     Parameters
     ----------
@@ -75,26 +75,26 @@ def derivative(function: AngleFunction) -> AngleFunction:
 
 
 ONE = Constant(1.0)
-"""The function that is 1 everywhere, such as the cosine of a contact that is not inclined."""
+"""Constant function 1, such as the cosine of a contact without inclination."""
 
 
 T = TypeVar("T")
 
 
 class DerivedCamFunction(ABC):
-    """A function of the cam angle that follows from others, which are then computed once for all that follow."""
+    """Function of the cam angle derived from others, evaluated once for all derived functions."""
 
     def __call__(self, angle: FloatArray, order: int) -> FloatArray:
-        """Return it, or a derivative of it."""
+        """Return the function or its derivative."""
         return self.of(CamFunctionCache(angle), order)
 
     @abstractmethod
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
-        """Return the same at the angles where others are known."""
+        """Return the function at angles where other functions are cached."""
 
 
 class CamFunctionCache:
-    """Functions of the cam angle at some angles, each computed once however often it is asked for.
+    """Cache of functions of the cam angle at given angles.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class CamFunctionCache:
 
     def __init__(self, angle: FloatArray) -> None:
         self.angle = angle
-        self._known: dict[tuple[int, int], tuple[AngleFunction, FloatArray]] = {}  # a function keeps its number
+        self._known: dict[tuple[int, int], tuple[AngleFunction, FloatArray]] = {}  # keeps the ids valid
         self._made: dict[object, object] = {}
 
     def __call__(self, function: AngleFunction, order: int) -> FloatArray:
@@ -120,7 +120,7 @@ class CamFunctionCache:
         return found[1]
 
     def once(self, key: object, make: Callable[[], T]) -> T:
-        """Return what was made under a key at these angles, made now if it was not."""
+        """Return the cached value of a key at these angles, computed if missing."""
         if key not in self._made:
             self._made[key] = make()
         return cast("T", self._made[key])

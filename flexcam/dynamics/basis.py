@@ -1,4 +1,4 @@
-"""The same equations in other unknowns: u = T q + u0, by a choice of the unknowns or by shapes."""
+"""Bases of the equations of motion, u = T q + u0: a subset of the unknowns, or modes."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from flexcam.dynamics.system import Channel, Load, LocalForce, MotionView, Obser
 
 
 class Basis(Protocol):
-    """How n unknowns follow from fewer, m."""
+    """Transformation of n unknowns to m generalized coordinates."""
 
     @property
     def held(self) -> FloatArray:
-        """Displacement of the n unknowns where the m are zero, u0; nothing may couple it with the m."""
+        """Offset u0 of the n unknowns at q = 0; it must not couple with the coordinates."""
         ...
 
     @property
     def size(self) -> int:
-        """How many, m."""
+        """Number of coordinates m."""
         ...
 
     def named(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Return names of the m unknowns from those of the n."""
+        """Return names of the m coordinates from those of the n unknowns."""
         ...
 
     def matrix(self, full: Triplets) -> Triplets:
@@ -43,28 +43,28 @@ class Basis(Protocol):
         ...
 
     def saved(self, motions: FloatArray) -> FloatArray:
-        """Return ``T q`` of motions that are saved, shape (f, m) to (f, n): a run may go on from any of them."""
+        """Return ``T q`` of saved motions, shape (f, m) to (f, n): a run can be resumed from any of them."""
         ...
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
-        """Return the q nearest to a motion, shape (n,) to (m,), in the norm of a weight, such as the mass."""
+        """Return the projection q of a motion, shape (n,) to (m,), in the norm of a weight such as the mass."""
         ...
 
     def free(self, motions: FloatArray | None) -> FloatArray | None:
-        """Return the free motions among the m, shape (m, k), from those of the n; None where they must be sought."""
+        """Return the free motions in the m coordinates, shape (m, k); None if they must be computed."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class DofSubset:
-    """Some of the unknowns; the others stay where they are.
+    """Subset of the unknowns; the others are constant.
 
     Parameters
     ----------
     kept
-        Positions of the unknowns, shape (m,).
+        Indices of the unknowns, shape (m,).
     held
-        Displacement of the others, shape (n,); zero for those kept.
+        Displacement of the others, shape (n,); zero for unknowns kept.
     """
 
     kept: IntArray
@@ -89,23 +89,23 @@ class DofSubset:
         return full[..., self.kept]
 
     def spread(self, motion: FloatArray) -> FloatArray:
-        """Return the motions among all unknowns, zero for the others."""
+        """Return the motions expanded to all unknowns, zero for the others."""
         full = np.zeros((*motion.shape[:-1], len(self.held)))
         full[..., self.kept] = motion
         return full
 
     def saved(self, motions: FloatArray) -> FloatArray:
-        """Return the motions among all unknowns."""
+        """Return the motions expanded to all unknowns."""
         return self.spread(motions)
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
-        """Return the motion of those kept."""
+        """Return the motion of the unknowns kept."""
         return motion[self.kept]
 
     def free(self, motions: FloatArray | None) -> FloatArray | None:
         """Return an orthonormal basis of the kept part of the free motions.
 
-        Right where nothing couples the kept with the others, so that each part of a free motion is free by itself.
+        Valid if the kept unknowns are uncoupled from the others, so that each part of a free motion is free.
         """
         if motions is None or not motions.shape[1]:
             return None if motions is None else np.zeros((len(self.kept), 0))
@@ -116,16 +116,16 @@ class DofSubset:
 
 @dataclass(frozen=True, eq=False)
 class ModeBasis:
-    """Amounts of given shapes.
+    """Coordinates of given shape vectors.
 
     Parameters
     ----------
     vectors
         Independent shapes as columns, shape (n, m).
     called
-        A name per amount; ``shape 1`` and so on by default.
+        A name per coordinate; ``shape 1`` and so on by default.
     still
-        Displacement where all amounts are zero, shape (n,), uncoupled with the shapes; None for none.
+        Displacement at zero coordinates, shape (n,), uncoupled from the shapes; None for zero.
     """
 
     vectors: FloatArray
@@ -134,7 +134,7 @@ class ModeBasis:
 
     @property
     def held(self) -> FloatArray:
-        """Displacement where all amounts are zero."""
+        """Displacement at zero coordinates."""
         return np.zeros(len(self.vectors)) if self.still is None else self.still
 
     @property
@@ -143,11 +143,11 @@ class ModeBasis:
         return self.vectors.shape[1]
 
     def named(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Return the names of the amounts."""
+        """Return the names of the coordinates."""
         return self.called or tuple(f"shape {i}" for i in range(1, self.vectors.shape[1] + 1))
 
     def matrix(self, full: Triplets) -> Triplets:
-        """Return ``T' A T`` without what is rounding of its own sums: shapes without mass then have none."""
+        """Return ``T' A T`` with rounding removed: massless shapes then have zero mass."""
         part = self.vectors.T @ full.times_all(self.vectors)
         sizes = replace(full, values=np.abs(full.values)).times_all(np.abs(self.vectors))
         rounding = np.finfo(float).eps * np.sqrt(full.size) * (np.abs(self.vectors).T @ sizes)
@@ -156,11 +156,11 @@ class ModeBasis:
         return Triplets.from_dense(np.where(symmetric, 0.5 * (part + part.T), part))
 
     def rows(self, full: FloatArray) -> FloatArray:
-        """Return what rows make of the shapes."""
+        """Return the rows times the shapes."""
         return full @ self.vectors
 
     def spread(self, motion: FloatArray) -> FloatArray:
-        """Return the sum of the shapes in the given amounts."""
+        """Return the sum of the shapes times the coordinates."""
         return motion @ self.vectors.T
 
     def saved(self, motions: FloatArray) -> FloatArray:
@@ -168,21 +168,21 @@ class ModeBasis:
         return self.spread(motions)
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
-        """Return the amounts whose motion misses the given one by least."""
+        """Return the coordinates of the nearest motion."""
         heavy = weight.times_all(self.vectors)
         return np.asarray(np.linalg.lstsq(self.vectors.T @ heavy, heavy.T @ motion)[0], dtype=float)
 
     def free(self, motions: FloatArray | None) -> FloatArray | None:
-        """Return None: they are few, and soon found."""
+        """Return None: the free motions are recomputed, at low cost."""
         return None
 
 
 _PART = 1e-9
-"""Part of a whole below which a part is rounding."""
+"""Relative size below which an entry is rounding."""
 
 
 def project_system(system: System, basis: Basis) -> System:
-    """Return the equations of a system in other unknowns."""
+    """Return the equations of a system in the coordinates of a basis."""
     shown = _Shown(basis)
     return System(
         mass=basis.matrix(system.mass),
@@ -224,7 +224,7 @@ def _probe(probe: Probe, basis: Basis) -> Probe:
 def _moved(
     known: AngleFunction | None, amounts: FloatArray, functions: tuple[AngleFunction, ...] = ()
 ) -> AngleFunction:
-    """Return a function of the cam angle with amounts of others added; a single amount of none is a constant."""
+    """Return a function of the cam angle plus multiples of others; a single constant stays a constant."""
     begin = known or Constant(0.0)
     if not amounts.any():
         return begin
@@ -247,7 +247,7 @@ def _channel(channel: Channel, shown: _Shown) -> Channel:
 
 
 class _Shown:
-    """Shows what is observed in all unknowns, once to all channels that look at the same."""
+    """Observation expanded to all unknowns, cached for all channels with the same observation."""
 
     def __init__(self, basis: Basis) -> None:
         self._rows = _Rows(basis)
@@ -260,21 +260,21 @@ class _Shown:
 
 
 class _Rows:
-    """Rows over all unknowns as rows over those of a basis, each made once."""
+    """Rows over all unknowns projected to a basis, each computed once."""
 
     def __init__(self, basis: Basis) -> None:
         self.basis, self.held = basis, basis.held
-        self._known: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}  # an array keeps its number
+        self._known: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}  # keeps the ids valid
 
     def __call__(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the rows, and what they pick of what is held."""
+        """Return the projected rows and their products with the offset."""
         if id(rows) not in self._known:
             self._known[id(rows)] = rows, self.basis.rows(rows), rows @ self.held
         return self._known[id(rows)][1:]
 
 
 class _Spread:
-    """Motion of all unknowns from that of others, computed as far as it is asked for."""
+    """Motion of all unknowns from that of the coordinates, computed on demand."""
 
     def __init__(self, inside: MotionView, rows: _Rows) -> None:
         self._inside, self._rows = inside, rows

@@ -20,7 +20,7 @@ class Bathe(Method):
     """Composite step of Bathe: trapezoidal rule over half of it, three-point backward Euler over the whole.
 
     K. J. Bathe and M. M. I. Baig, Computers and Structures 83 (2005); K. J. Bathe, Computers and Structures 85 (2007).
-    Second order, no parameter, every high frequency gone within a step; twice the work of one stage.
+    Second order, no parameter, high frequencies are damped out within a step; twice the work of one stage.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Motions over time, and the motion between saved instants."""
+"""Blocks of results, dense output between instants, and sinks of results."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from flexcam.core.errors import refuse
 from flexcam.dynamics.status import Stats, Status
 
 SLOPES = {"displacement": "velocity", "velocity": "acceleration"}
-"""Motions that are cubics between two instants, and what their slopes are."""
+"""Motions that are cubics between two instants, and their derivatives."""
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Displacement, velocity and acceleration over some instants, arrays of one shape (times, columns)."""
+    """Displacement, velocity and acceleration at a sequence of instants, arrays of shape (times, columns)."""
 
     displacement: FloatArray
     velocity: FloatArray
@@ -27,14 +27,14 @@ class Series:
 
     @classmethod
     def joined(cls, parts: Sequence[Series]) -> Series:
-        """Return the parts one after the other."""
+        """Return the concatenated parts."""
         return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in cls.__annotations__))
 
     def between(self, own: FloatArray, times: FloatArray) -> Series:
-        """Return the motion at other times than its own, s, rising, from the instants on both sides of each.
+        """Return the motion at other ascending times, s, by interpolation between instants.
 
         Displacements are cubics with the velocities at both ends, velocities cubics with the accelerations,
-        accelerations straight lines: of higher order than the integrators, and without overshoot where a law jumps.
+        accelerations linear: of higher order than the integrators, and without overshoot at a jump of a law.
         """
         right = np.clip(np.searchsorted(own, times, side="right"), 1, len(own) - 1)
         left = right - 1
@@ -46,7 +46,7 @@ class Series:
         return Series(moved, moving, a[left] + x * (a[right] - a[left]))
 
     def at(self, instants: NDArray[np.bool_] | IntArray | slice) -> Series:
-        """Return the chosen instants: yes or no for each, or their places."""
+        """Return selected instants by mask or index."""
         return Series(self.displacement[instants], self.velocity[instants], self.acceleration[instants])
 
 
@@ -57,20 +57,20 @@ def _cubic(x: FloatArray, old: FloatArray, new: FloatArray, slope: FloatArray, n
 
 
 _WORTH = 640
-"""Steps below which a block costs more than what is in it."""
+"""Minimum steps per block; below it the overhead of a block exceeds its content."""
 
 
 _FIELDS = 32
-"""Saved fields that are written together, where they are not many steps apart."""
+"""Number of saved fields written together if they are close in time."""
 
 
 _MOST = 8192
-"""Steps in a block at most: what a run has in memory does not depend on how seldom fields are saved."""
+"""Maximum steps per block, so that the memory of a run does not depend on the interval of saved fields."""
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Results of some successive steps.
+    """Results of successive steps.
 
     Parameters
     ----------
@@ -108,16 +108,16 @@ class Block:
 
 @dataclass(frozen=True)
 class SaveAt:
-    """What of a run is kept; probes and channels are kept at every step.
+    """Output settings of a run; probes and channels are saved at every step.
 
     Parameters
     ----------
     field_every
-        All unknowns at every so many steps, the first and the last step included.
+        Interval of saved fields in steps; the first and the last step are included.
     fields_per_block
-        Saved fields handed out together; None for as many as make a block worth its trouble, and keep it small.
+        Saved fields per block; None for an automatic choice.
     channels
-        Whether channels and energies are computed; without them a run cannot go on where laws have internal states.
+        Whether channels and energies are computed; without them a run with internal states cannot be resumed.
 
     Examples
     --------
@@ -131,14 +131,14 @@ class SaveAt:
 
     @property
     def block(self) -> int:
-        """Steps handed out together."""
+        """Steps per block."""
         if self.fields_per_block:
             return self.field_every * self.fields_per_block
         fields = max(_FIELDS, -(-_WORTH // self.field_every))
         return self.field_every * min(fields, _MOST // self.field_every) or _MOST
 
     def fields(self, steps: IntArray, last: int) -> NDArray[np.bool_]:
-        """Tell after which of some steps all unknowns are kept.
+        """Return after which steps all unknowns are saved.
 
         Parameters
         ----------
@@ -162,27 +162,27 @@ class SaveAt:
 
 
 class Sink(Protocol):
-    """Something that takes results as they come."""
+    """Interface of a receiver of results."""
 
     def write(self, block: Block) -> None:
-        """Take the next block."""
+        """Write the next block."""
         ...
 
     def close(self, status: Status, stats: Stats) -> None:
-        """Learn how the run ended; called once, also after a failure."""
+        """Close with the status of the run; called once, also after a failure."""
         ...
 
 
 Advance = Callable[[int], None]
-"""Told how many more of many things are finished."""
+"""Progress callback; its argument is the number of newly finished items."""
 
 
 Thing = TypeVar("Thing")
-"""What is counted."""
+"""Type of an item."""
 
 
 def track_progress(things: Iterable[Thing], advance: Advance | None) -> Iterator[Thing]:
-    """Yield things one after the other, and tell after each that one more is finished."""
+    """Yield items and report progress after each."""
     for one in things:
         yield one
         if advance is not None:

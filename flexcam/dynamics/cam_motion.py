@@ -1,4 +1,4 @@
-"""How the camshaft turns."""
+"""Motion of the camshaft: angle, speed and angular acceleration over time."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from flexcam.dynamics.angle_functions import AngleFunction, CamFunctionCache
 
 @dataclass(frozen=True, eq=False)
 class CamMotion:
-    """Cam angle and its rates at some instants, all of one shape.
+    """Cam angle and its time derivatives at given instants, arrays of one shape.
 
     Parameters
     ----------
     angle, speed, rate
         rad, rad/s, rad/s^2.
     known
-        Functions of the cam at these angles, where some are known.
+        Cache of functions of the cam at these angles, if available.
     """
 
     angle: FloatArray
@@ -32,12 +32,12 @@ class CamMotion:
 
     @cached_property
     def cam(self) -> CamFunctionCache:
-        """Functions of the cam at these angles, each computed once for all who ask."""
+        """Cache of functions of the cam at these angles."""
         return self.known or CamFunctionCache(self.angle)
 
 
 class Drive(Protocol):
-    """How the camshaft turns."""
+    """Interface of the prescribed motion of the camshaft."""
 
     def at(self, time: FloatArray) -> CamMotion:
         """Return the motion at the given times, s."""
@@ -86,16 +86,16 @@ class ConstantSpeed:
 
 @dataclass(frozen=True, eq=False)
 class FluctuatingSpeed:
-    """Camshaft whose speed swings about its mean in orders of the rotation.
+    """Camshaft speed with harmonic fluctuation in orders of the rotation.
 
-    ``omega = omega_0 (1 + sum a_k cos(k omega_0 t + phi_k))``: the swing is counted by the mean rotation.
+    ``omega = omega_0 (1 + sum a_k cos(k omega_0 t + phi_k))``: the phase follows the mean rotation.
 
     Parameters
     ----------
     speed
         Mean, rad/s, above zero.
     orders, amplitudes, phases
-        k, a_k (parts of the mean speed, together below 1) and phi_k, rad; shape (m,) each.
+        k, a_k (fractions of the mean speed, sum below 1) and phi_k, rad; shape (m,) each.
     start
         Cam angle at time zero, rad.
     """
@@ -126,16 +126,16 @@ class FluctuatingSpeed:
 
 
 class SpeedByAngle:
-    """Camshaft whose speed is a function of its angle, periodic by the revolution.
+    """Camshaft speed as a periodic function of the cam angle.
 
     Parameters
     ----------
     speed
-        omega over the cam angle, rad/s, above zero; its first derivative is asked for too.
+        omega over the cam angle, rad/s, above zero; the first derivative is used too.
     start, time
-        Cam angle, rad, and when it is passed, s.
+        Initial cam angle, rad, and its time, s.
     points
-        Of the table of times that is inverted; Newton's method sharpens what it gives.
+        Number of points of the inverted time table; Newton's method refines its values.
     """
 
     def __init__(self, speed: AngleFunction, start: float = 0.0, time: float = 0.0, points: int = 7201) -> None:
@@ -162,13 +162,13 @@ class SpeedByAngle:
         return CamMotion(whole, speed, self._speed(angle, 1) * speed)
 
     def _time_at(self, angle: FloatArray) -> FloatArray:
-        """Return the time at which an angle within the revolution is passed."""
+        """Return the time of an angle within the revolution."""
         step = self._angles[1]
         i = np.clip(np.floor(angle / step).astype(int), 0, len(self._angles) - 2)
         return self._times[i] + self._passing(self._angles[i], angle - self._angles[i])
 
     def _passing(self, angle: FloatArray, width: FloatArray) -> FloatArray:
-        """Return the time that widths behind some angles take, by Gauss's rule of four points."""
+        """Return the times to advance by given widths from given angles, by four-point Gauss quadrature."""
         x, w = np.polynomial.legendre.leggauss(4)
         at = angle[:, None] + 0.5 * width[:, None] * (1.0 + x)
         return 0.5 * width * (w / self._speed(at.ravel(), 0).reshape(at.shape)).sum(axis=1)

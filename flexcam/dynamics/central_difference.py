@@ -1,7 +1,7 @@
-"""The explicit central difference: no equation to solve but with the mass, and a step bound by the highest frequency.
+"""Explicit central difference method with diagonal or factorized mass and a step limited by the highest frequency.
 
-Newmark's formulas with beta = 0 and gamma = 1/2: T. J. R. Hughes, The Finite Element Method (1987), sect. 9.1.
-Damping is taken at the new instant, so the limit ``omega dt = 2`` holds at any damping ratio.
+Newmark's formulas with beta = 0 and gamma = 1/2: T. J. R. Hughes, The Finite Element Method (1987), sect. 9.1. Damping
+is evaluated at the new instant, so the limit ``omega dt = 2`` holds at any damping ratio.
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ from flexcam.dynamics.step_state import StepInputs, StepState
 from flexcam.dynamics.system import System
 
 _LIMIT = 2.0
-"""Of angular frequency times step."""
+"""Stability limit of angular frequency times step."""
 
 _NAME = "central-difference"
 
 
 @dataclass(frozen=True)
 class CentralDifference(Method):
-    """Explicit central difference; made for lumped masses, whose operator is diagonal.
+    """Explicit central difference; intended for lumped masses, whose operator is diagonal.
 
-    Motions without mass are placed by the springs they touch. Contacts are as stiff as they are: where a pressed one
-    bounds the step more than the structure does, a run leaves the range of numbers and says so.
+    Massless motions follow the static equilibrium of their springs. The stiffness of closed contacts is not included in
+    the step limit: if a contact limits the step more than the structure, the run diverges and ends with a status that
+    says so.
 
     Examples
     --------
@@ -66,7 +67,7 @@ class CentralDifference(Method):
 
 
 class _Stepper:
-    """A stage without stiffness in its operator; then the motions without mass."""
+    """A stage without stiffness in its operator, followed by the massless motions."""
 
     def __init__(self, system: System, forces: LocalForces, step: float) -> None:
         self._massless, self._dt = Massless(system), step
@@ -79,20 +80,20 @@ class _Stepper:
         new = self._stage.solve(Prediction(d, now.v + 0.5 * dt * now.a), now, to)
         if not light.any:
             return new
-        # Contacts do not touch what has no mass: what is applied there are loads, and they follow a secant.
+        # Contacts do not act on massless motions: the forces there are loads, which follow a secant.
         v = light.place(new.v, (new.applied - now.applied) / dt)
         return replace(new, v=v, a=light.place(new.a, np.zeros(len(v))))
 
 
 def highest_frequency(system: System, light: Massless | None = None) -> tuple[float, list[str]]:
-    """Return the highest natural frequency of a system without its local forces, and what moves most in it.
+    """Return the highest natural frequency of a system without its local forces, and the unknowns that move most.
 
     Parameters
     ----------
     system
         The system.
     light
-        Its motions without mass, where they are known.
+        Its massless motions, if known.
 
     Returns
     -------

@@ -1,6 +1,6 @@
-"""What a run carries from one block of results to the next, as plain arrays: a run that broke off goes on with it.
+"""Checkpoints: the state of a run between two blocks, as plain arrays, from which an interrupted run resumes.
 
-Knows no equations and no file: `dynamics` makes and takes checkpoints, `io` keeps them in the partial result.
+`dynamics` creates and restores checkpoints; `io` stores them in the partial result.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from numpy.typing import NDArray
 from flexcam.dynamics.blocks import Block
 
 Arrays = Mapping[str, NDArray[Any]]
-"""Arrays by name; a dot stands between the names of what they belong to."""
+"""Arrays by name; dots separate nested names."""
 
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """A run between two blocks of its results.
+    """State of a run between two blocks.
 
     Parameters
     ----------
     steps
-        Instants handed out so far, the start among them.
+        Instants output so far, including the start.
     problem
-        What is solved, as a digest: see `flexcam.dynamics.solve`.
+        Digest of the problem, see `flexcam.dynamics.solve`.
     arrays
-        Everything that the next step depends on and the problem does not tell.
+        State for the next step that is not part of the problem.
     """
 
     steps: int
@@ -39,28 +39,28 @@ class Checkpoint:
 
 @runtime_checkable
 class CheckpointSink(Protocol):
-    """A sink that keeps checkpoints too."""
+    """Sink that also stores checkpoints."""
 
     def keep(self, checkpoint: Checkpoint) -> None:
-        """Take the state of the run behind the block that was written last."""
+        """Store the checkpoint after the last block written."""
         ...
 
 
 class Earlier(Protocol):
-    """The finished part of a run that broke off."""
+    """Completed part of an interrupted run."""
 
     @property
     def checkpoint(self) -> Checkpoint:
-        """Where the run goes on."""
+        """Checkpoint from which the run resumes."""
         ...
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the results up to there, block by block, as the run handed them out."""
+        """Yield the completed results block by block."""
         ...
 
 
 def flatten(name: str, value: object) -> dict[str, NDArray[Any]]:
-    """Return a value and all it is made of as arrays."""
+    """Return a value and its fields as flat arrays."""
     if value is None:
         return {}
     if not is_dataclass(value):
@@ -70,5 +70,5 @@ def flatten(name: str, value: object) -> dict[str, NDArray[Any]]:
 
 
 def arrays_below(name: str, arrays: Arrays) -> dict[str, NDArray[Any]]:
-    """Return the arrays of one value, by their names within it."""
+    """Return the arrays of one value by their nested names."""
     return {key.removeprefix(f"{name}."): array for key, array in arrays.items() if key.startswith(f"{name}.")}

@@ -1,4 +1,4 @@
-"""Where a scalar passes zero within a step: in plain numbers, for the steps of every way through time."""
+"""Contact events: location of zero crossings within a step, and sub-steps to them."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.step_state import StepInputs, StepState
 
 CLOSE = 1e-9
-"""Share of a step within which an event counts as at one of its ends."""
+"""Fraction of a step within which an event coincides with one of its ends."""
 
 SHARP = 1e-12
-"""Share of a step by which an event may be missed."""
+"""Tolerance of an event time as a fraction of a step."""
 
 ROUNDING = 4.0 * 2.220446049250313e-16
-"""Of a time: what differences of times carry."""
+"""Relative rounding of time differences."""
 
 TOGETHER = 1e-6
-"""Share of a step within which events are one, such as those of two trains that mirror each other."""
+"""Fraction of a step within which events are simultaneous, such as those of two symmetric trains."""
 
 MOST_EVENTS = 40
-"""Within one step; what chatters beyond is taken as it comes."""
+"""Maximum number of events within one step; further chatter is not located."""
 
 CORRECTIONS = 60
 
 LEAST = 0.01
-"""Part of a bracket by which a straight line between its ends narrows it at least."""
+"""Minimum relative reduction of a bracket by a secant step."""
 
 
 def crossing(pressed: bool, gap: float, new_gap: float, rate: float, new_rate: float, length: float) -> float:
-    """Return the time in (0, length) at which the cubic through both ends changes sides, by bisection."""
+    """Return the time in (0, length) of the sign change of the cubic through both ends, by bisection."""
     low, high = 0.0, 1.0
     for _ in range(50):
         x = 0.5 * (low + high)
@@ -54,24 +54,24 @@ def crossing(pressed: bool, gap: float, new_gap: float, rate: float, new_rate: f
 
 
 Bracket = tuple[float, float, float, float, bool]
-"""Times between which a scalar changes sides (s), the scalar there (m), and whether the later was the last found."""
+"""Times that bracket a sign change (s), the values there (m), and whether the later was found last."""
 
 
 def narrow_bracket(
     pressed: bool, after: float, gap: float, rate: float, bracket: Bracket
 ) -> tuple[float, float, float, float, float, bool]:
-    """Return where to look next for the zero of a scalar, and the bracket: Newton's method, kept within it."""
+    """Return the next estimate of the zero, by Newton's method within the bracket, and the new bracket."""
     low, high, near, far, was_beyond = bracket
     beyond = (gap > 0.0) != pressed
     if beyond:
-        if was_beyond:  # the same end again: the Illinois rule, lest a stiff contact's side is crept along
+        if was_beyond:  # same end twice: the Illinois rule avoids slow convergence at a stiff contact
             near *= 0.5
         high, far = after, gap
     else:
         low, near = after, gap
     newton = after - gap / rate if rate != 0.0 else high
     if beyond and was_beyond:
-        # Behind an event the scalar begins at zero but for rounding, which is not the zero that is looked for.
+        # After an event the scalar starts at zero up to rounding, which is not the zero sought.
         newton = max(low - near * (high - low) / (far - near), low + LEAST * (high - low))
     if not low < newton < high:
         newton = 0.5 * (low + high)
@@ -81,36 +81,36 @@ def narrow_bracket(
 _MOST_HALVINGS = 6
 
 _WHOLE = 1e-6
-"""Share of a step by which it may seem longer or shorter than it is."""
+"""Tolerance for recognizing a step length, as a fraction."""
 
 _SLOW = 1e-3
-"""Rate of approach, m/s, up to which bodies meet without an impact: the contact's own law then holds them."""
+"""Approach velocity, m/s, below which bodies meet without an impact and the contact law acts."""
 
 Bools = NDArray[np.bool_]
 
 
 class EventStepper:
-    """Walks from instant to instant, with stops in between where a contact switches.
+    """Stepper with stops at events where a contact switches.
 
     Parameters
     ----------
     step
-        The usual one, s.
+        Regular step, s.
     forces
         The system's local forces, stacked.
     starter
-        Restarts after an event.
+        Initial acceleration, for restarts after an event.
     at
-        What is prescribed at a time, s.
+        Prescribed inputs at a time, s.
     stepper
-        Makes what takes steps of a length, s.
+        Returns the stepper of a step length, s.
     balances
         Whether the acceleration balances the forces of its own instant.
 
     Attributes
     ----------
     events
-        How many were located so far.
+        Number of events located so far.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class EventStepper:
         self.events = 0
 
     def walk(self, now: StepState, to: StepInputs, halvings: int = 0) -> list[StepState]:
-        """Return the instants behind `now` up to `to`, which is the last."""
+        """Return the instants after `now` up to and including `to`."""
         try:
             return self._walk(now, to)
         except NoConvergenceError:
@@ -148,7 +148,7 @@ class EventStepper:
     def _advance(self, now: StepState, to: StepInputs) -> StepState:
         length = to.time - now.time
         halvings = round(math.log2(self._step / length)) if length > 0.0 else -1
-        # Differences of times carry the rounding of the time itself: whole, halved... steps are recognized generously.
+        # Time differences have the rounding of the time itself, so step lengths are matched with a tolerance.
         vague = _WHOLE + ROUNDING * abs(to.time) / length if length > 0.0 else 0.0
         if halvings < 0 or abs(length * 2.0**halvings / self._step - 1.0) > vague:
             return self._stepper(length).advance(now, to)
@@ -160,7 +160,7 @@ class EventStepper:
         return self._forces.pressed(moment.gap) if moment.pressed is None else moment.pressed
 
     def _event(self, now: StepState, trial: StepState, to: StepInputs) -> list[StepState]:
-        """Return the instant of the first switch, and behind it the one after an impact."""
+        """Return the instant of the first event, and the one after an impact."""
         self.events += 1
         side, crossed = self._side(now), self._side(now) != self._side(trial)
         length = to.time - now.time
@@ -182,10 +182,7 @@ class EventStepper:
     def _stopped(
         self, now: StepState, trial: StepState, to: StepInputs, which: int, guess: float
     ) -> tuple[StepState, StepInputs]:
-        """Return the instant at which a scalar passes zero, about a time after now.
-
-        Newton's method, kept within a bracket.
-        """
+        """Return the instant of a zero crossing near a given time, by Newton's method within a bracket."""
         length, side = to.time - now.time, bool(self._side(now)[which])
         low, high, after = 0.0, length, guess
         sharp = max(SHARP * length, ROUNDING * abs(to.time))
@@ -212,10 +209,10 @@ class EventStepper:
         if not struck.any() or moment.pressed is None:
             return [moment]
         after = self._starter.impact(moment, there, np.flatnonzero(moment.pressed & bouncing))
-        # Without restitution a contact stays closed, unless another one's impulse drives its bodies apart.
+        # Without restitution a contact stays closed unless another impulse separates it.
         stays = self._gaps(after)[1] > np.where(restitution == 0.0, -_SLOW, 0.0)
         pressed, gap = np.where(struck, stays, moment.pressed), after.gap.copy()
-        gap[self._forces.switching[struck]] = 0.0  # what is left of it is rounding, which would say when it opens again
+        gap[self._forces.switching[struck]] = 0.0  # the remainder is rounding, which would determine the opening
         return [moment, replace(after, pressed=pressed, gap=gap)]
 
     def _gaps(self, moment: StepState) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""The general way through time: every method, every system, one step after the other."""
+"""Direct engine: time stepping for all methods and systems."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
 from flexcam.dynamics.system import System
 
 Pilot = Callable[[Problem, Method], Series]
-"""Returns the motion of the first revolution by the steps as given: errors are measured against its size."""
+"""Function that returns the motion of the first revolution with the given steps, as the reference size of errors."""
 
 
 class DirectEngine:
-    """Walks by the steps of a method, with stops at events and steps divided by their error.
+    """Time stepping with stops at events and adaptive steps.
 
     Parameters
     ----------
@@ -39,11 +39,11 @@ class DirectEngine:
     forces
         The system's local forces, stacked.
     save
-        What is kept: at saved fields the forces are taken anew.
+        Output settings: at saved fields the forces are recomputed.
     stop
-        Asked before every step.
+        Stop callback, called before every step.
     pilot
-        Of a run whose steps adapt.
+        Pilot run for adaptive steps.
     """
 
     def __init__(
@@ -62,14 +62,14 @@ class DirectEngine:
         self._iterations, self._substeps = 0, 0
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
-        """Return the instants of some successive steps, as `Engine` says."""
+        """Return the instants of some successive steps, see `Engine`."""
         _, track, status = self.walk(steps)
         return track, status
 
     def walk(self, steps: IntArray) -> tuple[list[list[StepState]], Trajectory, Status]:
-        """Return the instants of some successive steps one by one as well, with all that the next step needs.
+        """Return the instants of successive steps and the state of each for the next step.
 
-        At saved fields the forces are taken anew from the motion, so that a run from there is this one bit by bit.
+        At saved fields the forces are recomputed from the motion, so that a resumed run is identical bit by bit.
         """
         at = self._problem.times(steps)
         motion = self._problem.drive.at(at)
@@ -86,7 +86,7 @@ class DirectEngine:
     def _walked(
         self, steps: IntArray, at: FloatArray, angle: FloatArray, schedule: PrescribedInputs, loads: FloatArray
     ) -> tuple[list[list[StepState]], Status]:
-        """Return, per step, the instants that end it: stops at events, and the step's own end as the last."""
+        """Return the instants per step: events, and the end of the step last."""
         walked: list[list[StepState]] = []
         walker = self._pace or self._walker
         for i, load in enumerate(loads):
@@ -106,18 +106,18 @@ class DirectEngine:
         return walked, Status()
 
     def counted(self, stats: Stats) -> Stats:
-        """Return figures of the run with those counted here."""
+        """Return the statistics with the counts of this engine."""
         stats = replace(stats, iterations=self._iterations, events=self._walker.events)
         return replace(stats, substeps=self._substeps, rejected=self._pace.rejected) if self._pace else stats
 
     def state(self) -> Arrays:
-        """Return the last instant, how steps are divided, and the counts, as `Engine` says."""
+        """Return the last instant, the step size state and the counts, see `Engine`."""
         paced = (self._pace.halvings, self._pace.rejected) if self._pace else (0, 0)
         counts = np.array([self._iterations, self._substeps, self._walker.events, *paced])
         return {**flatten("last", self._last), "counts": counts}
 
     def restore(self, state: Arrays) -> None:
-        """Go on, as `Engine` says."""
+        """Restore the state, see `Engine`."""
         self._last = StepState.restored("last", state)
         self._iterations, self._substeps, self._walker.events, *paced = state["counts"].tolist()
         if self._pace:
@@ -146,7 +146,7 @@ def _too_small(fault: StepFloorError, system: System, at: float, angle: float) -
 
 
 class KinematicEngine:
-    """Goes through the instants of a problem without unknowns and local forces.
+    """Engine of a problem without unknowns and local forces.
 
     Parameters
     ----------
@@ -155,14 +155,14 @@ class KinematicEngine:
     forces
         Its local forces: none.
     stop
-        Asked before every block of steps.
+        Stop callback, called before every block of steps.
     """
 
     def __init__(self, problem: Problem, forces: LocalForces, stop: Callable[[], bool]) -> None:
         self._problem, self._forces, self._stop = problem, forces, stop
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
-        """Return the instants of some successive steps, as `Engine` says."""
+        """Return the instants of some successive steps, see `Engine`."""
         if self._stop():
             return Trajectory.none(0, self._forces), STOPPED
         nothing = np.zeros((len(steps), 0))
@@ -170,12 +170,12 @@ class KinematicEngine:
         return Trajectory(at, nothing, nothing, nothing, nothing, nothing, nothing, each), Status()
 
     def counted(self, stats: Stats) -> Stats:
-        """Return the figures as they are: no step is taken."""
+        """Return the statistics unchanged: no step is taken."""
         return stats
 
     def state(self) -> Arrays:
-        """Return nothing: every instant follows from the problem alone."""
+        """Return an empty state: all instants follow from the problem."""
         return {}
 
     def restore(self, state: Arrays) -> None:
-        """Go on, as `Engine` says."""
+        """Restore the state, see `Engine`."""

@@ -1,7 +1,7 @@
-"""By how much the forces of a run are out of balance: what the equation of motion lacks, computed from its parts.
+"""Equilibrium residual and energy balance of a run.
 
-The time integration balances forces by its own operators; here they are put together anew, from the matrices, the loads
-and the local forces: between saved fields, where some ways through time take their state anew, and at the last step.
+Both are computed independently of the operators of the time integration, from the matrices, the loads and the local
+forces: between saved fields, where some engines restart their state, and at the last step.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 
 class EquilibriumResidual:
-    """The largest force out of balance, as a part of the largest force, over a run.
+    """Largest residual force relative to the largest force over a run.
 
-    Forces and torques count by the displacement that each causes in its own unknown within a step, in the energy norm,
-    so that no unit of an unknown matters.
+    Forces and torques are measured by the displacement that each causes in its own unknown within a step, in the energy
+    norm, so that units do not matter.
 
     Parameters
     ----------
@@ -47,12 +47,12 @@ class EquilibriumResidual:
 
     @property
     def share(self) -> float:
-        """The largest so far, 1; zero where nothing acts, negative where no instant was looked at."""
+        """Largest value so far, 1; zero without forces, negative if no instant was evaluated."""
         lacking, acting = self._largest
         return float(lacking / acting if acting > 0.0 else acting)
 
     def look(self, track: Trajectory, seen: Observation, schedule: PrescribedInputs, rows: IntArray) -> None:
-        """Take some instants into account."""
+        """Evaluate instants."""
         if not len(rows) or not len(self._weights):
             return
         moved = (track.a[rows], track.v[rows], track.d[rows])
@@ -69,11 +69,11 @@ class EquilibriumResidual:
         return float(np.sqrt(np.einsum("...i,...i->...", weighed, weighed).max()))
 
     def state(self) -> Arrays:
-        """Return what the rest of the run goes on from."""
+        """Return the state for resuming."""
         return {"imbalance": self._largest.copy()}
 
     def restore(self, state: Arrays) -> None:
-        """Go on from what `state` returned."""
+        """Restore the state."""
         self._largest = state["imbalance"].copy()
 
 
@@ -82,18 +82,18 @@ def _product(matrix: FloatArray | csr_array, rows: FloatArray) -> FloatArray:
 
 
 PARTS = ("work", "kinetic", "strain", "contact", "dissipated", "numerical", "residual")
-"""Names of the balance's parts, in order."""
+"""Names of the terms of the balance, in order."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Held:
-    """Energies of some instants, J, shape (m,), and what the work between them is computed from.
+    """Energies at m instants, J, shape (m,), and the quantities for the work between them.
 
-    `elastic` is the strain energy with that of smooth laws (`flexcam.system.Smooth`), which nothing else here counts.
-    `damped` is what the damping holds back, per unknown; `pushes` are loads and forces, `paths` what they move, of all
-    that acts but opposed contacts (`LocalForces.opposed`); `still` the contacts' forces without their dissipation,
-    `by_state` the derivatives of their energy by internal states, `changing` its part that depends on the cam angle,
-    `carried` the part of the sensed rates that the cam alone causes. What a system cannot have, has no columns.
+    `elastic` is the strain energy including that of polynomial laws. `damped` is the damping force per unknown;
+    `pushes` are loads and forces and `paths` their displacements, except for opposed contacts (`LocalForces.opposed`);
+    `still` the contact forces without dissipation, `by_state` the derivatives of their energy by internal states,
+    `changing` its part that depends on the cam angle, `carried` the prescribed part of the sensed rates. Arrays of
+    absent quantities have no columns.
     """
 
     angle: FloatArray
@@ -121,7 +121,7 @@ class _Held:
 
 
 class EnergyAccount:
-    """The balance, block by block.
+    """Energy balance, block by block.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ class EnergyAccount:
         self._stores, self._others = forces.stored_energy(rough), np.flatnonzero(~forces.opposed[rough])
         self._storing = forces.storing[rough]
         self._strikes = not np.isnan(forces.restitution).all()
-        # Vectors of the contacts that are not opposed, and whose force acts along each.
+        # Vectors of the contacts that are not opposed, and the force acting along each.
         self._acting = np.flatnonzero(forces.act.owner[~forces.opposed].any(axis=0))
         self._acted = forces.act.owner[:, self._acting].argmax(axis=0) if forces.count else self._acting
         self._pushed = np.concatenate([system.load_vectors(), forces.act.vectors[self._acting]])
@@ -153,7 +153,7 @@ class EnergyAccount:
     def block(
         self, track: Trajectory, seen: Observation, carried: FloatArray, schedule: PrescribedInputs
     ) -> FloatArray:
-        """Return the parts of the balance at the instants of a block, shape (m, 7), J."""
+        """Return the terms of the balance at the instants of a block, shape (m, 7), J."""
         new = self._held(track, seen, carried, schedule)
         energy = new.kinetic + new.strain + new.contact
         first = self._last is None
@@ -166,16 +166,16 @@ class EnergyAccount:
         return np.column_stack([sums[:, 0], new.kinetic, new.strain, new.contact, sums[:, 1], sums[:, 2], residual])
 
     def state(self) -> Arrays:
-        """Return what the balance of the next block depends on."""
+        """Return the state for the next block."""
         return {**flatten("held", self._last), "sums": self._sums.copy()}
 
     def restore(self, state: Arrays) -> None:
-        """Go on from what `state` returned."""
+        """Restore the state."""
         held = arrays_below("held", state)
         self._last, self._sums = (_Held(**held) if held else None), state["sums"].copy()
 
     def _gone(self, new: _Held, last: _Held | None) -> FloatArray:
-        """Return work, dissipation and numerical loss up to every instant from the one before it, shape (b, 3)."""
+        """Return work, dissipation and numerical loss since the previous instant, shape (b, 3)."""
 
         def added(name: str) -> FloatArray:
             return _paired(np.add, getattr(new, name), getattr(last, name, None))
@@ -183,29 +183,29 @@ class EnergyAccount:
         def passed(name: str) -> FloatArray:
             return _paired(np.subtract, getattr(new, name), getattr(last, name, None))
 
-        # Forces do their mean along the path; what is halved is halved at last.
+        # Work is the mean force along the path; the factor 1/2 is applied at the end.
         damped, given = (0.5 * _dot(added(one), passed(path)) for one, path in (("damped", "d"), ("pushes", "paths")))
-        # What a contact does along its whole depth comes from the unknowns, and where it is not opposed from the cam.
+        # The work of a contact along its penetration comes from the unknowns and, if not opposed, from the cam.
         forces, still, deepened, others = added("force"), added("still"), passed("gap"), self._others
         moving = 0.5 * _dot(forces[:, others], deepened[:, others])
         taken = 0.5 * _dot(forces, deepened) - moving
         lossy = self._stores.lossy
         crushed = 0.5 * _dot(forces[:, lossy] - still[:, lossy], deepened[:, lossy])
         crushed -= 0.5 * _dot(added("by_state"), passed("states"))
-        # What the mean force does beyond the curved one, by Simpson's rule.
+        # Difference of the work of the mean force and of the nonlinear force, by Simpson's rule.
         half = 0.5 * added("gap"), 0.5 * added("states"), 0.5 * added("angle")
         curved = 2.0 / 3.0 * _dot(0.5 * still - self._stores.at(*half)[1], deepened)
         impulse = new.impulse if last else new.impulse[1:]
         struck, impact_lost = (0.5 * _dot(impulse, added(one)) for one in ("carried", "rate"))
-        # A contact that closes and turns back within one step has a damping force of its way out on a path that still
-        # leads in: their product is negative, which is an error of the step.
+        # If a contact closes and reverses within one step, its damping force is that of opening while the path
+        # still closes: the product is negative, which is an error of the step.
         lost = np.maximum(damped + crushed + impact_lost, 0.0)
         numerical = given - taken - passed("kinetic") - passed("elastic") + struck + curved + (crushed - lost)
         work = given + moving + struck + self._turned(new, last)
         return np.column_stack([work, lost, numerical])
 
     def _turned(self, new: _Held, last: _Held | None) -> FloatArray:
-        """Return what the cam's turning stores in contacts whose law changes with its angle, as with its curvature."""
+        """Return the energy stored by cam rotation in contacts whose law depends on the angle."""
         begin = 0 if last else 1
         before = _before(new.gap, last and last.gap), _before(new.states, last and last.states)
         later = self._stores.varying(*before, new.angle[begin:])
@@ -233,14 +233,14 @@ class EnergyAccount:
 
 
 class _Form:
-    """A matrix, all of it or its diagonal where it has nothing else."""
+    """A matrix in dense form, or its diagonal if it is diagonal."""
 
     def __init__(self, matrix: Triplets) -> None:
         self._diagonal = matrix.diagonal() if (matrix.rows == matrix.cols).all() else None
         self._whole: FloatArray | csr_array = operator(matrix) if self._diagonal is None else np.zeros((0, 0))
 
     def times(self, rows: FloatArray) -> FloatArray:
-        """Return what it makes of every row, shape (m, n)."""
+        """Return the product with every row, shape (m, n)."""
         if self._diagonal is not None:
             return rows * self._diagonal
         return np.asarray(rows @ self._whole, dtype=float)
@@ -251,7 +251,7 @@ class _Form:
 
 
 def _paired(operation: np.ufunc, now: FloatArray, last: FloatArray | None) -> FloatArray:
-    """Return sum or difference of every instant and the one before it; the first has none where `last` is None."""
+    """Return sum or difference of successive instants; without `last` the first instant has none."""
     if last is None:
         return np.asarray(operation(now[1:], now[:-1]), dtype=float)
     found = np.empty_like(now)
@@ -261,7 +261,7 @@ def _paired(operation: np.ufunc, now: FloatArray, last: FloatArray | None) -> Fl
 
 
 def _before(now: FloatArray, last: FloatArray | None) -> FloatArray:
-    """Return the instants before each; the first has none where `last` is None."""
+    """Return the preceding instants; without `last` the first instant has none."""
     return now[:-1] if last is None else np.concatenate([last, now[:-1]])
 
 

@@ -1,4 +1,4 @@
-"""What `solve` asks of a way through time: the next steps, and how they ended."""
+"""Interface of a time-integration engine."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from flexcam.dynamics.system import System
 
 
 class Engine(Protocol):
-    """Walks through a problem; made at its start."""
+    """Engine that advances a problem from its start."""
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
-        """Return the instants of some successive steps, and whether all of them could be taken."""
+        """Return the instants of successive steps, and the status."""
         ...
 
     def counted(self, stats: Stats) -> Stats:
-        """Return figures of the run with those that the engine counts."""
+        """Return the statistics with the counts of the engine."""
         ...
 
     def state(self) -> Arrays:
-        """Return everything the next step depends on and the problem does not tell, and the counts."""
+        """Return the state for resuming that is not part of the problem, and the counts."""
         ...
 
     def restore(self, state: Arrays) -> None:
-        """Go on from what `state` returned, in this process or in another one."""
+        """Restore a state, in this process or another one."""
         ...
 
 
 LARGEST = 1e100
-"""Size (SI) beyond which a motion has diverged; its squares, as stresses need them, are still numbers."""
+"""Magnitude (SI) above which a motion has diverged; its square, needed for stresses, is still finite."""
 
 STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "what was finished is kept; --resume goes on from there")
 
@@ -45,16 +45,16 @@ STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "what was finished is
 def in_range(
     track: Trajectory, before: FloatArray | None, system: System, angle: FloatArray
 ) -> tuple[Trajectory, Status]:
-    """Return the steps up to the last one in range, and a status that names what left it first."""
+    """Return the steps before the first divergence, and a status that names the diverging quantity."""
     if all(all_within(one) for one in (track.d, track.v, track.a, track.local)):
         return track, Status()
     every = stack_motion(track)
     good = (np.abs(every[track.ends]) < LARGEST).all(axis=1)  # False for NaN as well
-    if good.all():  # large together, or out of range between the ends of steps alone
+    if good.all():  # large in sum, or out of range only between the ends of steps
         return track, Status()
     count = int(np.argmin(good))
     at = int(track.ends[count])
-    # One overflow spoils every unknown within its step: what was ahead just before is what left.
+    # An overflow affects every unknown within its step: report the unknown that was largest just before.
     ahead = np.where(np.isfinite(every[at]), np.abs(every[at]), np.inf)
     previous = every[track.ends[count - 1]] if count else before
     if previous is not None and np.count_nonzero(ahead == ahead.max()) > 1:
@@ -66,23 +66,23 @@ def in_range(
 
 
 def all_within(values: FloatArray) -> bool:
-    """Tell whether all values are in range for certain; what is not a number is not."""
+    """Return whether all values are finite and in range."""
     flat = values.ravel(order="K")
     return float(flat @ flat) < LARGEST**2
 
 
 def stack_motion(track: Trajectory) -> FloatArray:
-    """Return motion and forces side by side."""
+    """Return motion and forces as columns."""
     return np.hstack([track.d, track.v, track.a, track.local])
 
 
 def instant(at: float, angle: float) -> str:
-    """Return an instant in words."""
+    """Format an instant for messages."""
     return f"at t = {at:.6g} s, cam angle {np.degrees(angle):.2f} deg"
 
 
 def convergence_failure(forces: list[str], at: float, angle: float) -> Status:
-    """Return the status of local forces that do not settle."""
+    """Return the status of a local Newton iteration that did not converge."""
     text = f"{', '.join(dict.fromkeys(forces))} did not settle within the step {instant(at, angle)}"
     return Status(Cause.NO_CONVERGENCE, text, "take a smaller step or a softer contact")
 

@@ -29,10 +29,10 @@ from flexcam.dynamics.reduced_problem import basis_of, reduce_problem
 from flexcam.dynamics.system import System
 
 MOST = 500
-"""Unknowns up to which all modes are computed, within half a second."""
+"""Number of unknowns up to which all modes are computed, within half a second."""
 
 _MODAL_STEPS, _SQUARED = 1000, 15
-"""Steps above which modes are worth computing: so many, and of more unknowns their square over so many."""
+"""Minimum number of steps for which modes are worthwhile: a constant plus the squared unknowns over a number."""
 
 _STEP, _LAW, _SQUARE = 1.0e-4, 1.2e-4, 4.0e-9
 """Measured time of a step of the direct engine, s: at least, per force law, and per square of the unknowns."""
@@ -41,14 +41,14 @@ _COMPILER = 2.5
 seconds to compile once per installation, and half a second to load afterwards."""
 
 _SPARSE = 10
-"""Steps between saved fields from which a run can go on from every one of them bit by bit."""
+"""Interval of saved fields above which a run can be resumed from every field bit by bit."""
 _FEW = 24
-"""Scalars of probes up to which they are computed without the motion."""
+"""Number of probe scalars up to which they are computed without the motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class SelectedEngine:
-    """The engine of a problem.
+    """Engine of a problem.
 
     Parameters
     ----------
@@ -57,9 +57,9 @@ class SelectedEngine:
     problem
         What is integrated.
     bases
-        How the unknowns shown follow from those integrated, the innermost first.
+        Bases from the integrated to the output unknowns, innermost first.
     natural
-        The modes, where the engine works in modal coordinates.
+        Modal coordinates, if the engine uses them.
     """
 
     engine: EngineName
@@ -69,7 +69,7 @@ class SelectedEngine:
 
 
 def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEngine:
-    """Return the engine that was asked for, or the fastest that fits."""
+    """Return the requested engine, or the fastest suitable one."""
     basis = basis_of(problem)
     plain = problem if basis is None else reduce_problem(problem, basis)
     if refusal := method.refusal(plain.system, plain.step):
@@ -80,7 +80,7 @@ def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEng
         if engine == "direct":
             return SelectedEngine("direct", plain, outer)
         try:
-            exactly = save.field_every >= _SPARSE and problem.runs == 1  # nobody goes on from one of many runs
+            exactly = save.field_every >= _SPARSE and problem.runs == 1  # single runs of a study are not resumed
             natural, inside = _natural(plain, method, engine, exactly=exactly)
         except _UnfitError as unfit:
             refusals.append(str(unfit))
@@ -91,7 +91,7 @@ def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEng
 
 
 def candidate_engines(problem: Problem) -> tuple[EngineName, ...]:
-    """Return the engine asked for, or those that the length of the run makes worthwhile, the best one first."""
+    """Return the requested engine, or those worthwhile for the length of the run, best first."""
     if problem.engine != "auto":
         return (problem.engine,)
     system = problem.system
@@ -104,7 +104,7 @@ def candidate_engines(problem: Problem) -> tuple[EngineName, ...]:
 
 
 def direct_time(problem: Problem) -> float:
-    """Return the predicted time of the direct engine for a problem and the runs like it to come, s."""
+    """Return the predicted time of the direct engine for a problem and its future runs, s."""
     laws = sum(
         len(force.sense) // force.law.scalars if isinstance(force.law, ForceLaw) else 1
         for force in problem.system.local_forces
@@ -114,7 +114,7 @@ def direct_time(problem: Problem) -> float:
 
 
 class _UnfitError(ValueError):
-    """Why an engine cannot integrate a problem."""
+    """Reason why an engine cannot integrate a problem."""
 
 
 def _natural(

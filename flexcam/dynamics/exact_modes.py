@@ -1,8 +1,8 @@
-"""Exact integration of linear systems, mode by mode: no error but that of loads between the instants.
+"""Exact integration of linear systems in modal coordinates; the only error is the interpolation of loads.
 
-Loads are taken as straight lines between the instants, and the modes' answer to them is the matrix exponential:
-N. C. Nigam and P. C. Jennings, Bull. Seismol. Soc. Am. 59 (1969); C. F. Van Loan, IEEE Trans. Autom. Control 23
-(1978), for the integrals of the load.
+Loads are linear between the instants, and the modal response is computed with the matrix exponential: N. C. Nigam and
+P. C. Jennings, Bull. Seismol. Soc. Am. 59 (1969); C. F. Van Loan, IEEE Trans. Autom. Control 23 (1978), for the
+integrals of the load.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from flexcam.dynamics.step_state import StepInputs, StepState
 from flexcam.dynamics.system import System
 
 _MOST = 600
-"""Unknowns up to which all modes are carried."""
+"""Maximum number of unknowns."""
 
 _COUPLED = 1e-9
-"""Damping between two modes, as a part of their own, that counts as none."""
+"""Modal damping coupling, relative to the diagonal, that counts as zero."""
 
 _NAME = "exact"
 
 
 @dataclass(frozen=True)
 class Exact(Method):
-    """Exact answer of every mode to loads that are straight lines between the instants.
+    """Exact response of every mode to loads that are linear between the instants.
 
     Examples
     --------
@@ -40,7 +40,7 @@ class Exact(Method):
 
     @property
     def order(self) -> int:
-        """Order of accuracy under loads that bend between the instants; free vibration has no error."""
+        """Order of accuracy for loads that are nonlinear between the instants; free vibration is exact."""
         return 2
 
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
@@ -56,7 +56,7 @@ class Exact(Method):
         return _Stepper(system, step)
 
     def refusal(self, system: System, step: float) -> InputError | None:
-        """Return the refusal of local forces, of dampers without mass, and of large systems."""
+        """Return the error for local forces, dampers without mass, and large systems."""
         if system.local_forces:
             names = ", ".join([force.name for force in system.local_forces][:6])
             why = "modes answer exactly to loads that do not depend on the motion"
@@ -68,7 +68,7 @@ class Exact(Method):
 
 
 class _Stepper:
-    """All modes; then the motions without mass, which neither mass nor damping couples to them."""
+    """All modes, then the massless motions, which mass and damping do not couple to them."""
 
     def __init__(self, system: System, step: float) -> None:
         self._light, self._dt = Massless(system), step
@@ -92,9 +92,9 @@ class _Stepper:
 
 
 class _Modes:
-    """Modal coordinates over a step: in groups of one where damping does not couple them, else all in one.
+    """Modal coordinates over a step: one by one if damping does not couple them, else all in one group.
 
-    A group's state is (s q, q') with s of the size of the frequency, so that both parts are of one size.
+    A group's state is (s q, q') with s of the size of the frequency, so that both parts have similar size.
     """
 
     def __init__(self, omega: FloatArray, damping: FloatArray, step: float) -> None:
@@ -119,7 +119,7 @@ class _Modes:
     def advance(
         self, q: FloatArray, speed: FloatArray, old: FloatArray, new: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return coordinates and speeds a step later, under forces that go straight from old to new, (m,) each."""
+        """Return coordinates and velocities one step later, for forces linear from old to new, (m,) each."""
         given = [one.reshape(self._shape) for one in (self._scale * q, speed, old, new - old)]
         state = np.einsum("gij,gj->gi", self._over, np.concatenate(given, axis=1))
         k = self._shape[1]

@@ -1,7 +1,7 @@
-"""What a revolution makes of a state and of small disturbances of it: the map of a period and its derivative.
+"""Floquet multipliers: map of a period and its derivative.
 
 The derivative is the product of those of the steps of the average acceleration between successive instants of a run,
-events and impacts among them, so that it is that of the numerical motion itself. The time of an event depends on the
+including events and impacts, so that it is the derivative of the numerical motion. The time of an event depends on the
 disturbance: a step ends with it, the velocities may jump, and the next step begins with it. For short steps the three
 together are the saltation matrix, ``R_x + (f+ - R_x f- - R_t) g_x'/g'`` for an impact R at g = 0: R. I. Leine and H.
 Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems (2004), ch. 7 and 8; M. di Bernardo et al.,
@@ -35,43 +35,43 @@ from flexcam.dynamics.status import RunFailedError, Stats
 from flexcam.dynamics.step_state import StepInputs, StepState
 
 LARGEST = 400
-"""Unknowns up to which a basis of disturbances is carried along."""
+"""Maximum number of unknowns."""
 
 _BLOCK = 500
-"""Steps whose instants are in memory together."""
+"""Number of steps whose instants are in memory together."""
 
 _SAME = 1e-9
-"""Difference of the lengths of two steps, as a part of them, that is rounding of their times."""
+"""Relative difference of two step lengths that is rounding."""
 
 _OFTEN = 40
-"""Equal steps in a row from which a power of their matrix is cheaper than one after the other."""
+"""Number of equal steps above which a matrix power is cheaper than single steps."""
 
 _TOUCH = 1e-15
-"""Depth, m, of a contact that is about to part or to close: on its side, and nowhere."""
+"""Penetration, m, assigned to a contact that is about to open or close, to select its side."""
 
 _AT_ONCE = 1e-6
-"""Part of a step within which it is about to."""
+"""Fraction of a step within which a contact is about to switch."""
 
 _BESIDE = 1e-3
-"""Part of a step by which one looks to both sides of an event."""
+"""Fraction of a step for the limits on both sides of an event."""
 
 Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class PeriodMap:
-    """A period of a problem, with its states as displacements, velocities and internal states in a row.
+    """Map of one period; states are displacements, velocities and internal states in a row.
 
     Parameters
     ----------
     end
-        The state behind it, shape (2n + s,).
+        State at the end, shape (2n + s,).
     derivative
-        Of the end by the begin, shape (2n + s, 2n + s); empty where it was not asked for.
+        Derivative of the end by the initial state, shape (2n + s, 2n + s); empty if not requested.
     fields
         Displacements and velocities at the ends of steps, shape (m, 2n).
     events
-        Contacts that opened or closed.
+        Number of contacts that opened or closed.
     """
 
     end: FloatArray
@@ -86,7 +86,7 @@ def period_map(problem: Problem, method: Method, stop: Callable[[], bool], *, de
     Raises
     ------
     RunFailedError
-        If the run breaks off, with its status.
+        If the run fails, with its status.
     """
     if refusal := method.refusal(problem.system, problem.step):
         raise refusal
@@ -115,12 +115,12 @@ def _revolved(problem: Problem, method: Method, stop: Callable[[], bool], *, der
 
 
 class Disturbances:
-    """What becomes of a unit disturbance of every displacement, velocity and internal state.
+    """Evolution of unit disturbances of displacements, velocities and internal states.
 
     Parameters
     ----------
     problem
-        The problem, of which system, drive and step count.
+        The problem; only system, drive and step are used.
     forces
         Its local forces, stacked.
     """
@@ -137,7 +137,7 @@ class Disturbances:
         self._shift: FloatArray | None = None
 
     def follow(self, moments: list[StepState]) -> None:
-        """Carry the disturbances on over successive instants, from the last one followed before."""
+        """Propagate the disturbances over successive instants."""
         every = moments if self._last is None else [self._last, *moments]
         schedule = self._forces.schedule(self._problem.drive.at(np.array([one.time for one in every])))
         if self._last is None:
@@ -160,21 +160,21 @@ class Disturbances:
         self._last = every[-1]
 
     def carried(self) -> FloatArray:
-        """Return what has become of the disturbances, shape (2n + s, 2n + s)."""
+        """Return the propagated disturbances, shape (2n + s, 2n + s)."""
         self._flush()
         if self._last is None or self._shift is None:
             return self._carried
-        return self._carried - self._flow(self._last)[:, None] * self._shift  # the end does not shift with a last event
+        return self._carried - self._flow(self._last)[:, None] * self._shift  # a last event does not shift the end
 
     def _side(self, moment: StepState) -> Bools:
         return self._forces.pressed(moment.gap) if moment.pressed is None else moment.pressed
 
     def _at(self, schedule: PrescribedInputs, i: int, moment: StepState, side: Bools) -> Linear:
-        """Return the linear system at an instant, every contact on the side on which it is within the step."""
+        """Return the linear system at an instant, with every contact on its side within the step."""
         return self._linear.at(schedule, i, self._on(side, moment), moment.rate, moment.inner)
 
     def _on(self, side: Bools, moment: StepState) -> FloatArray:
-        """Return what is sensed, with contacts that are about to part or to close on their side."""
+        """Return the sensed scalars, with contacts that are about to switch set to their side."""
         gap, which = moment.gap.copy(), self._forces.switching
         depth = gap[which]
         there = np.abs(depth) <= _AT_ONCE * self._problem.step * np.abs(moment.rate[which])
@@ -197,7 +197,7 @@ class Disturbances:
         self._waiting, self._count = step, 1
 
     def _flush(self) -> None:
-        """Take the steps that wait, all of them equal."""
+        """Apply the pending steps, which are all equal."""
         if self._waiting is None:
             return
         if self._count < _OFTEN:
@@ -209,7 +209,7 @@ class Disturbances:
         self._waiting, self._count = None, 0
 
     def _pass(self, schedule: PrescribedInputs, i: int, old: StepState, new: StepState) -> None:
-        """Take a step that begins or ends at an event, whose time follows the disturbances.
+        """Apply a step that begins or ends at an event, whose time depends on the disturbances.
 
         An event at g(d, t) = 0 comes later by ``-g_d Y/g'``, with the rate of g by the length of the step.
         """
@@ -233,7 +233,7 @@ class Disturbances:
         self._carried = after
 
     def _strike(self, old: StepState, new: StepState) -> None:
-        """Go on behind an impact R(x, t): the disturbances become ``R_x Y + R_t t'``, with the shift t' of its time."""
+        """Apply an impact R(x, t): the disturbances become ``R_x Y + R_t t'``, with the shift t' of its time."""
         n, switching = self._problem.system.size, self._forces.switching
         held = np.flatnonzero(_impulse(new)[switching] > 0.0)
         hit, rate = self._starter.struck(self._instant(old.time), held), old.rate[switching[held]]
@@ -250,16 +250,16 @@ class Disturbances:
         self._carried, self._shift = np.vstack([d, v, z]), shift
 
     def _change(self, old: StepState, held: IntArray, factor: FloatArray, after: float) -> FloatArray:
-        """Return by how much the velocities would change if the same motion met a little later, shape (n,)."""
+        """Return the change of the impact velocities per delay of the same motion, shape (n,)."""
         to = self._instant(old.time + after)
         hit = self._starter.struck(to, held)
         rate = hit.sense @ old.v + hit.turning @ old.d + to.schedule.offset_rate[0][self._forces.switching[held]]
         return hit.turned(rate, factor)
 
     def _drift(self, moment: StepState, side: Bools) -> FloatArray:
-        """Return by how much the cam alone changes forces (n,) and rates of internal states (s,), per second.
+        """Return the rates of forces (n,) and of internal state rates (s,) due to the cam motion alone, per second.
 
-        Contacts stay on their side: what the cam does to their depth is weighed with their stiffness there.
+        Contacts stay on their side: the prescribed penetration rate is multiplied by their stiffness.
         """
         beside = _BESIDE * self._problem.step
         before, there, after = (self._instant(moment.time + one * beside) for one in (-1.0, 0.0, 1.0))
@@ -299,21 +299,21 @@ def _impulse(moment: StepState) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Floquet:
-    """Multipliers of a periodic motion.
+    """Floquet multipliers of a periodic motion.
 
     Parameters
     ----------
     multipliers
         Largest first, complex, shape (2m + s,): of m unknowns integrated and s internal states of local forces.
     shapes
-        Displacements of all unknowns at the period's beginning that belong to them, complex, shape (n, 2m + s).
+        Displacements of all unknowns at the beginning of the period, complex, shape (n, 2m + s).
     period
         s.
     names
         Of the unknowns.
     events
-        How often contacts open or close within the period. With some, large multipliers tell of chatter: small
-        differences of the times of bounces grow, as those of a bouncing ball do.
+        Number of contact openings and closings within the period. Large multipliers may then indicate chatter: small
+        differences of the times of bounces grow.
     """
 
     multipliers: ComplexArray
@@ -324,13 +324,13 @@ class Floquet:
 
     @property
     def growth(self) -> float:
-        """Rate at which the largest disturbance grows, 1/s; negative where it dies out."""
+        """Growth rate of the largest disturbance, 1/s; negative if it decays."""
         return math.log(max(abs(complex(self.multipliers[0])), np.finfo(float).tiny)) / self.period
 
     def stable(self, tolerance: float = 1e-5) -> bool:
-        """Tell whether no multiplier is beyond 1 by more than a tolerance.
+        """Return whether no multiplier exceeds 1 by more than a tolerance.
 
-        A free motion has a double multiplier of 1, of which rounding leaves half the digits and fewer.
+        A free motion has a double multiplier of 1, which is accurate to half the digits or fewer.
         """
         return bool(abs(self.multipliers[0]) <= 1.0 + tolerance)
 
@@ -346,9 +346,9 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
     Parameters
     ----------
     problem
-        One period, from the state that returns behind it.
+        One period, from its periodic state.
     method
-        By which the motion is found; disturbances of it follow the average acceleration. None for that as well.
+        Method for the motion; disturbances use the average acceleration. None for the average acceleration.
 
     Returns
     -------
@@ -358,9 +358,9 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
     Raises
     ------
     InputError
-        If there are no unknowns, or too many to carry a disturbance of each.
+        If there are no unknowns, or too many.
     RunFailedError
-        If the run of the period breaks off.
+        If the run of the period fails.
     """
     basis = problem.basis
     inside = problem if basis is None else reduce_problem(problem, basis)

@@ -25,8 +25,9 @@ BILATERAL, STOP, HUNT_CROSSLEY, LINE_CONTACT, OIL_COLUMN, PULSATING, LEVER, ARCH
 """Numbers of the laws."""
 
 TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE, CHANGE = range(10)
-"""Rows of the local scalars: the force that is tried, what is sensed under it, the force that the law answers, what is
-sensed without the forces, the root of a scalar's own compliance, the stored energy, and two rows of the iteration."""
+"""Rows of the local scalars: trial force, sensed penetration and rate under it, force of the law, sensed values without
+the forces, square root of the scalar's own compliance, the stored energy, and two rows of the iteration.
+"""
 LOCAL_ROWS = 10
 
 STATE, BEGIN, NEW_STATE, STATE_RATE, FLOW, ENERGY_BY_STATE, BY_TRAVEL, BY_BEGIN = range(8)
@@ -36,8 +37,11 @@ rate per unit of (penetration - state), the derivative of the stored energy by t
 STATE_ROWS = 8
 
 KIND, FIRST, SCALARS, CONSTANTS, FUNCTIONS, LAW_STATE, FRICTION = range(7)
-"""Columns of the table of laws: number of the law, its first scalar and how many it senses, where its constants and its
-functions of the cam angle begin, its internal state (-1 for none), and where the constants of its friction begin."""
+"""Columns of the table of laws.
+
+They are the number of the law, its first scalar and number of scalars, first constant, first function of the cam angle,
+internal state (-1 for none), and first constant of friction.
+"""
 
 _MAX_ITERATIONS = 60
 _CONVERGED = 1e-7
@@ -46,7 +50,7 @@ _SMALLEST = 1e-300
 """Smallest argument of the logarithm."""
 
 ARCH_SCALARS = 7
-"""Scalars of a shallow arch: the stretch, then slope of the chord and both end rotations in two planes."""
+"""Scalars of a shallow arch: the elongation, then chord slope and both end rotations in two planes."""
 
 
 def bilateral(x: float, v: float, stiffness: float, damping: float) -> Answer:
@@ -344,7 +348,7 @@ def coulomb(rate: float, speed: float) -> tuple[float, float]:
 
 
 def lever(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: FloatArray) -> None:
-    """Write the answer of an elastic lever end of path p and motion x beyond its linear spring.
+    """Write the response of an elastic lever end with path p and motion x beyond its linear spring.
 
     The force of the true penetration ``y(p) - x`` less that of the linear one acts on x, and by virtual work times
     ``y'(p)`` on the lever.
@@ -376,7 +380,7 @@ def lever(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: Flo
 
 
 def arch(constants: FloatArray, b: int, i: int, bent: int, local: FloatArray, tangent: FloatArray) -> None:
-    """Write the answer of a shallow arch beyond the straight bar and beam, see `flexcam.fem.elements.arch`.
+    """Write the response of a shallow arch beyond the linear bar and beam, see `flexcam.fem.elements.arch`.
 
     Axial strain ``e = D + y g (y + 2 y0)/2`` with axial force ``N = EA/L e``: the forces are ``N g (y + y0)`` on the
     bending scalars y and ``EA/L (e - D)`` on the stretch D.
@@ -540,12 +544,12 @@ FUNCTIONS_OF_LAWS = (
     bilateral, stop, hunt_crossley, line_load, line_contact, oil_column, lever_motion, coulomb, lever, arch, custom,
     respond, respond_rows,
 )  # fmt: skip
-"""In the order in which they call each other, for the compiler."""
+"""Functions for the compiler, in the order of their calls."""
 
 
 @dataclass(frozen=True)
 class LawKind:
-    """A row of the table of laws.
+    """Row of the table of laws.
 
     Parameters
     ----------
@@ -556,11 +560,11 @@ class LawKind:
     functions
         Names of its functions of the cam angle.
     scalars
-        How many scalars it senses, without friction.
+        Number of sensed scalars, without friction.
     states
-        How many internal states it has.
+        Number of internal states.
     damping
-        Position of the constant that dissipates; None where it has none.
+        Index of the damping constant; None without damping.
     touching
         Whether it begins to act where its first scalar becomes positive: a step ends there.
     polynomial
@@ -607,7 +611,7 @@ class ForceLaw:
     functions
         Of the cam angle, as `LAWS` names them.
     friction
-        mu and v0 (m/s) of Coulomb friction on a further scalar behind that of the law; None without.
+        mu and v0 (m/s) of Coulomb friction on an additional scalar after those of the law; None without friction.
     """
 
     kind: int
@@ -627,12 +631,12 @@ class ForceLaw:
 
     @property
     def lossless(self) -> bool:
-        """Whether it gives back all energy that it takes."""
+        """True if the law is conservative."""
         where = LAWS[self.kind].damping
         return self.friction is None and not self.states and (where is None or self.constants[where] == 0.0)
 
     def idle_scalars(self) -> tuple[tuple[int, ...], ...]:
-        """Return sets of scalars on which no force acts, and which cause none, while they are zero.
+        """Return sets of scalars that, while zero, neither carry nor cause a force.
 
         The scalars of bending of a shallow arch without a bow in that plane: a straight strut stays straight.
         """

@@ -1,6 +1,6 @@
-"""One-step schemes of the generalized-alpha family: Newmark, HHT-alpha and generalized-alpha are its members.
+"""One-step schemes of the generalized-alpha family: Newmark, HHT-alpha and generalized-alpha.
 
-Balance at a weighted instant, with ``d`` displacement, ``v`` velocity, ``a`` acceleration::
+Equation of motion at a weighted instant, with ``d`` displacement, ``v`` velocity, ``a`` acceleration::
 
     (1 - am) M a1 + am M a0 + (1 - af) r1 + af r0 = 0,      r = C v + K d - f
     d1 = d0 + dt v0 + dt^2 ((1/2 - beta) a0 + beta a1)
@@ -27,10 +27,10 @@ from flexcam.dynamics.step_state import StepInputs, StepState
 from flexcam.dynamics.system import System
 
 _ROUNDING = 1e-12
-"""Of sums of the parameters, which are of size 1."""
+"""Rounding of sums of the parameters, which are of size 1."""
 
 _TRAPEZOIDAL = 1.0 / 12.0
-"""Error of the trapezoidal rule in a step, over h^2 times the change of the slope."""
+"""Error of the trapezoidal rule in a step, divided by h^2 times the change of the slope."""
 
 
 Number = TypeVar("Number", float, FloatArray, LongArray)
@@ -78,7 +78,7 @@ class Scheme(Method):
     Raises
     ------
     InputError
-        If a parameter makes no scheme: beta below zero, gamma below 1/2 (it would gain energy), a weight of 1.
+        If a parameter is invalid: beta below zero, gamma below 1/2 (energy growth), or a weight of 1.
 
     Examples
     --------
@@ -113,36 +113,36 @@ class Scheme(Method):
 
     @property
     def balances(self) -> bool:
-        """Whether the acceleration balances the forces of its own instant."""
+        """True if the acceleration satisfies the equation of motion at its own instant."""
         return not self.alpha_m and not self.alpha_f
 
     @property
     def average(self) -> bool:
-        """Whether it is the average acceleration: a step then depends on the sum of both accelerations alone."""
+        """True if the scheme is the average acceleration: a step then depends only on the sum of both accelerations."""
         return (self.beta, self.gamma, self.alpha_m, self.alpha_f) == (0.25, 0.5, 0.0, 0.0)
 
     @property
     def unseen(self) -> float:
-        """Error of a step in the velocity, that of the trapezoidal rule, where the displacement is better than that.
+        """Error of a step in the velocity, that of the trapezoidal rule, if the displacement is more accurate.
 
-        At beta = 1/6 the displacement is the very series that it is measured by, while its velocity is not.
+        At beta = 1/6 the displacement equals the series used for the error estimate, while the velocity does not.
         """
         return _TRAPEZOIDAL if self.beta < 1.0 / 6.0 + _TRAPEZOIDAL - _ROUNDING else 0.0
 
     def effective_mass(
         self, mass: FloatArray, damping: FloatArray, stiffness: FloatArray, step: float
     ) -> FloatArray:  # fmt: skip
-        """Return what resists the new acceleration of modes: ``(1 - am) m + (1 - af)(gamma h c + beta h^2 k)``."""
+        """Return the effective modal mass ``(1 - am) m + (1 - af)(gamma h c + beta h^2 k)``."""
         new = 1.0 - self.alpha_f
         return (1.0 - self.alpha_m) * mass + new * (self.gamma * step * damping + self.beta * step**2 * stiffness)
 
     @property
     def overshoot(self) -> float:
-        """Displacement of a step over dt^2 times its first acceleration, beyond what both of its velocities give.
+        """Displacement over dt^2 times the initial acceleration that does not follow from the velocities.
 
-        With a1 from the rule of the velocity it is ``d1 = d0 + dt v0 + beta/gamma dt (v1 - v0) + o dt^2 a0`` with
-        ``o = 1/2 - beta/gamma``. What dies out within a step, such as a blow against a large damper, leaves the last
-        term, which grows with a0.
+        With a1 from the velocity formula it is ``d1 = d0 + dt v0 + beta/gamma dt (v1 - v0) + o dt^2 a0`` with ``o = 1/2
+        - beta/gamma``. For motions that decay within a step, such as an impact against a large damper, only the last
+        term remains, which grows with a0.
         """
         return abs(0.5 - self.beta / self.gamma)
 
@@ -204,7 +204,7 @@ class _Stepper:
         return new if self._led is None else self._led.led(now, new, dt)
 
     def _old(self, now: StepState) -> FloatArray | None:
-        """Return what the scheme weighs of the old instant."""
+        """Return the weighted terms of the old instant."""
         s = self._scheme
         if not s.alpha_f and not s.alpha_m:
             return None
@@ -213,7 +213,7 @@ class _Stepper:
 
 
 def newmark(*, beta: float = 0.25, gamma: float = 0.5) -> Scheme:
-    """Return Newmark's scheme; the default is the average acceleration, stable at any step without damping.
+    """Return Newmark's scheme; the default is the average acceleration, unconditionally stable without damping.
 
     Parameters
     ----------

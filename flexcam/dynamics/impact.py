@@ -1,10 +1,10 @@
 """Impacts of several bodies at once: Newton's law of restitution as a linear complementarity problem.
 
-With the rate of approach u of every closed contact and its impulse p, the rate after the impact is ``u - W p``, where
-W = G M^-1 G^T is the Delassus matrix. Newton's law asks for ``0 <= p``, ``W p >= (1 + e) u``, and no impulse where a
-contact parts faster than that. B. Brogliato, Nonsmooth Mechanics, 3rd ed. (2016), ch. 5; V. Acary and B. Brogliato,
-Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 3 and 12; O. Bruels, V. Acary, A. Cardona, Comput. Methods
-Appl. Mech. Eng. 281 (2014). The kinetic energy changes by ``sum p (e - 1) u/2``: it never grows for e up to 1.
+With the rate of approach u of every closed contact and its impulse p, the rate after the impact is ``u - W p``, where W
+= G M^-1 G^T is the Delassus matrix. Newton's law requires ``0 <= p``, ``W p >= (1 + e) u``, and no impulse if a contact
+separates faster. B. Brogliato, Nonsmooth Mechanics, 3rd ed. (2016), ch. 5; V. Acary and B. Brogliato, Numerical Methods
+for Nonsmooth Dynamical Systems (2008), ch. 3 and 12; O. Bruels, V. Acary, A. Cardona, Comput. Methods Appl. Mech. Eng.
+281 (2014). The kinetic energy changes by ``sum p (e - 1) u/2``: it never grows for e up to 1.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray
 
 _ROUNDING = 1e-12
-"""Part of its own size by which an impulse is zero."""
+"""Relative size below which an impulse is zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,27 +41,27 @@ class Impact:
 
     @cached_property
     def delassus(self) -> FloatArray:
-        """W, shape (k, k)."""
+        """Delassus matrix W, shape (k, k)."""
         return -self.sense @ self.gained
 
     def reversal(self, rate: FloatArray) -> FloatArray:
-        """Return the factor of the rate that an impulse takes away at least, shape (k,).
+        """Return the minimum factor of the rate that an impulse removes, shape (k,).
 
-        A contact that parts slowly, as one that swings on its stiffness does, may come back as fast as it parts: what
-        held it at rest would feed energy.
+        A contact that separates slowly, by oscillation on its stiffness, may return with the same velocity; stopping it
+        would add energy.
         """
         return np.where(rate >= 0.0, 1.0 + self.restitution, 2.0)
 
     def impulse(self, rate: FloatArray) -> FloatArray:
-        """Return the impulses, shape (k,); zeros where no impulse can part the bodies, as between closing walls."""
+        """Return the impulses, shape (k,); zeros if no impulse can separate the bodies, as between closing walls."""
         return complementary(self.delassus, self.reversal(rate) * rate)
 
     def part(self, which: IntArray) -> Impact:
-        """Return some of the contacts alone."""
+        """Return a subset of the contacts."""
         return Impact(self.sense[which], self.turning[which], self.gained[:, which], self.restitution[which])
 
     def turned(self, rate: FloatArray, factor: FloatArray) -> FloatArray:
-        """Return the change of velocity, shape (n, ...), that takes a factor of rates, shape (k, ...), from all."""
+        """Return the velocity change, shape (n, ...), that removes a factor of the rates, shape (k, ...)."""
         asked = (factor * rate.T).T
         return np.asarray(self.gained @ np.linalg.lstsq(self.delassus, asked, rcond=_ROUNDING)[0], dtype=float)
 
@@ -69,9 +69,9 @@ class Impact:
 def complementary(W: FloatArray, asked: FloatArray) -> FloatArray:
     """Return p >= 0 with W p >= b and p (W p - b) = 0 for a symmetric W without negative eigenvalues.
 
-    It is the least change of velocity, in the norm of the mass, that gives what is asked: least distance programming
-    by non-negative least squares, C. L. Lawson and R. J. Hanson, Solving Least Squares Problems (1974), ch. 23. All
-    solutions give the same velocities; zeros where there is none.
+    The solution is the smallest change of velocity in the mass norm: least distance programming by non-negative least
+    squares, C. L. Lawson and R. J. Hanson, Solving Least Squares Problems (1974), ch. 23. All solutions give the same
+    velocities; zeros where there is none.
     """
     nothing = np.zeros(len(asked))
     if len(asked) == 1:
@@ -90,7 +90,7 @@ def complementary(W: FloatArray, asked: FloatArray) -> FloatArray:
 
 
 def _pushes(W: FloatArray, asked: FloatArray) -> FloatArray | None:
-    """Return the solution to some digits, which tells the contacts that push; None where there is none."""
+    """Return the solution to some digits, which identifies the active contacts; None without a solution."""
     from scipy.optimize import nnls
 
     values, vectors = np.linalg.eigh(W)
@@ -98,7 +98,7 @@ def _pushes(W: FloatArray, asked: FloatArray) -> FloatArray | None:
     matrix, aim = np.vstack([root, asked]), np.append(np.zeros(len(asked)), 1.0)
     try:
         amounts = np.asarray(nnls(matrix, aim)[0], dtype=float)
-    except RuntimeError:  # more changes of who pushes than it allows itself
+    except RuntimeError:  # iteration limit of the active set
         return None
     left = 1.0 - float(asked @ amounts)
     return amounts / left if left > _ROUNDING else None

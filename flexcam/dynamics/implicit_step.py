@@ -1,4 +1,4 @@
-"""An implicit stage, of which every implicit step consists: the new acceleration is the unknown.
+"""Implicit stage: the common part of implicit steps, solved for the new acceleration.
 
 One operator ``S = w_m M + w_f (c_v C + c_d K)`` per stage is factorized once for the whole run, because neither the
 step nor the tangent outside the local forces changes. The local forces follow from a small iteration (`local_newton`).
@@ -36,7 +36,7 @@ class NoConvergenceError(ArithmeticError):
     Parameters
     ----------
     forces
-        Names of those that did not.
+        Names of the forces without convergence.
     """
 
     def __init__(self, forces: list[str]) -> None:
@@ -54,7 +54,7 @@ class Prediction:
 
 
 class ImplicitStage:
-    """An implicit stage: ``d = d^ + c_d a``, ``v = v^ + c_v a``, and the balance of a weighted instant for a.
+    """An implicit stage: ``d = d^ + c_d a``, ``v = v^ + c_v a``, and the weighted equation of motion for a.
 
     Parameters
     ----------
@@ -63,11 +63,11 @@ class ImplicitStage:
     to_d, to_v
         c_d, s^2, and c_v, s.
     step
-        Over which internal states advance, s.
+        Step of the internal states, s.
     weight_m, weight_f
-        Of the new instant in the inertia and in the other forces.
+        Weights of the new instant in the inertia and in the other forces.
     inverse
-        Makes the factorization of S; the matrix is regular by default.
+        Function that factorizes S; by default the matrix is regular.
 
     Raises
     ------
@@ -84,7 +84,7 @@ class ImplicitStage:
         self._damped = bool(system.damping.values.any())
         S = system.mass.scaled(weight_m) + system.damping.scaled(weight_f * to_v)
         self._S = inverse(S + system.stiffness.scaled(weight_f * to_d) if to_d else S)
-        # Response of all unknowns to each acting vector, and what of it is sensed: the low-rank update.
+        # Response of all unknowns to each acting vector, and its sensed part: the low-rank update.
         self._by_act = self._S.solve(forces.act.vectors.T) * weight_f
         self._give = np.ascontiguousarray((forces.sense.vectors @ self._by_act).T)
 
@@ -134,6 +134,6 @@ class ImplicitStage:
 
 
 def unconverged(names: list[str], local: FloatArray) -> list[str]:
-    """Return the names of the local forces that differ most from what their laws answer."""
+    """Return the names of the local forces with the largest difference from their laws."""
     missing = np.abs(local[TRIAL] - local[ANSWER])
     return [name for name, one in zip(names, missing, strict=True) if one >= 0.1 * missing.max()]

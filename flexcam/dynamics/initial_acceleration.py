@@ -1,4 +1,4 @@
-"""Where a run begins, or begins again: the acceleration that balances an instant, and what an impact does to it."""
+"""Initial acceleration at the start and at restarts, and velocity changes by impacts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexcam.dynamics.system import System
 
 
 class InitialAcceleration:
-    """Balances instants of a system: ``M a = f - C v - K d``.
+    """Solver for the acceleration of an instant: ``M a = f - C v - K d``.
 
     Parameters
     ----------
@@ -38,8 +38,8 @@ class InitialAcceleration:
     def first(self, start: State, to: StepInputs) -> StepState:
         """Return the first instant.
 
-        Unknowns without mass have no acceleration to start from: their displacement is moved to the balance of the
-        forces on them (of the stiffness and loads; the local forces are those at the given displacement).
+        Massless unknowns have no initial acceleration: their displacement is set to the equilibrium of stiffness and
+        loads, with the local forces at the given displacement.
         """
         d, v = start.displacement, start.velocity
         inner = self._forces.start_state if start.inner is None else start.inner
@@ -50,19 +50,19 @@ class InitialAcceleration:
         return self.restarted(self.answered(d, v, inner, to))
 
     def resumed(self, moment: StepState, to: StepInputs) -> StepState:
-        """Return an instant as a run that begins there has it: forces anew from the motion, bit by bit."""
+        """Return an instant with forces recomputed from the motion, for resuming bit by bit."""
         same = self.answered(moment.d, moment.v, moment.inner, to)
         kept = {name: getattr(moment, name) for name in ("a", "impulse", "iterations", "stride")}
         return replace(same, **kept)
 
     def restarted(self, moment: StepState) -> StepState:
-        """Return an instant with the acceleration that balances it."""
+        """Return an instant with the acceleration in equilibrium."""
         system = self._system
         right = moment.applied - system.damping.times(moment.v) - system.stiffness.times(moment.d)
         return replace(moment, a=self._accelerated(right))
 
     def impact(self, moment: StepState, to: StepInputs, closed: IntArray) -> StepState:
-        """Return the instant after an impact, in which all closed ones of the switching scalars take part."""
+        """Return the instant after an impact at all closed switching scalars."""
         which = self._forces.switching[closed]
         struck, impulse = self.struck(to, closed), np.zeros(self._forces.count)
         impulse[which] = struck.impulse(moment.rate[which])
@@ -70,7 +70,7 @@ class InitialAcceleration:
         return replace(self.restarted(after), impulse=impulse)
 
     def struck(self, to: StepInputs, closed: IntArray) -> Impact:
-        """Return what an impact at some of the switching scalars depends on."""
+        """Return the data of an impact at switching scalars."""
         forces, schedule, i = self._forces, to.schedule, to.row
         which = forces.switching[closed]
         sense, turning = (rows[which] @ forces.sense.vectors for rows in (schedule.sensing(i), schedule.turning(i)))
@@ -78,7 +78,7 @@ class InitialAcceleration:
         return Impact(sense, turning, self._accelerated_all(act.T), forces.restitution[closed])
 
     def answered(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: StepInputs) -> StepState:
-        """Return an instant with the forces that its motion causes, and no acceleration yet."""
+        """Return an instant with the forces of its motion, without acceleration."""
         forces = self._forces
         gap, rate, _ = (one[0] for one in forces.sensed(d[None], v[None], _only(to)))
         answer = forces.respond(gap, rate, inner, to.schedule, to.row)
@@ -89,14 +89,14 @@ class InitialAcceleration:
         return self._accelerated_all(right[:, None])[:, 0]
 
     def _accelerated_all(self, right: FloatArray) -> FloatArray:
-        """Return ``M^-1 f`` for columns f, with no part along the motions without mass."""
+        """Return ``M^-1 f`` for columns f, without massless motions."""
         if self._factor is None:
             self._factor = self._massless.inverse(self._system.mass)
         return self._factor.solve(right)
 
 
 def light_impacts(forces: LocalForces, light: Massless) -> InputError | None:
-    """Return the refusal of impacts on what has no mass, all of them by name; None where there are none."""
+    """Return the error for impacts on massless unknowns, with all names; None without such impacts."""
     bouncing: list[int] = forces.switching[~np.isnan(forces.restitution)].tolist()
     pushed = [
         one for one in bouncing if (light.touched(forces.act.vectors[forces.act.owner[one] > 0.0]) > TOUCHED).any()

@@ -1,7 +1,7 @@
-"""What every integrator says of itself, and what `solve` asks of it: one step.
+"""Interface of an integrator and of its step, and stability and accuracy properties.
 
-A new integrator is a file with one frozen dataclass of this kind. Its properties follow from the matrix that takes one
-mode over a step: T. J. R. Hughes, The Finite Element Method (1987), ch. 9.
+A new integrator is a module with one frozen dataclass of this kind. Its properties follow from the amplification matrix
+of a mode: T. J. R. Hughes, The Finite Element Method (1987), ch. 9.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from flexcam.dynamics.step_state import StepInputs, StepState
 from flexcam.dynamics.system import System
 
 At = Callable[[float], StepInputs]
-"""What is prescribed at a time, s."""
+"""Function that returns the prescribed inputs at a time, s."""
 
 _GROWS = 1.0 + 1e-7
-"""Spectral radius that is growth: a double eigenvalue of 1 keeps half the digits."""
+"""Spectral radius that counts as growth: a double eigenvalue of 1 is accurate to half the digits."""
 
 _STEPS = np.geomspace(1e-3, 1e6, 181)
-"""Angular frequency times step, as far as a limit of stability is looked for."""
+"""Values of angular frequency times step in the search for the stability limit."""
 
 
 class Stepper(Protocol):
@@ -38,9 +38,9 @@ class Stepper(Protocol):
         Parameters
         ----------
         now
-            The instant before.
+            The previous instant.
         to
-            What is prescribed at the new one, a step later.
+            Prescribed inputs at the new instant.
 
         Returns
         -------
@@ -50,13 +50,13 @@ class Stepper(Protocol):
         Raises
         ------
         NoConvergenceError
-            If the local forces do not settle.
+            If the local Newton iteration does not converge.
         """
         ...
 
 
 class Method(ABC):
-    """A way to integrate in time; made by `newmark`, `hht`, `generalized_alpha`, `bathe` and their like."""
+    """Integration method, created by `newmark`, `hht`, `generalized_alpha`, `bathe` and others."""
 
     @property
     @abstractmethod
@@ -65,12 +65,12 @@ class Method(ABC):
 
     @property
     def balances(self) -> bool:
-        """Whether the acceleration balances the forces of its own instant."""
+        """True if the acceleration satisfies the equation of motion at its own instant."""
         return True
 
     @property
     def unseen(self) -> float:
-        """Error of a step that its displacement does not show, over h^2 times the change of the acceleration."""
+        """Error of a step not visible in its displacement, divided by h^2 times the change of the acceleration."""
         return 0.0
 
     @abstractmethod
@@ -92,7 +92,7 @@ class Method(ABC):
 
     @abstractmethod
     def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
-        """Return what advances a system by steps of one length.
+        """Return the stepper of a system for a step length.
 
         Parameters
         ----------
@@ -101,12 +101,12 @@ class Method(ABC):
         step
             s.
         at
-            What is prescribed at a time between the instants, where the method asks.
+            Prescribed inputs at a time between the instants, if the method needs them.
 
         Returns
         -------
         Stepper
-            For steps of this length.
+            Stepper of this length.
 
         Raises
         ------
@@ -117,7 +117,7 @@ class Method(ABC):
         """
 
     def refusal(self, system: System, step: float) -> InputError | None:
-        """Return why the method cannot integrate a system at this step, and what can be done; None where it can.
+        """Return the reason why the method cannot integrate a system with this step, with remedy; None if it can.
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class Method(ABC):
         return None
 
     def spectral_radius(self, omega_dt: float, damping: float = 0.0) -> float:
-        """Return the factor by which a mode grows in a step: the largest modulus of the matrix's eigenvalues.
+        """Return the spectral radius of the amplification matrix.
 
         Parameters
         ----------
@@ -151,7 +151,7 @@ class Method(ABC):
         return float(np.abs(self._eigenvalues(omega_dt, damping)).max())
 
     def period_error(self, omega_dt: float, damping: float = 0.0) -> float:
-        """Return by how much the period of a mode is too long, as a part of it.
+        """Return the relative period elongation of a mode.
 
         Parameters
         ----------
@@ -163,13 +163,13 @@ class Method(ABC):
         Returns
         -------
         float
-            Infinite where the mode does not swing any more.
+            Infinite if the mode does not oscillate.
         """
         turn = float(np.angle(self._swinging(omega_dt, damping)))
         return omega_dt * math.sqrt(1.0 - damping**2) / turn - 1.0 if turn > 0.0 else math.inf
 
     def damping_ratio(self, omega_dt: float, damping: float = 0.0) -> float:
-        """Return the damping ratio with which a mode dies out in a run: its own, and what the method adds.
+        """Return the damping ratio of a mode in a run: physical plus numerical damping.
 
         Parameters
         ----------
@@ -181,14 +181,14 @@ class Method(ABC):
         Returns
         -------
         float
-            Decay per radian turned (Hughes, eq. 9.1.30); infinite where the mode does not swing any more.
+            Decay per radian (Hughes, eq. 9.1.30); infinite if the mode does not oscillate.
         """
         pair = self._swinging(omega_dt, damping)
         turn = float(np.angle(pair))
         return math.log(1.0 / abs(pair)) / turn if turn > 0.0 else math.inf
 
     def stable_to(self, damping: float = 0.0) -> float:
-        """Return the angular frequency times step up to which no mode grows; infinite where there is no limit.
+        """Return the stability limit of angular frequency times step; infinite if unconditionally stable.
 
         Parameters
         ----------
@@ -210,7 +210,7 @@ class Method(ABC):
         return low
 
     def _swinging(self, omega_dt: float, damping: float) -> complex:
-        """Return the eigenvalue of the oscillating pair: that of most turn."""
+        """Return the eigenvalue of the oscillating pair: the one of largest angle."""
         values = self._eigenvalues(omega_dt, damping)
         return complex(values[int(np.argmax(values.imag))])
 

@@ -111,7 +111,7 @@ def cache_root() -> Path:
 
 @contextmanager
 def _cache_folder(name: str) -> Generator[bool]:
-    """Let numba cache what is declared meanwhile in a folder of its own; yield whether it can be written."""
+    """Set numba's cache to a separate folder within the context; yield whether it is writable."""
     settings: Any = import_module("numba.core.config")
     before = settings.CACHE_DIR
     try:

@@ -33,7 +33,7 @@ DONE, SWITCHED, UNSETTLED = 0, 1, 2
 """Results of `march`."""
 
 Q, V, A, LOAD, Q_FREE, V_FREE, PUSH, ACCELERATION, Q_TRIAL, V_TRIAL = range(10)
-"""Rows of the state: the instant; the prediction; what accelerates it; the acceleration without local forces."""
+"""Rows of the state: the instant; the prediction; the forces; the acceleration without local forces."""
 STATE_SIZE = 10
 LAST_FORCE, LAST_PENETRATION, LAST_RATE, TREND, LAST_CHANGE = range(5)
 """Rows of the local forces of the last instant: force, penetration, rate, extrapolated and last change of the force."""
@@ -208,4 +208,4 @@ FUNCTIONS_OF_KERNEL = (
     predict, massless_rates, *FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON, predict_modes, find_forces, add_forces,
     correct_modes, has_switched, accept, march,
 )  # fmt: skip
-"""In the order in which they call each other, for the compiler."""
+"""Functions for the compiler, in the order of their calls."""

@@ -126,7 +126,7 @@ class Kernel:
     Parameters
     ----------
     problem
-        In modal coordinates, its laws all as data.
+        Problem in modal coordinates with all laws as data.
     scheme
         Of the time integration.
     forces
@@ -199,7 +199,7 @@ class KernelEngine:
     forces
         Its local forces, stacked.
     stop
-        Asked before every block of steps whether to stop.
+        Stop callback, called before every block of steps.
     """
 
     def __init__(self, problem: Problem, scheme: Scheme, forces: LocalForces, stop: Callable[[], bool]) -> None:
@@ -214,7 +214,7 @@ class KernelEngine:
         self._iterations = 0
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
-        """Return the instants of some successive steps, as `Engine` says."""
+        """Return the instants of some successive steps, see `Engine`."""
         if self._stop():
             return Trajectory.none(self._system.size, self._forces), STOPPED
         at = self._problem.times(steps)
@@ -227,7 +227,7 @@ class KernelEngine:
         return kept, status if left.ok else left
 
     def _advance(self, at: FloatArray, loads: FloatArray, schedule: PrescribedInputs) -> tuple[Trajectory, Status]:
-        """Step by the kernel, and by single steps where it stops."""
+        """Advance by the kernel, and by single steps where it stops."""
         found, given = np.empty((len(at), self._kernel.columns)), self._kernel.given(loads, schedule)
         stepped: dict[int, list[StepState]] = {}
         row, status = 0, Status()
@@ -259,7 +259,7 @@ class KernelEngine:
     def _track(
         self, time: FloatArray, found: FloatArray, stepped: dict[int, list[StepState]], schedule: PrescribedInputs
     ) -> Trajectory:  # fmt: skip
-        """Return the rows of the kernel with the instants within single steps in their places."""
+        """Return the kernel rows merged with the instants within single steps."""
         n, c = self._system.size, self._forces.count
         d, v, a, force, inner = np.split(found, [n, 2 * n, 3 * n, 3 * n + c], axis=1)
         plain = Trajectory(time, d, v, a, force, inner, np.zeros((len(time), c)), np.arange(len(time)), schedule.cam)
@@ -272,15 +272,15 @@ class KernelEngine:
         return Trajectory.joined([*parts, plain.between(first, len(time))])
 
     def counted(self, stats: Stats) -> Stats:
-        """Return figures of the run with those counted here."""
+        """Return the statistics with the counts of this engine."""
         return replace(stats, iterations=self._iterations, events=self._walker.events)
 
     def state(self) -> Arrays:
-        """Return the last instant and the counts, as `Engine` says."""
+        """Return the last instant and the counts, see `Engine`."""
         return {**flatten("last", self._last), "counts": np.array([self._iterations, self._walker.events])}
 
     def restore(self, state: Arrays) -> None:
-        """Go on, as `Engine` says."""
+        """Restore the state, see `Engine`."""
         self._last = StepState.restored("last", state)
         self._iterations, self._walker.events = state["counts"].tolist()
 

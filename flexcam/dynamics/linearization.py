@@ -1,4 +1,4 @@
-"""A system linearized about a motion: what small disturbances of it obey, instant by instant."""
+"""Linearization of a system about a motion, instant by instant."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flexcam.dynamics.system import Reaction, System
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """What small disturbances of displacement d, velocity v and internal states z obey at an instant.
+    """Linearized equations for displacement d, velocity v and internal states z at an instant.
 
     ``M d'' + C d' + K d = P z`` and ``z' = Z_d d + Z_v v + Z_z z``.
 
@@ -40,7 +40,7 @@ class Linear:
 
 
 class Linearization:
-    """Linearizes a system whose local forces are given by their laws.
+    """Linearization of a system with given force laws.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Linearization:
         self._last, self._told = self._plain, b""
 
     def at(self, schedule: PrescribedInputs, i: int, gap: FloatArray, rate: FloatArray, state: FloatArray) -> Linear:
-        """Return the linear system at a row of a schedule; the one of the last call where nothing has changed."""
+        """Return the linear system at a row of the prescribed inputs; cached if nothing has changed."""
         if not self._forces.count:
             return self._plain
         answer = self._forces.respond(gap, rate, state, schedule, i)
@@ -88,7 +88,7 @@ class Linearization:
 
 
 def directions(forces: LocalForces, schedule: PrescribedInputs, i: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return along which rows the forces act and sense, and how fast the latter turn, shape (c, n) each."""
+    """Return the acting and sensing rows of the forces, and the rates of the latter, shape (c, n) each."""
     act, sense, turning = schedule.acting(i), schedule.sensing(i), schedule.turning(i)
     return act @ forces.act.vectors, sense @ forces.sense.vectors, turning @ forces.sense.vectors
 
@@ -102,10 +102,10 @@ def _derivatives(answer: Reaction) -> tuple[FloatArray, ...]:
 
 
 class Tangents:
-    """Damping and stiffness of small disturbances about a motion.
+    """Tangent damping and stiffness about a motion.
 
-    Local forces give their derivatives, which change with the cam angle, with what is pressed and what is not, and
-    with the axial force of a pushrod; their internal states stand still.
+    The derivatives of the local forces depend on the cam angle, on the contact state and on the axial force of a
+    pushrod; internal states are constant.
 
     Parameters
     ----------
@@ -178,8 +178,8 @@ class SmallStep:
 class LinearStep:
     """A step of the average acceleration, linearized: accelerations balance the forces at both of its ends.
 
-    Motions without mass balance their forces at the new end; what the old one leaves on them is passed on by their
-    springs, and the velocity of those that no damper slows is that over the step.
+    Massless motions are in equilibrium at the new end; residual forces of the old end are transferred by their springs,
+    and undamped ones have the mean velocity of the step.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ class LinearStep:
         self._free = None if found is None else found.free @ found.amounts[: found.free.shape[1]]
 
     def begun(self, at: Linear, given: FloatArray) -> FloatArray:
-        """Return disturbances of a given start as a run begins with them: what has no mass is placed by its springs."""
+        """Return disturbances of an initial state with massless motions in static equilibrium."""
         if not self._light.any:
             return given
         n = len(self._M)
@@ -225,12 +225,12 @@ class LinearStep:
         return np.vstack([d, v, z + by_d @ d])
 
     def impulse(self, old: FloatArray, new: FloatArray) -> FloatArray:
-        """Return what a longer step adds to d, the momentum and z, per second, by the flows at both ends, (2n + s,)."""
+        """Return the derivatives of d, momentum and z by the step length, from the flows at both ends, (2n + s,)."""
         n, mean = len(self._M), 0.5 * (old + new)
         return np.concatenate([mean[:n], self._M @ mean[n : 2 * n], mean[2 * n :]])
 
     def passed(self, more: FloatArray) -> FloatArray:
-        """Return what comes from the old end, without what it leaves on motions without mass."""
+        """Return the contribution of the old end, without its residual on massless motions."""
         n = len(self._M)
         return np.concatenate([more[:n], self._balanced(more[n : 2 * n]), more[2 * n :]])
 

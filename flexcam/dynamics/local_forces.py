@@ -1,4 +1,4 @@
-"""Energies stored by the local forces that act against what they sense."""
+"""Local forces of a system, stacked in arrays, and their stored energy."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class StoredEnergy:
     forces
         The local forces of a system.
     scalars
-        Which of the sensed scalars, ascending, shape (r,); None for all. Laws are taken whole.
+        Indices of the sensed scalars, ascending, shape (r,), for complete laws; None for all.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ def _cam_angle(angle: FloatArray, order: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class VectorStack:
-    """All vectors of one side (sensing or acting) under each other.
+    """All sensing or all acting vectors, stacked.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class VectorStack:
     fixed
         Weights that are constant, zero for the others, shape (k,).
     varying
-        Place and weight function of the others.
+        Index and weight function of the others.
     rows
         The constant part of every scalar, then the vectors whose weights vary, shape (c + varying, n).
     """
@@ -124,7 +124,7 @@ class VectorStack:
 
     @classmethod
     def of(cls, terms: Sequence[AngleVector], size: int) -> VectorStack:
-        """Return the stack of some angle-dependent vectors; vectors that are zero are left out."""
+        """Return the stack of angle-dependent vectors without zero vectors."""
         vectors = np.concatenate([np.zeros((0, size)), *(term.vectors for term in terms)])
         owner = np.repeat(np.eye(len(terms)), [len(term.vectors) for term in terms], axis=1)
         functions = [function for term in terms for function in term.functions or (ONE,) * len(term.vectors)]
@@ -136,7 +136,7 @@ class VectorStack:
 
     @property
     def places(self) -> IntArray:
-        """Where the vectors of each scalar begin, shape (c + 1,)."""
+        """Index of the first vector of each scalar, shape (c + 1,)."""
         return np.concatenate([[0], np.cumsum(self.owner.sum(axis=1))]).astype(np.intp)
 
     @property
@@ -146,7 +146,7 @@ class VectorStack:
 
 
 def _separate(functions: Sequence[AngleFunction]) -> tuple[FloatArray, tuple[tuple[int, AngleFunction], ...]]:
-    """Return the values of the constant functions, zero for others, and the others with their places."""
+    """Return the values of constant functions, zero for others, and the others with their indices."""
     fixed = np.array([one.value if isinstance(one, Constant) else 0.0 for one in functions], dtype=float)
     return fixed, tuple((i, one) for i, one in enumerate(functions) if not isinstance(one, Constant))
 
@@ -206,7 +206,7 @@ class LawTable:
 
 
 def _needed(first: int, moved: Callable[[int], bool]) -> int:
-    """Return how many scalars of an arch are needed: planes in which nothing can move are left out."""
+    """Return the number of active scalars of an arch: planes without motion are omitted."""
     planes = [plane for plane in (1, 2) if any(moved(first + 3 * plane - 2 + i) for i in range(3))]
     return 1 + 3 * max(planes, default=0)
 
@@ -283,14 +283,14 @@ class LocalForces:
         return np.unique(np.array([*self.sense.varying_scalars, *self.act.varying_scalars], dtype=np.intp))
 
     def _opposed(self) -> NDArray[np.bool_]:
-        """Return which forces act against exactly what they sense whatever the cam does, shape (c,)."""
+        """Return which forces act exactly against their sensed motion at all cam angles, shape (c,)."""
         found = self.storing > 0.0
         found[[*self.sense.varying_scalars, *self.act.varying_scalars, *(i for i, _ in self._offsets[1])]] = False
         return found
 
     @property
     def polynomial(self) -> NDArray[np.bool_]:
-        """Which scalars belong to opposed laws whose force is a polynomial of at most third degree, shape (c,)."""
+        """Mask of scalars of opposed laws whose force is a polynomial of at most third degree, shape (c,)."""
         found = np.zeros(self.count, dtype=bool)
         for force, part, _ in self.parts:
             found[part] = isinstance(force.law, ForceLaw) and LAWS[force.law.kind].polynomial
@@ -327,7 +327,7 @@ class LocalForces:
     def sensed(
         self, d: FloatArray, v: FloatArray, schedule: PrescribedInputs
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the sensed scalars, their rates, and the part of the rates that the cam alone causes.
+        """Return the sensed scalars, their rates, and the prescribed part of the rates.
 
         Parameters
         ----------
@@ -342,7 +342,7 @@ class LocalForces:
             Shape (m, c) each.
         """
         rows, c = self.sense.rows, self.count
-        on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # histories of a scalar lie together in memory
+        on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # contiguous histories per scalar
         gap, rate, carried = on_d[:, :c], on_v[:, :c], np.zeros((len(d), c), order="F")
         gap += schedule.offset
         carried += schedule.offset_rate
@@ -401,7 +401,7 @@ class LocalForces:
         return work.states[BY_TRAVEL].copy(), work.states[BY_BEGIN].copy()
 
     def _reaction(self) -> Reaction:
-        """Return what `respond` wrote, as matrices of all scalars."""
+        """Return the output of `respond` as matrices of all scalars."""
         work, c = self.workspace, self.count
         by_gap, by_rate = np.zeros((2, c, c))
         for first, size in self.table.laws[:, [FIRST, SCALARS]].tolist():
@@ -411,13 +411,13 @@ class LocalForces:
         if not len(owners):
             return Reaction(force, by_gap, by_rate)
         of_gap, at, flow = np.zeros((len(owners), c)), np.arange(len(owners)), work.states[FLOW]
-        of_gap[at, owners] = flow  # a state follows the scalar of its law: z' = a (x - z), and the force knows x - z
+        of_gap[at, owners] = flow  # z' = a (x - z) for the scalar x of the law; the force depends on x - z
         by_state = -by_gap[:, owners]
         rate = work.states[STATE_RATE].copy()
         return Reaction(force, by_gap, by_rate, rate, by_state, of_gap, 0.0 * of_gap, -np.diag(flow))
 
     def pressed(self, gap: FloatArray) -> NDArray[np.bool_]:
-        """Return on which side of zero the switching scalars are."""
+        """Return the sides of the switching scalars."""
         return gap[self.switching] > 0.0
 
     def energies(
@@ -453,7 +453,7 @@ def _put(
     into: FloatArray, fixed: FloatArray, varying: tuple[tuple[int, AngleFunction], ...], cam: CamFunctionCache,
     order: int, speed: FloatArray | None = None,
 ) -> None:  # fmt: skip
-    """Write functions of the cam angle side by side, or their derivatives by the angle times a speed."""
+    """Write functions of the cam angle as columns, or their derivatives by the angle times a speed."""
     into[:] = fixed
     for i, function in varying:
         into[:, i] = cam(function, order) if speed is None else cam(function, order) * speed[:, 0]

@@ -1,9 +1,9 @@
 """The local forces of a time step: a semismooth Newton iteration on the few sensed scalars.
 
 With the constant operator of a step, the sensed scalars are affine in the local forces: ``x = x_free + W f``. The
-unknowns are the forces; `solve_local` finds those that agree with the force laws. Forces that hardly react to their own
-effect within a step are taken as the laws give them; Newton's matrix holds the others. The compliance W is filled on
-demand, and stays valid for scalars whose weights do not change with the cam angle.
+unknowns are the forces; `solve_local` finds those that agree with the force laws. Forces that hardly depend on their
+own effect within a step are iterated by substitution; Newton's matrix contains the others. The compliance W is filled
+on demand, and stays valid for scalars whose weights do not change with the cam angle.
 
 The functions use numbers and array elements only; the direct engine runs them as Python with the two linear-algebra
 functions `eliminate` and `sense` replaced by numpy (`NUMPY`), the kernel engine compiles them.
@@ -39,14 +39,16 @@ ROUNDING = 16.0 * 2.220446049250313e-16
 """Relative rounding of the terms that a stiff law multiplies."""
 MAX_ITERATIONS = 60
 FULL_STEPS = 8
-"""Iterations after which a Newton step must reduce the residual or is halved: contacts that open and close in turn."""
+"""Iterations after which a Newton step must reduce the residual or is halved: contacts may open and close in turn."""
 SMALLEST_PART = 1.0 / 64.0
-"""Part of a Newton step below which it is taken as it is."""
+"""Smallest fraction of a Newton step in the line search."""
 WEAK = 2e-3
 """Relative change of a force by its own effect within a step below which it is weak."""
 EXTRAPOLATED = 12
-"""Iterations from extrapolated forces with weak forces taken as they come. After them the iteration starts again from
-the forces of the last instant, and no force counts as weak."""
+"""Iterations from extrapolated forces with weak forces by substitution.
+
+Then the iteration restarts from the forces of the last instant, and no force counts as weak.
+"""
 
 
 def eliminate(matrix: FloatArray, n: int, end: int) -> bool:
@@ -124,7 +126,7 @@ def sense(
 
 
 def residual(laws: IntArray, local: FloatArray, tangent: FloatArray, usual: float) -> float:
-    """Return the largest difference of trial forces and answers; zero where that is rounding, or not a number."""
+    """Return the largest difference of trial forces and force laws; zero if it is rounding, or NaN."""
     worst, size, rounding, total = 0.0, usual, 0.0, 0.0
     for law in range(len(laws)):
         first = laws[law, FIRST]
@@ -173,7 +175,7 @@ def find_active(
 
     Trial forces of all others become the answers of their laws.
     """
-    n = sense_at - sense_at  # zero as a variable: a literal would be compiled apart
+    n = sense_at - sense_at  # zero as a variable: a literal would be compiled separately
     for law in range(len(laws)):
         first, size = laws[law, FIRST], laws[law, SCALARS]
         reacts, strong = False, weak < 0.0
@@ -252,7 +254,7 @@ def solve_local(
         Shape (10, c): reads the trial forces, the free scalars and, in `BASE`, the forces of the last instant; the
         solution is in `TRIAL`, `PENETRATION`, `RATE`.
     tangent, states, moved, active, W, matrix
-        Work arrays; W holds NaN where it is not known.
+        Work arrays; W contains NaN where it is not yet computed.
     """
     c, part, last, usual = local.shape[1], 1.0, math.inf, 0.0
     for i in range(c):
@@ -297,11 +299,11 @@ def solve_local(
 FUNCTIONS_OF_NEWTON = (
     eliminate, fill_compliance, sense, residual, is_rounding, find_active, correct, solve_local,
 )  # fmt: skip
-"""In the order in which they call each other, for the compiler."""
+"""Functions for the compiler, in the order of their calls."""
 
 
 def eliminate_numpy(matrix: FloatArray, n: int, end: int) -> bool:
-    """Do what `eliminate` does."""
+    """Replace `eliminate` by numpy."""
     try:
         matrix[:n, n:end] = np.linalg.solve(matrix[:n, :n], matrix[:n, n:end])
     except np.linalg.LinAlgError:
@@ -313,10 +315,10 @@ def sense_numpy(
     places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, to_d: float, to_v: float,
     local: FloatArray, moved: FloatArray, W: FloatArray,
 ) -> None:  # fmt: skip
-    """Do what `sense` does, from a compliance that is known everywhere."""
+    """Replace `sense` by numpy, for a complete compliance."""
     local[PENETRATION] = local[FREE_PENETRATION] + W[0] @ local[TRIAL]
     local[RATE] = local[FREE_RATE] + W[1] @ local[TRIAL]
 
 
 NUMPY = {"eliminate": eliminate_numpy, "sense": sense_numpy}
-"""Linear algebra of the iteration where it runs as Python."""
+"""Linear algebra functions of the iteration in Python."""

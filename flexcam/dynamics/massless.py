@@ -1,4 +1,4 @@
-"""Motions without mass: no acceleration of their own, they follow the springs they touch."""
+"""Massless motions, which follow the static equilibrium of their springs."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from flexcam.dynamics.step_state import StepState
 from flexcam.dynamics.system import System
 
 TOUCHED = 1e-9
-"""Share of a push (of size 1) along a motion without mass that is rounding."""
+"""Fraction of a unit force along a massless motion that is rounding."""
 
 
 class Massless:
-    """The motions without mass of a system.
+    """Massless motions of a system.
 
     Parameters
     ----------
@@ -41,9 +41,9 @@ class Massless:
     Attributes
     ----------
     motions
-        As columns, shape (n, k).
+        Motions as columns, shape (n, k).
     kept
-        Unknowns that place all others: those with mass of their own.
+        Unknowns with mass, which determine all others.
     """
 
     def __init__(self, system: System) -> None:
@@ -53,43 +53,43 @@ class Massless:
 
     @property
     def any(self) -> bool:
-        """Whether there are some."""
+        """True if the system has massless motions."""
         return self.motions.shape[1] > 0
 
     def place(self, motion: FloatArray, push: FloatArray) -> FloatArray:
-        """Return a motion, its massless part moved to where the springs balance a push, shape (n,) or (n, k) each."""
+        """Return a motion with its massless part in static equilibrium with a force, shape (n,) or (n, k) each."""
         if not self.any:
             return motion
         missing = self.motions.T @ (push - self._K @ motion)
         return motion + self.motions @ self._factor.solve(missing)
 
     def spread(self, kept: FloatArray) -> FloatArray:
-        """Return the motion of all unknowns, shape (n, ...), that no push disturbs, from that of the kept ones."""
+        """Return the motion of all unknowns, shape (n, ...), from the kept ones, without massless forces."""
         motion = np.zeros((self._system.size, *kept.shape[1:]))
         motion[self.kept] = kept
         return self.place(motion, np.zeros(motion.shape))
 
     def passed_on(self, push: FloatArray) -> FloatArray:
-        """Return a push, shape (n, ...), with what the massless motions pass on by their springs, and none on them."""
+        """Return a force, shape (n, ...), condensed to the unknowns with mass."""
         return push - self._K @ self.place(np.zeros(push.shape), push)
 
     def inverse(self, matrix: Triplets) -> Factor:
-        """Return what solves with a matrix that leaves the massless motions alone.
+        """Return a solver for a matrix with massless motions condensed statically.
 
-        They follow their springs in the answer, and what pushes on them pushes by the same springs on the others: the
-        answer does not depend on which unknowns are kept.
+        Massless motions follow their springs in the solution, and forces on them act through the same springs on the
+        others. The solution does not depend on the choice of kept unknowns.
         """
         return _Following(factorize(matrix.part(self.kept)), self) if self.any else factorize(matrix)
 
     def touched(self, vectors: FloatArray) -> FloatArray:
-        """Return by how much a unit of each vector, shape (m, n), pushes on them, shape (m,)."""
+        """Return the force of each unit vector, shape (m, n), on the massless motions, shape (m,)."""
         if not self.any or not len(vectors):
             return np.zeros(len(vectors))
         size = np.abs(vectors).max(axis=1)
         return np.abs(vectors @ self.motions).max(axis=1) / np.where(size > 0.0, size, 1.0)
 
     def pushed(self, method: str) -> InputError | None:
-        """Return the refusal of contacts and dampers on motions without mass, by name; None where there are none."""
+        """Return the error for contacts and dampers on massless motions, with names; None without such."""
         if not self.any:
             return None
         why, remedy = "what has no mass is placed by springs alone", "give it a mass, or use newmark"
@@ -116,7 +116,7 @@ class Massless:
 
 @dataclass(frozen=True, eq=False)
 class _Following:
-    """Solves with the kept part of a matrix; the massless motions follow."""
+    """Solver for the kept part of a matrix; the massless motions follow."""
 
     factor: Factor
     light: Massless
@@ -126,10 +126,10 @@ class _Following:
 
 
 def massless(system: System) -> FloatArray:
-    """Return the motions without mass as columns.
+    """Return the massless motions as columns.
 
-    Above the dense limit they are sought within the unknowns that mass couples: a massive member is one such group,
-    and regular; a body on an arm at a node is a small one.
+    Above the dense limit they are computed within groups of unknowns coupled by mass: a massive member is one such
+    group, and regular; a body with an offset at a node is a small one.
     """
     if system.size <= 2 * DENSE_LIMIT:
         return null_space(system.mass)
@@ -155,30 +155,31 @@ def _unit(size: int, places: IntArray) -> FloatArray:
 
 BETA, GAMMA = 1.0, 1.5
 """Newmark's parameters of these motions: the velocity is that of the parabola through the last three instants, the
-acceleration their second difference, so that a start or a kink is forgotten after two steps."""
+acceleration their second difference, so that a start or a kink has no effect after two steps.
+"""
 
 Number = TypeVar("Number", float, FloatArray)
 """A number or one per motion."""
 
 
 def massless_rates(change: Number, v: Number, a: Number, h: float) -> tuple[Number, Number]:
-    """Return velocity and acceleration of a motion without mass from its change of displacement over a step."""
+    """Return velocity and acceleration of a massless motion from its change of displacement over a step."""
     new = (change / h - v - (0.5 - BETA) * h * a) / (BETA * h)
     return v + h * ((1.0 - GAMMA) * a + GAMMA * new), new
 
 
 @dataclass(frozen=True, eq=False)
 class MasslessRates:
-    """Motions without mass, of unit stiffness.
+    """Massless motions of unit stiffness.
 
     Parameters
     ----------
     free
-        Those that no damper slows, as columns, shape (n, k).
+        Undamped ones, as columns, shape (n, k).
     slow
-        Those that one does and whose acceleration leads to nothing, shape (n, l).
+        Damped ones whose acceleration has no effect, shape (n, l).
     amounts
-        Of all of them in a displacement, shape (k + l, n).
+        Rows that extract their coordinates from a displacement, shape (k + l, n).
     """
 
     free: FloatArray
@@ -186,7 +187,7 @@ class MasslessRates:
     amounts: FloatArray
 
     def led(self, now: StepState, new: StepState, step: float) -> StepState:
-        """Return an instant with their rates by its displacements, velocities and the instant a step before."""
+        """Return an instant with the massless rates from displacements, velocities and the previous instant."""
         k = self.free.shape[1]
         change, v, a, v1, a1 = (self.amounts @ np.column_stack([new.d - now.d, now.v, now.a, new.v, new.a])).T
         pushed = (v1 - v) / step
@@ -197,7 +198,7 @@ class MasslessRates:
 
 @lru_cache(maxsize=1)
 def find_massless_rates(system: System, *, average: bool) -> MasslessRates | None:
-    """Return the motions of a system whose rates are led; None where there are none."""
+    """Return the motions of a system with derived rates; None without such."""
     found = massless(system)
     if not found.shape[1]:
         return None
@@ -209,7 +210,7 @@ def find_massless_rates(system: System, *, average: bool) -> MasslessRates | Non
 
 
 def normalize_stiffness(motions: FloatArray, stiffness: Triplets) -> FloatArray:
-    """Return motions mixed so that the stiffness is 1 for each and couples none."""
+    """Return motions combined such that the stiffness matrix is the identity."""
     try:
         L = np.linalg.cholesky(motions.T @ stiffness.times_all(motions))
     except np.linalg.LinAlgError:
@@ -218,7 +219,7 @@ def normalize_stiffness(motions: FloatArray, stiffness: Triplets) -> FloatArray:
 
 
 def relaxation_times(unit: FloatArray, damping: Triplets) -> tuple[FloatArray, FloatArray]:
-    """Return by how much dampers slow motions of unit stiffness."""
+    """Return the relaxation times of motions of unit stiffness by dampers."""
     within = unit.T @ damping.times_all(unit)
     size = np.abs(unit).T @ replace(damping, values=np.abs(damping.values)).times_all(np.abs(unit))
     if not (within - np.diag(np.diag(within))).any():

@@ -1,6 +1,6 @@
-"""What of a run stays in memory: everything, or no more than a summary needs, however long the run.
+"""Results in memory: all results, recent ones, or extremes only.
 
-`solve` hands its blocks to one of these and returns the response that it makes.
+`solve` writes its blocks to one of these sinks and returns its response.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from flexcam.dynamics.status import Stats, Status
 
 
 class Keeper(Sink, Protocol):
-    """A sink that makes a response of what it kept."""
+    """Sink that provides a response."""
 
     def response(self) -> Response:
-        """Return what was kept."""
+        """Return the stored response."""
         ...
 
 
 class Memory:
-    """The sink that keeps everything and makes the `Response`.
+    """Sink that stores all results and provides the `Response`.
 
     Parameters
     ----------
     outline
-        Names of what will come.
+        Names of the results.
     instants, fields
-        How many are expected: room for them costs nothing until they come, and nothing is copied twice then.
+        Expected numbers, for allocation in advance.
     """
 
     def __init__(self, outline: Outline, instants: int = 0, fields: int = 0) -> None:
@@ -42,16 +42,16 @@ class Memory:
         self._end = (Status(), Stats())
 
     def write(self, block: Block) -> None:
-        """Keep a block."""
+        """Store a block."""
         for rows, more in zip(self._kept, _parts(block), strict=True):
             rows.add(more)
 
     def close(self, status: Status, stats: Stats) -> None:
-        """Keep the end."""
+        """Store the status."""
         self._end = (status, stats)
 
     def response(self) -> Response:
-        """Return everything that was kept; arrays of no instants if nothing came."""
+        """Return all stored results; empty arrays without results."""
         if not self._kept[0].count:
             self.write(_empty(self.outline))
         (time, angle), (channels,), probes, (field_time, field_angle), fields = (rows.kept for rows in self._kept)
@@ -61,7 +61,7 @@ class Memory:
 
 
 class _Rows:
-    """Arrays of as many rows each, as they come, in one piece of memory: a large one costs less than several."""
+    """Growing arrays with a common number of rows in one allocation, which is faster than several."""
 
     def __init__(self, expected: int) -> None:
         self.count = 0
@@ -87,12 +87,12 @@ class _Rows:
         least = max(least, 2 * self.count)
         try:
             return np.empty((count, max(self._expected, least), *columns))
-        except MemoryError:  # of a run that may be ended long before its last step
+        except MemoryError:  # a run may end long before its last step
             return np.empty((count, least, *columns))
 
 
 def _parts(block: Block) -> tuple[tuple[FloatArray, ...], ...]:
-    """Return the arrays of a block, those together that have as many rows and columns."""
+    """Return the arrays of a block grouped by equal numbers of rows."""
     probes, fields = _arrays(block.probes), _arrays(block.fields)
     return (block.time, block.angle), (block.channels,), probes, (block.field_time, block.field_angle), fields
 
@@ -107,14 +107,14 @@ def _response(outline: Outline, whole: Block, end: tuple[Status, Stats]) -> Resp
 
 
 class Recent(Memory):
-    """The sink that keeps the latest histories and the last field, however long the run.
+    """Sink that stores the latest histories and the last field.
 
     Parameters
     ----------
     outline
-        Names of what will come.
+        Names of the results.
     span
-        How far back from the last instant histories are kept, s: whole blocks, at least that long together.
+        Minimum time span of the stored histories, s, in whole blocks.
     """
 
     def __init__(self, outline: Outline, span: float) -> None:
@@ -125,7 +125,7 @@ class Recent(Memory):
         self._field = self._without
 
     def write(self, block: Block) -> None:
-        """Keep a block, and drop what is too old by then."""
+        """Store a block, and drop outdated ones."""
         if len(block.field_time):
             last = Series(*(np.array(one[-1:]) for one in _arrays(block.fields)))
             time, angle = block.field_time[-1:].copy(), block.field_angle[-1:].copy()
@@ -137,7 +137,7 @@ class Recent(Memory):
             self._blocks.popleft()
 
     def response(self) -> Response:
-        """Return what was kept."""
+        """Return the stored response."""
         field = self._field
         kept = Block.joined([*self._blocks] or [self._without])
         whole = replace(kept, field_time=field.field_time, field_angle=field.field_angle, fields=field.fields)
@@ -145,21 +145,21 @@ class Recent(Memory):
 
 
 class Extremes:
-    """The sink that follows the least and the largest of everything over a run, and keeps no history.
+    """Sink that tracks minima and maxima over a run without storing histories.
 
-    Probes are those of the dense output: they may be least and largest between two instants.
+    Extremes of probes are those of the dense output, which may lie between two instants.
 
     Parameters
     ----------
     outline
-        Names of what will come.
+        Names of the results.
 
     Attributes
     ----------
     steps
         Instants seen.
     most_bent
-        Displacement of all unknowns at the saved instant where its largest is largest, shape (n,).
+        Displacement of all unknowns at the saved instant of maximum displacement, shape (n,).
     """
 
     def __init__(self, outline: Outline) -> None:
@@ -173,7 +173,7 @@ class Extremes:
 
     @classmethod
     def of(cls, response: Response) -> Extremes:
-        """Return those of a response, as of one that was read."""
+        """Return the extremes of a response."""
         seen = cls(response.outline)
         channels = [response.channels[name] for name, _ in response.outline.channels]
         rows = np.column_stack(channels) if channels else np.zeros((len(response.time), 0))
@@ -186,7 +186,7 @@ class Extremes:
         return seen
 
     def write(self, block: Block) -> None:
-        """Take a block."""
+        """Update with a block."""
         if len(block.time):
             self.steps += len(block.time)
             self._probes.widen(block.probes.displacement)
@@ -199,10 +199,10 @@ class Extremes:
                 self.most_bent = block.fields.displacement[row].copy()
 
     def close(self, status: Status, stats: Stats) -> None:
-        """Do nothing: the figures are asked for."""
+        """Do nothing."""
 
     def _turns(self, block: Block) -> FloatArray:
-        """Return where probes turn between the instants of a block, and before its first one."""
+        """Return the turning points of probes within a block and before its first instant."""
         before, now = self._before, block.probes
         self._before = replace(
             before, time=block.time[-1:].copy(), probes=Series(*(x[-1:].copy() for x in _arrays(now)))
@@ -211,23 +211,23 @@ class Extremes:
         return turning_points(np.append(before.time, block.time), whole.displacement, whole.velocity)[1]
 
     def probe(self, name: str) -> tuple[FloatArray, FloatArray]:
-        """Return least and largest displacement of a probe, or of one component of it, shape (components,)."""
+        """Return minimum and maximum displacement of a probe or of a component, shape (components,)."""
         columns = self.outline.columns(name)
         return self._probes.least[columns], self._probes.largest[columns]
 
     @property
     def energies(self) -> bool:
-        """Whether the run kept account of its energy."""
+        """True if the run computed its energy balance."""
         return any(name.startswith("energy.") for name in self._channel)
 
     def channel(self, name: str) -> tuple[float, float]:
-        """Return least and largest value of a channel; zeros where it was not saved."""
+        """Return minimum and maximum of a channel; zeros if not saved."""
         at = self._channel.get(name)
         return (0.0, 0.0) if at is None else (float(self._channels.least[at]), float(self._channels.largest[at]))
 
 
 class _Bounds:
-    """Least and largest of some columns; zeros before anything came."""
+    """Minimum and maximum of columns; zeros initially."""
 
     def __init__(self, width: int) -> None:
         self.least: FloatArray = np.zeros(width)
@@ -244,7 +244,7 @@ class _Bounds:
 
 
 _SLACK = 1e-6
-"""Part of a span by which it is kept longer: instants at its beginning are rounded."""
+"""Relative extension of a time span, because its first instants are rounded."""
 
 
 def _arrays(series: Series) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -1,6 +1,6 @@
-"""A problem in its natural motions, where mass and stiffness couple nothing: a step then costs a few flops per motion.
+"""Modal coordinates, in which mass and stiffness are diagonal and a step costs a few operations per mode.
 
-Motions without mass follow their springs: they are natural motions of mass zero.
+Massless motions follow their springs: they are modes of zero mass.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ from flexcam.dynamics.reduced_problem import reduce_problem
 from flexcam.dynamics.system import System
 
 _COUPLED = 1e-9
-"""Damping between two motions, as a part of their own, that counts as none."""
+"""Modal damping coupling, relative to the diagonal, that counts as zero."""
 
 _SYMMETRIC = 1e-12
-"""Difference across the diagonal, as a part of it, that is rounding of what was added up."""
+"""Relative asymmetry that is rounding of sums."""
 
 _ROUNDING = 64.0 * np.finfo(float).eps
-"""Of a stiffness's own entries and their sums: an energy as far below zero is none."""
+"""Rounding of a stiffness and its sums: energies above minus this value are not negative."""
 
 _CLEAN = 1e-9
-"""What two natural motions may have in common."""
+"""Orthogonality tolerance of two modes."""
 
 
 @dataclass(frozen=True, eq=False)
 class ModalCoordinates:
-    """Amounts of the natural motions of a system; a `Basis`.
+    """Modal coordinates of a system; a `Basis`.
 
     Parameters
     ----------
     vectors
-        Motions as columns, shape (n, n).
+        Modes as columns, shape (n, n).
     back
-        Amounts per unit of each unknown, shape (n, n).
+        Inverse: modal coordinates per unit of each unknown, shape (n, n).
     mass, stiffness
-        Of the motions, shape (n,): 1 and the angular frequency squared, or 0 and 1 without mass.
+        Modal mass and stiffness, shape (n,): 1 and the angular frequency squared, or 0 and 1 without mass.
     exactly
-        Whether motions to be saved are spread one by one: each then has the same bits as if it were alone.
+        Whether saved motions are expanded one by one, so that each has the same bits as if it were alone.
     """
 
     vectors: FloatArray
@@ -55,25 +55,25 @@ class ModalCoordinates:
 
     @property
     def held(self) -> FloatArray:
-        """Zero: nothing is left out."""
+        """Zero offset: the basis is complete."""
         return np.zeros(len(self.vectors))
 
     @property
     def size(self) -> int:
-        """Number of motions."""
+        """Number of modes."""
         return len(self.mass)
 
     def named(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Return the unknown that moves most, per motion."""
+        """Return the unknown that moves most, per mode."""
         leading: list[int] = np.abs(self.vectors).argmax(axis=0).tolist() if self.size else []
         return tuple(names[i] for i in leading)
 
     def matrix(self, full: Triplets) -> Triplets:
-        """Return what a matrix is between the motions."""
+        """Return the projection of a matrix on the modes."""
         return ModeBasis(self.vectors).matrix(full)
 
     def rows(self, full: FloatArray) -> FloatArray:
-        """Return what rows make of the motions."""
+        """Return the rows times the modes."""
         return full @ self.vectors
 
     def spread(self, motion: FloatArray) -> FloatArray:
@@ -81,33 +81,33 @@ class ModalCoordinates:
         return motion @ self.vectors.T
 
     def saved(self, motions: FloatArray) -> FloatArray:
-        """Return the motions of all unknowns that are saved."""
+        """Return the saved motions of all unknowns."""
         if not self.exactly:
             return self.spread(motions)
         return np.matmul(self.vectors, motions[:, :, None])[:, :, 0]
 
     def taken_anew(self, motions: FloatArray) -> FloatArray:
-        """Return amounts, shape (m, n), as they follow from the unknowns that are saved."""
+        """Return modal coordinates, shape (m, n), recomputed from the saved unknowns."""
         return np.matmul(self.back, self.saved(motions)[:, :, None])[:, :, 0]
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
-        """Return the amounts of a motion."""
+        """Return the modal coordinates of a motion."""
         return self.back @ motion
 
     def free(self, motions: FloatArray | None) -> FloatArray | None:
-        """Return the free motions in these amounts."""
+        """Return the free motions in modal coordinates."""
         return None if motions is None else self.back @ motions
 
 
 def find_modal_coordinates(system: System) -> ModalCoordinates | None:
-    """Return the natural motions of a system."""
+    """Return the modal coordinates of a system."""
     found = _motions(_Pair(system.mass, system.stiffness))
     return None if found is None else _apart(found, system.damping)
 
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """Mass and stiffness as a key: equal where all entries are, so that runs of one mechanism share its motions."""
+    """Mass and stiffness as a cache key, equal if all entries are, so that runs of one mechanism share the modes."""
 
     mass: Triplets
     stiffness: Triplets
@@ -156,7 +156,7 @@ def _symmetric(matrix: Triplets) -> bool:
 
 
 def _pushes(motions: FloatArray, stiffness: Triplets) -> bool:
-    """Tell whether a stiffness drives a motion instead of holding it back, as beyond buckling."""
+    """Return whether a stiffness is indefinite, as beyond buckling."""
     energy = np.sum(motions * stiffness.times_all(motions), axis=0)
     every = replace(stiffness, values=np.abs(stiffness.values))
     sizes = np.sum(np.abs(motions) * every.times_all(np.abs(motions)), axis=0)
@@ -164,7 +164,7 @@ def _pushes(motions: FloatArray, stiffness: Triplets) -> bool:
 
 
 def _apart(found: ModalCoordinates, damping: Triplets) -> ModalCoordinates:
-    """Return natural motions of which those without mass are mixed so that no damper couples two of them."""
+    """Return modes in which dampers do not couple two massless ones."""
     light = found.mass == 0.0
     if not light.any() or not damping.values.any():
         return found
@@ -175,7 +175,7 @@ def _apart(found: ModalCoordinates, damping: Triplets) -> ModalCoordinates:
 
 
 def modal_problem(problem: Problem, motions: ModalCoordinates) -> Problem:
-    """Return a problem in its natural motions."""
+    """Return a problem in modal coordinates."""
     none = Triplets.zeros(problem.system.size)  # mass and stiffness are known already
     inside = reduce_problem(replace(problem, system=replace(problem.system, mass=none, stiffness=none)), motions)
     mass, stiffness = (Triplets.from_dense(np.diag(one)) for one in (motions.mass, motions.stiffness))
@@ -184,7 +184,7 @@ def modal_problem(problem: Problem, motions: ModalCoordinates) -> Problem:
 
 
 def _undamped(inside: Triplets, damping: Triplets, motions: ModalCoordinates) -> Triplets:
-    """Return a damping of the motions with exactly none of those without mass that no damper slows."""
+    """Return a modal damping with exact zeros for undamped massless motions."""
     light = np.flatnonzero(motions.mass == 0.0)
     free = light[relaxation_times(motions.vectors[:, light], damping)[0] == 0.0]
     gone = np.isin(inside.rows, free) | np.isin(inside.cols, free)
@@ -192,7 +192,7 @@ def _undamped(inside: Triplets, damping: Triplets, motions: ModalCoordinates) ->
 
 
 def _cleaned(damping: Triplets) -> Triplets:
-    """Return a damping without what couples hardly any two motions."""
+    """Return a damping without negligible coupling of modes."""
     full = damping.dense()
     own = np.sqrt(np.abs(np.diag(full)))
     coupled = np.abs(full) > _COUPLED * np.outer(own, own)
@@ -201,5 +201,5 @@ def _cleaned(damping: Triplets) -> Triplets:
 
 
 def diagonal(matrix: Triplets) -> FloatArray | None:
-    """Return the diagonal of a matrix that has nothing else, shape (n,); None of one that has."""
+    """Return the diagonal of a diagonal matrix, shape (n,); None if it is not diagonal."""
     return matrix.diagonal() if (matrix.rows == matrix.cols).all() else None

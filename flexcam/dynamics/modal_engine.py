@@ -1,4 +1,4 @@
-"""The course of natural motions through time: from stride to stride, and step by step where no stride fits."""
+"""Modal engine: advance modal coordinates in blocks of steps, and step by step where blocks are not possible."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ from flexcam.dynamics.status import Stats, Status
 from flexcam.dynamics.step_state import ProbeTrajectory, Trajectory
 
 _GROUP = 16
-"""Strides whose loads are summed up together."""
+"""Number of blocks whose loads are summed together."""
 
 _AT_ONCE = 1024
-"""Steps in memory together where no stride fits."""
+"""Number of single steps in memory together."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepBlocks:
-    """Some successive strides, or steps where no stride fits.
+    """Successive blocks of steps, or single steps.
 
     Parameters
     ----------
     row
-        Instants between the first of all stretches and the begin of this one.
+        Instants from the first sequence to the beginning of this one.
     begins, ends
-        States of strides, shape (b, 3, n).
+        States at the beginning and end of blocks, shape (b, 3, n).
     causes
-        What changes the states in a stride, shape (b, 3, n).
+        Causes of the change of state in a block, shape (b, 3, n).
     rising
-        Histories of the loads over every stride less those at its begin, shape (b, k (L + 1)).
+        Load histories over every block minus their initial values, shape (b, k (L + 1)).
     states
-        After every step, shape (3, m, n), of a stretch without strides.
+        States after every step, shape (3, m, n), of a sequence without blocks.
     """
 
     row: int
@@ -56,9 +56,10 @@ class StepBlocks:
 
 
 class ModalPropagator:
-    """Where the motions are, and how they go on.
+    """State of the modes and its propagation.
 
-    A stretch begins at the last stride's begin, so that strides lie at the same steps however a run is divided.
+    A sequence begins at the beginning of the last block, so that blocks lie at the same steps for any division of a
+    run.
 
     Parameters
     ----------
@@ -69,20 +70,20 @@ class ModalPropagator:
     natural
         The motions.
     every
-        Steps after which they are taken anew from the unknowns, if they are spread exactly.
+        Interval in steps after which the coordinates are recomputed from the unknowns, if they are expanded exactly.
 
     Attributes
     ----------
     at
         Step of the state, -1 before the start.
     pushes
-        Of unit histories of the loads, shape (k, n).
+        Modal forces of unit load histories, shape (k, n).
     scale
-        Powers of the step that amounts and their rates are multiplied with, shape (3, 1).
+        Powers of the step that scale coordinates and their rates, shape (3, 1).
     state
-        Amounts, velocities times the step and accelerations times its square, which are of one size, shape (3, n).
+        Coordinates, velocities times the step and accelerations times its square, shape (3, n).
     causes
-        What changes them, as `StepBlock` has it, where the state is within a group of strides, shape (3, n).
+        Causes of change, see `StepBlock`, if the state is within a group of blocks, shape (3, n).
     """
 
     def __init__(self, problem: Problem, scheme: Scheme, natural: ModalCoordinates, every: int) -> None:
@@ -101,11 +102,11 @@ class ModalPropagator:
 
     @property
     def length(self) -> int:
-        """Steps of a stride; none where motions grow within one."""
+        """Steps of a block; none if motions grow within one."""
         return self.stride.length if self.stride else 0
 
     def _by_history(self, stride: StepBlock) -> FloatArray:
-        """Return states at the end of a stride per unit of every history at every instant, shape (k (L + 1), 3 n)."""
+        """Return states at the end of a block per unit of every history at every instant, shape (k (L + 1), 3 n)."""
         late = np.concatenate([np.zeros((3, 1, len(stride.stiff))), stride.answer[:, ::-1]], axis=1)
         parts = np.einsum("kn,sjn->kjsn", self.pushes, late)
         return parts.reshape(parts.shape[0] * parts.shape[1], self.state.size)
@@ -115,17 +116,17 @@ class ModalPropagator:
         self.at, self.state = 0, np.array([first.d[0], first.v[0], first.a[0]]) * self.scale
 
     def histories(self, last: int) -> FloatArray:
-        """Return those of the loads from the state up to a step, and zeros as far as a stride may lead beyond."""
+        """Return the load histories from the state up to a step, padded with zeros to the end of a block."""
         times = self._problem.times(np.arange(self.at, last + 1))
         known = self._problem.system.load_histories(self._problem.drive.at(times))
         return np.concatenate([known, np.zeros((self.length, known.shape[1]))])
 
     def pushed(self, histories: FloatArray) -> FloatArray:
-        """Return what loads push in every step, shape (m, n), from their histories, shape (m + 1, k)."""
+        """Return the modal forces of every step, shape (m, n), from load histories, shape (m + 1, k)."""
         return self.steps.pushed(np.einsum("tk,kn->tn", histories, self._vectors))
 
     def stretches(self, last: int, histories: FloatArray) -> Iterator[StepBlocks]:
-        """Yield stretches up to a step, the last stride beyond it where it does not end there; then go on there."""
+        """Yield sequences up to a step, where the last block may extend beyond it, and set the state there."""
         first = at = self.at
         while at < last:
             rest = self._every - at % self._every
@@ -140,7 +141,7 @@ class ModalPropagator:
             yield stretch
 
     def _strides(self, stride: StepBlock, count: int, last: int, histories: FloatArray, row: int) -> StepBlocks:
-        """Return some strides, and go on behind the last one, or at its begin where its end is behind the last step."""
+        """Return blocks of steps, and set the state to the end of the last complete one."""
         length = stride.length
         over = sliding_window_view(histories[: count * length + 1], length + 1, axis=0)[::length]
         rising = (over - over[:, :, :1]).reshape(count, over[0].size)
@@ -161,22 +162,22 @@ class ModalPropagator:
         return StepBlocks(row, begins, ends, causes[:-1], rising)
 
     def _groups(self, count: int) -> Iterator[slice]:
-        """Yield which of some strides belong to one group."""
+        """Yield the blocks that belong to one group."""
         ahead = self.at // self.length % self._group
         firsts = [0, *range(self._group - ahead, count, self._group), count]
         return (slice(first, last) for first, last in pairwise(firsts))
 
     def _go_on(self, strides: int, ends: FloatArray, causes: FloatArray) -> None:
-        """Let the state be that after some strides."""
+        """Set the state to that after blocks."""
         if strides:
             self.at += strides * self.length
             self.state, self.causes = ends[strides - 1], causes[strides]
 
     def _added(self, rising: FloatArray, first: int) -> FloatArray:
-        """Return what loads add to the states in some strides, shape (b, 3, n).
+        """Return the contribution of loads to the states in blocks, shape (b, 3, n).
 
-        Strides are taken in groups between steps that are the same in every run, as the bits of a product of matrices
-        depend on its size and on where in it a row stands.
+        Blocks are grouped between steps that are the same in every run, as the bits of a matrix product depend on its
+        size and on the position of a row in it.
         """
         count, ahead = len(rising), first % self._group
         whole = -(-(ahead + count) // self._group)
@@ -186,7 +187,7 @@ class ModalPropagator:
         return added.reshape(-1, *self.state.shape)[ahead : ahead + count]
 
     def _single(self, end: int, histories: FloatArray, row: int) -> StepBlocks:
-        """Return steps one by one, and go on behind them."""
+        """Return single steps, and advance the state."""
         pushed = self.pushed(histories[: end - self.at + 1])
         states = np.empty((3, *pushed.shape))
         self.steps.walk(self._anew(self.state, self.at), pushed, states)
@@ -195,14 +196,14 @@ class ModalPropagator:
         return StepBlocks(row, nothing, nothing, nothing, nothing[:, 0], states)
 
     def _anew(self, state: FloatArray, at: int) -> FloatArray:
-        """Return the state at a step as it follows from the unknowns that are saved; as it is where none are."""
+        """Return the state at a step recomputed from the saved unknowns, or unchanged if none are saved."""
         if not (self._exactly and at and at % self._every == 0):
             return state
         return self._natural.taken_anew(state / self.scale) * self.scale
 
 
 class ModalEngine:
-    """Walks through a linear problem in its natural motions.
+    """Engine of a linear problem in modal coordinates.
 
     Parameters
     ----------
@@ -211,12 +212,12 @@ class ModalEngine:
     scheme
         Of the generalized-alpha family.
     save
-        What is kept: at saved fields the amounts are taken anew from the unknowns, so that a run from there is this
-        one bit by bit.
+        Output settings: at saved fields the coordinates are recomputed from the unknowns, so that a resumed run is
+        identical bit by bit.
     stop
-        Asked before every block of steps.
+        Stop callback, called before every block of steps.
     natural
-        The motions, for that.
+        Modal coordinates.
     """
 
     def __init__(
@@ -227,7 +228,7 @@ class ModalEngine:
         self._course = ModalPropagator(problem, scheme, natural, save.field_every)
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
-        """Return the instants of some successive steps, as `Engine` says."""
+        """Return the instants of some successive steps, see `Engine`."""
         if self._stop():
             return Trajectory.none(self._system.size, self._forces), STOPPED
         first, at = self._begun(), self._problem.times(steps)
@@ -239,7 +240,7 @@ class ModalEngine:
         return in_range(track, before, self._system, self._problem.drive.at(at).angle)
 
     def _begun(self) -> Trajectory | None:
-        """Return the first instant, where the run is to begin; None behind it."""
+        """Return the first instant if the run is at its start; else None."""
         if self._course.at >= 0:
             return None
         first = first_track(self._problem, self._forces)
@@ -247,7 +248,7 @@ class ModalEngine:
         return first
 
     def _walked(self, last: int) -> FloatArray:
-        """Return the states from that of the course up to a step, shape (3, m + 1, n)."""
+        """Return the states from the current one up to a step, shape (3, m + 1, n)."""
         course, count = self._course, last - self._course.at + 1
         histories = course.histories(last)
         pushed, found = course.pushed(histories), np.empty((3, len(histories), self._system.size))
@@ -257,7 +258,7 @@ class ModalEngine:
         return found[:, :count]
 
     def _put(self, stretch: StepBlocks, pushed: FloatArray, found: FloatArray) -> None:
-        """Put the states of a stretch, those of all strides side by side."""
+        """Write the states of a sequence, for all blocks together."""
         first, n = stretch.row, self._system.size
         if stretch.states is not None:
             found[:, first + 1 : first + 1 + stretch.states.shape[1]] = stretch.states
@@ -274,35 +275,35 @@ class ModalEngine:
         return Trajectory(at, d, v, a, nothing, nothing, nothing, np.arange(len(at)))
 
     def _led(self, first: Trajectory, at: FloatArray, walked: FloatArray) -> Trajectory:
-        """Return the first instant, with every bit that it begins with, and those behind it."""
+        """Return the first instant unchanged, and those after it."""
         return first if len(at) == 1 else Trajectory.joined([first, self._track(at[1:], walked[:, 1:])])
 
     def counted(self, stats: Stats) -> Stats:
-        """Return the figures as they are: there is nothing to iterate on."""
+        """Return the statistics unchanged: there are no iterations."""
         return stats
 
     def state(self) -> Arrays:
-        """Return where the motions are, as `Engine` says."""
+        """Return the state of the modes, see `Engine`."""
         course = self._course
         return {"at": np.array(course.at), "amounts": course.state, "causes": course.causes}
 
     def restore(self, state: Arrays) -> None:
-        """Go on, as `Engine` says."""
+        """Restore the state, see `Engine`."""
         course = self._course
         course.at, course.state, course.causes = int(state["at"]), state["amounts"], state["causes"]
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What rows see of the motions in a stride.
+    """Matrices for the motion of rows in a block.
 
     Parameters
     ----------
     rows
         Shape (p, n).
     seen
-        Displacements, velocities and accelerations after every step, by what changes the states and by what changes
-        of the loads' histories, shape (3 n + k (L + 1), L 3 p).
+        Displacements, velocities and accelerations after every step per unit of the causes and of the changes of load
+        histories, shape (3 n + k (L + 1), L 3 p).
     """
 
     rows: FloatArray
@@ -310,7 +311,7 @@ class View:
 
     @classmethod
     def of(cls, rows: FloatArray, course: ModalPropagator) -> View:
-        """Return what rows see of a course that has strides."""
+        """Return the matrices for a propagator with blocks."""
         stride, length, count = course.stride, course.length, 3 * len(rows)
         if stride is None:
             return cls(rows, np.zeros((0, 0)))
@@ -321,12 +322,12 @@ class View:
         answers = np.einsum("sjn,knp->kjsp", stride.answer / course.scale[:, None], course.pushes[:, :, None] * rows.T)
         answers = answers.reshape(histories, length, count)
         later = seen[causes:].reshape(histories, length + 1, length, count)
-        for instant in range(1, length + 1):  # what is pushed then is answered from then on
+        for instant in range(1, length + 1):  # forces act from their instant on
             later[:, instant, instant - 1 :] = answers[:, : length + 1 - instant]
         return cls(rows, seen.reshape(len(seen), length * count))
 
     def of_stretch(self, stretch: StepBlocks, course: ModalPropagator) -> FloatArray:
-        """Return displacements, velocities and accelerations after every step of a stretch, shape (m, 3, p)."""
+        """Return displacements, velocities and accelerations after every step of a sequence, shape (m, 3, p)."""
         if stretch.states is not None:
             return (stretch.states / course.scale[:, None] @ self.rows.T).swapaxes(0, 1)
         count, p = len(stretch.begins), len(self.rows)
@@ -337,7 +338,7 @@ class View:
 
 
 class ProbeEngine(ModalEngine):
-    """Walks through a linear problem in its natural motions, and looks at the probes alone.
+    """Engine of a linear problem in modal coordinates that computes the probes only.
 
     Parameters
     ----------
@@ -353,7 +354,7 @@ class ProbeEngine(ModalEngine):
         self._view = View.of(probe_rows(problem), self._course)
 
     def glance(self, steps: IntArray) -> tuple[ProbeTrajectory, Status]:
-        """Return what is kept of some successive steps, up to the last in range, and a status as `Engine` says."""
+        """Return the saved results of successive steps, up to the last in range, and a status, see `Engine`."""
         rows = self._view.rows
         if self._stop():
             return ProbeTrajectory.none(len(rows), self._system.size), STOPPED
@@ -362,7 +363,7 @@ class ProbeEngine(ModalEngine):
         seen = self._seen(steps, saved)
         if seen is not None:
             return seen, Status()
-        self.restore(earlier)  # again, instant by instant, to see which motion left the range of numbers
+        self.restore(earlier)  # repeat instant by instant to find the diverging motion
         track, status = self.advance(steps)
         probes = Series(*(one @ rows.T for one in (track.d, track.v, track.a)))
         return ProbeTrajectory(
@@ -370,7 +371,7 @@ class ProbeEngine(ModalEngine):
         ), status
 
     def _seen(self, steps: IntArray, saved: NDArray[np.bool_]) -> ProbeTrajectory | None:
-        """Return what is kept of some steps; None where something leaves the range of numbers."""
+        """Return the saved results of steps; None if a value diverges."""
         first, course = self._begun(), self._course
         begin, at = course.at, self._problem.times(steps)
         histories, rows = course.histories(int(steps[-1])), steps[saved] - begin
@@ -390,12 +391,12 @@ class ProbeEngine(ModalEngine):
         return ProbeTrajectory(at, Series(*found.swapaxes(0, 1)), Series(*fields))
 
     def _states(self, stretch: StepBlocks, rows: IntArray, histories: FloatArray) -> FloatArray:
-        """Return the states at some rows of a stretch, shape (3, r, n)."""
+        """Return the states at selected rows of a sequence, shape (3, r, n)."""
         if stretch.states is not None:
             return stretch.states[:, rows - stretch.row - 1]
         which, past = np.divmod(rows - stretch.row - 1, self._course.length)
         found = stretch.ends[which].swapaxes(0, 1).copy()
-        for i in np.flatnonzero(past < self._course.length - 1).tolist():  # the last step of a run may end no stride
+        for i in np.flatnonzero(past < self._course.length - 1).tolist():  # the last step of a run may not end a block
             row = stretch.row + int(which[i]) * self._course.length
             pushed = self._course.pushed(histories[row : row + int(past[i]) + 2])
             states = np.empty((3, *pushed.shape))

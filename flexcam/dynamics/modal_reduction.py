@@ -1,9 +1,9 @@
-"""Bases of few shapes for a linear system: modes with static correction, and Craig-Bampton's.
+"""Modal reduction: modes with static correction, and Craig-Bampton reduction.
 
-Modes alone miss what a load does beyond them, which is its static answer as long as it is slow; with it, displacements
-under loads at the given places are exact in statics. R. R. Craig and A. J. Kurdila, Fundamentals of Structural
-Dynamics, 2nd ed. (2006), ch. 17; R. R. Craig and M. C. C. Bampton, Coupling of substructures for dynamic analyses,
-AIAA J. 6 (1968).
+Truncated modes miss the response of higher modes to a load, which is static for slow loads. With static correction,
+displacements under loads at the given points are exact in statics. R. R. Craig and A. J. Kurdila, Fundamentals of
+Structural Dynamics, 2nd ed. (2006), ch. 17; R. R. Craig and M. C. C. Bampton, Coupling of substructures for dynamic
+analyses, AIAA J. 6 (1968).
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from flexcam.core.errors import refuse
 from flexcam.dynamics.modes import Modes, modes
 
 _DEPENDENT = 1e-10
-"""Part of a static answer's strain energy below which what others leave of it is rounding."""
+"""Fraction of strain energy of a static solution below which it depends linearly on others."""
 
 _STILL = 1e-12
-"""Part of a shape's size, as the root of its strain energy, that is rounding."""
+"""Fraction of the size of a shape, as square root of its strain energy, that is rounding."""
 
 
 def corrected_modes(
     mass: Triplets, stiffness: Triplets, places: FloatArray, count: int, *, free: FloatArray | None = None
 ) -> FloatArray:
-    """Return the lowest modes with the static answers that they miss."""
+    """Return the lowest modes with their static correction."""
     rigid = modes(mass, stiffness, 1, free=free).rigid if free is None else free.shape[1]
     found = modes(mass, stiffness, rigid + count, free=free)
     shapes = found.shapes
@@ -38,7 +38,7 @@ def corrected_modes(
 
 
 def _held(stiffness: Triplets, loads: FloatArray, rigid: FloatArray) -> FloatArray:
-    """Return the static answers to loads that do no work on the free motions, shape (n, k)."""
+    """Return static solutions for loads that do no work on the free motions, shape (n, k)."""
     held = pins(rigid / diagonal_scale(stiffness)[:, None])
     kept = np.setdiff1d(np.arange(stiffness.size), held)
     answers = np.zeros(loads.shape)
@@ -47,9 +47,9 @@ def _held(stiffness: Triplets, loads: FloatArray, rigid: FloatArray) -> FloatArr
 
 
 def _independent(mass: Triplets, stiffness: Triplets, shapes: FloatArray, known: FloatArray) -> FloatArray:
-    """Return shapes of the same span, of unit stiffness, whose mass and stiffness are diagonal; the lightest last.
+    """Return shapes of the same span with unit stiffness and diagonal mass, the lightest last.
 
-    A shape counts where its energy adds something to what is known of it.
+    A shape is used if its energy exceeds that of its projection on the others.
     """
     energy = np.maximum(np.einsum("ik,ik->k", shapes, stiffness.times_all(shapes)), 0.0)
     kept = energy > _DEPENDENT * (known + energy)
@@ -59,14 +59,14 @@ def _independent(mass: Triplets, stiffness: Triplets, shapes: FloatArray, known:
     unit = shapes @ (vectors[:, good] / np.sqrt(values[good]))
     _, turned = np.linalg.eigh(unit.T @ mass.times_all(unit))
     found = unit @ turned[:, ::-1]
-    # What moves only an unknown without mass would else have the mass of rounding, and a frequency beyond all.
+    # Otherwise a shape of a massless unknown would have the mass of rounding and a very high frequency.
     return np.where(np.abs(found) > _STILL * diagonal_scale(stiffness)[:, None], found, 0.0)
 
 
 def craig_bampton(
     mass: Triplets, stiffness: Triplets, boundary: IntArray, interiors: Sequence[IntArray], count: int
 ) -> FloatArray:
-    """Return the basis that keeps some unknowns as they are, and of the others their static answers and some modes."""
+    """Return the Craig-Bampton basis: boundary unknowns, constraint modes and fixed-interface modes."""
     inner = np.concatenate([np.zeros(0, np.intp), *interiors])
     if not np.array_equal(np.sort(np.concatenate([boundary, inner])), np.arange(stiffness.size)):
         raise refuse("boundary and interiors", f"{len(boundary)} + {len(inner)} unknowns", "every unknown once")
@@ -82,7 +82,7 @@ def craig_bampton(
 
 
 def _fixed(mass: Triplets, stiffness: Triplets, group: IntArray, count: int) -> FloatArray:
-    """Return the modes of a group while all others are held, among all unknowns."""
+    """Return the fixed-interface modes of a group, expanded to all unknowns."""
     own = modes(mass.part(group), stiffness.part(group), count, free=np.zeros((len(group), 0)))
     shapes = np.zeros((stiffness.size, own.shapes.shape[1]))
     shapes[group] = own.shapes

@@ -1,4 +1,4 @@
-"""A step of the generalized-alpha family for natural motions, which nothing couples: a dozen operations on arrays."""
+"""Step of the generalized-alpha family in modal coordinates: a dozen array operations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexcam.dynamics.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class ModeParameters:
-    """Natural motions, and the length of a step.
+    """Parameters of modes, and the step.
 
     Parameters
     ----------
@@ -31,27 +31,27 @@ class ModeParameters:
 
     @classmethod
     def of(cls, problem: Problem) -> ModeParameters:
-        """Return those of an uncoupled problem."""
+        """Return the parameters of an uncoupled problem."""
         system = problem.system
         return cls(system.mass.diagonal(), system.damping.diagonal(), system.stiffness.diagonal(), problem.step)
 
 
 @dataclass(frozen=True, eq=False)
 class ModalStep:
-    """A step of the generalized-alpha family, for every motion.
+    """Step of the generalized-alpha family for every mode.
 
     Parameters
     ----------
     scheme
         The scheme.
     beta, gamma
-        Its parameters, or, where a motion has neither mass nor damper, a number for each, shape (n,): see `led`.
+        Parameters of the scheme, or one per mode if a mode has neither mass nor damper, shape (n,): see `massless`.
     slowed
-        Positions of motions without mass whose acceleration is the change of their velocity, for the same reason.
+        Indices of massless motions whose acceleration is the change of their velocity, for the same reason.
     slow, stiff, heavy
-        Damping, stiffness and inertia of the old instant, by what resists an acceleration, shape (n,).
+        Damping, stiffness and inertia of the old instant divided by the effective mass, shape (n,).
     light
-        What a load pushes, shape (n,).
+        Factor of the load, shape (n,).
     """
 
     scheme: Scheme
@@ -65,7 +65,7 @@ class ModalStep:
 
     @classmethod
     def of(cls, scheme: Scheme, motions: ModeParameters) -> ModalStep:
-        """Return the step of some motions."""
+        """Return the step of modes."""
         h, new = motions.step, 1.0 - scheme.alpha_f
         slow, stiff = h * motions.damping, h**2 * motions.stiffness
         led = (motions.mass == 0.0) & (motions.damping == 0.0)
@@ -79,19 +79,16 @@ class ModalStep:
 
     @property
     def old(self) -> float:
-        """Weight of what acts at the begin of a step."""
+        """Weight of the forces at the beginning of a step."""
         return self.scheme.alpha_f
 
     def pushed(self, loads: FloatArray) -> FloatArray:
-        """Return what loads push in every step, shape (m, n), from those at both ends of it, shape (m + 1, n)."""
+        """Return the modal forces of every step, shape (m, n), from those at both ends, shape (m + 1, n)."""
         old, push = self.old, self.light * loads
         return (1.0 - old) * push[1:] + old * push[:-1] if old else push[1:]
 
     def walk(self, begin: FloatArray, pushed: FloatArray, found: FloatArray) -> None:
-        """Put the states after every step.
-
-        Every motion has the same bits as if it were alone.
-        """
+        """Write the states after every step, independently per mode bit by bit."""
         old = self.old
         state = np.array(begin, order="C")
         q, v, a = state
@@ -115,10 +112,10 @@ class ModalStep:
             found[:, k] = state
 
     def change(self) -> LongArray:
-        """Return by how much a step changes states, ``A - 1``, and by a steady push, shape (3, 4, n).
+        """Return the change of the state per step, ``A - 1``, and per constant force, shape (3, 4, n).
 
-        The difference keeps the digits that tell of a slow motion: those of A end where its frequency begins. What is
-        rounded off here comes back in every stride, so that powers of it are taken in extended precision.
+        The difference keeps the digits of slow modes, which A would lose. Its rounding recurs in every block, so powers
+        of it are computed in extended precision.
         """
         new = 1.0 - self.old
         slow, stiff, heavy = (one.astype(np.longdouble) for one in (self.slow, self.stiff, self.heavy))
@@ -134,23 +131,23 @@ class ModalStep:
 
 
 _FEWEST, USUAL, _LONG, _MOST = 16, 40, 64, 128
-"""Steps of a stride: the longer, the less is done one after the other, and the less side by side."""
+"""Steps of a block: longer blocks need fewer sequential and more parallel operations."""
 
 _SELDOM = 1024
-"""Steps between saved fields from which strides are long."""
+"""Interval of saved fields above which blocks are long."""
 
 _GROWN = 1e6
-"""Growth over a stride beyond which a motion is walked step by step, to see where it leaves the range of numbers."""
+"""Growth over a block above which a mode is advanced step by step, to locate divergence."""
 
 _GONE = 1e-130
-"""Added and taken away, it leaves nothing of a motion that is none any more, and everything of any other.
+"""Constant that, added and subtracted, removes vanished motions and leaves others unchanged.
 
-What dies out further would end in numbers that processors handle very slowly.
+Motions that decay further would become denormal numbers, which are very slow.
 """
 
 
 def stride_length(every: int) -> int:
-    """Return the steps of a stride where motions are taken anew after every so many steps."""
+    """Return the steps of a block for an interval at which coordinates are recomputed."""
     usual = USUAL if every < _SELDOM else _LONG
     even = [length for length in range(_FEWEST, _MOST + 1) if every % length == 0]
     if even:
@@ -160,26 +157,25 @@ def stride_length(every: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class StepBlock:
-    """So many steps at once.
+    """A block of steps in one operation.
 
-    What a stride changes is told by what is out of balance at its begin, and by how loads change from there: under a
-    steady load both vanish, where sums of what each instant's load does would leave their rounding.
+    The change of state depends on the initial residual force and on the change of loads from there. Under a constant
+    load both vanish, whereas sums of the effects of single instants would accumulate rounding.
 
     Parameters
     ----------
     length
         L, steps.
     stiff
-        What a displacement takes from the push, shape (n,).
+        Force per displacement, shape (n,).
     change
-        Of states, by what pushes at the begin less what the displacement takes, by h v and by h^2 a: by its causes,
-        shape (3, 3, n).
+        Change of states per cause: initial residual force, h v and h^2 a, shape (3, 3, n).
     shift
-        Of these causes, by themselves, shape (3, 3, n).
+        Change of the causes per cause, shape (3, 3, n).
     within
-        States after every step by the same three, shape (3, L, 3, n); a displacement at the begin is to be added.
+        States after every step per cause, shape (3, L, 3, n), without the initial displacement.
     answer
-        States after every step, per unit of the push at the end of the first one, shape (3, L, n).
+        States after every step per unit force at the end of the first one, shape (3, L, n).
     """
 
     length: int
@@ -191,7 +187,7 @@ class StepBlock:
 
     @classmethod
     def of(cls, steps: ModalStep, length: int) -> StepBlock | None:
-        """Return that of a step; None where motions grow within it."""
+        """Return the block of a step; None if motions grow within it."""
         n = len(steps.stiff)
         begin, pushed, found = np.zeros((3, 4, n)), np.zeros((length, 4, n)), np.empty((3, length, 4, n))
         begin[[0, 1, 2], [0, 1, 2]], pushed[0, 3] = 1.0, 1.0
@@ -199,20 +195,20 @@ class StepBlock:
         if not np.abs(found[:, :, :3]).max(initial=0.0) < _GROWN:
             return None
         within, pulse, old = found[:, :, :3], found[:, :, 3], steps.old
-        # By a steady push; the displacement that it balances would change it by as much less.
+        # By a constant force; the displacement in equilibrium would cause the opposite change.
         within[:, :, 0] = np.cumsum(pulse, axis=1)
         change = _repeated(steps.change(), length)[:, [3, 1, 2]]
         shift = np.concatenate([-steps.stiff * change[:1], change[1:]]).astype(float)
         answer = (1.0 - old) * pulse
-        answer[:, 1:] += old * pulse[:, :-1]  # a step is pushed by what acts at its begin too
+        answer[:, 1:] += old * pulse[:, :-1]  # forces at the beginning of a step act as well
         return cls(length, steps.stiff, change.astype(float), shift, within, answer)
 
     def causes(self, begin: FloatArray, push: FloatArray) -> FloatArray:
-        """Return what changes a state under a push, shape (3, n)."""
+        """Return the causes of change of a state under a force, shape (3, n)."""
         return np.concatenate([(push - self.stiff * begin[0])[None], begin[1:]])
 
     def land(self, begin: FloatArray, pushes: FloatArray, causes: FloatArray, ends: FloatArray) -> None:
-        """Put where a state is after every stride, and what changes it there."""
+        """Write the states after every block and their causes of change."""
         shifts = ends.copy()
         shifts[:, 0] *= -self.stiff
         shifts[:, 0] += pushes[1:] - pushes[:-1]
@@ -226,12 +222,12 @@ class StepBlock:
 
 
 def drop_vanished(state: FloatArray) -> FloatArray:
-    """Return a state without the motions that are none any more."""
+    """Return a state without vanished motions."""
     return (state + _GONE) - _GONE
 
 
 def _repeated(change: LongArray, times: int) -> LongArray:
-    """Return ``A^L - 1`` from ``A - 1``: by doubling, without ever adding the one."""
+    """Return ``A^L - 1`` from ``A - 1`` by doubling, without adding the identity."""
     if times == 1:
         return change
     half = _repeated(change, times // 2)

@@ -1,8 +1,8 @@
-"""One mass on a spring and a damper under a harmonic force.
+"""Natural modes, and the frequency response of a single mass.
 
-How many harmonics of a cam stay below a resonance says `flexcam.cams.harmonics_below`.
+`flexcam.cams.harmonics_below` returns the number of harmonics of a cam below a resonance.
 
-Source: C. Li, Cam motion simulation and optimization (2014), eqs. 1-4; W. T. Thomson, Theory of Vibration with
+References: C. Li, Cam motion simulation and optimization (2014), eqs. 1-4; W. T. Thomson, Theory of Vibration with
 Applications, ch. 3.
 """
 
@@ -50,7 +50,7 @@ def normalized_response(frequency_ratio: FloatArray, damping_ratio: float) -> Co
 
 
 LOST = 1e-6
-"""Relative error of an eigenvalue above which a mode is left out rather than shown wrong."""
+"""Relative error of an eigenvalue above which a mode is omitted."""
 
 _DEFAULT_COUNT = 20
 
@@ -70,7 +70,7 @@ def lanczos(
     rounding = np.sqrt(mass.size) * np.finfo(float).eps * largest
     if inverse_squares.min(initial=0.0) < -rounding / LOST:
         raise NotPositiveError(shapes[:, int(np.argmin(inverse_squares))])
-    # Fewer masses than modes asked for leave zeros, that is rounding of either sign.
+    # With fewer masses than requested modes, zeros remain as rounding of either sign.
     good = min(int(np.argmax(np.append(inverse_squares * LOST <= rounding, True))), wanted)
     lost = min(int(np.count_nonzero(inverse_squares > rounding)), wanted) - good
     return 1.0 / inverse_squares[:good], shapes[:, :good], max(lost, 0)
@@ -145,12 +145,11 @@ class Modes:
     shapes
         Mass-orthonormal shapes, shape (n, k).
     rigid
-        How many of them (the first ones) have no stiffness.
+        Number of modes (the first ones) without stiffness.
     lost
-        How many higher modes were left out because rounding would have spoilt them.
+        Number of higher modes omitted because of rounding.
     rounding
-        Share of each frequency that rounding in the stiffness may have taken, shape (k,): a bound, some ten times above
-        the error.
+        Relative rounding error of each frequency, shape (k,): an upper bound, about ten times the error.
     """
 
     omegas: FloatArray
@@ -165,7 +164,7 @@ class Modes:
         return self.omegas / (2.0 * np.pi)
 
     def doubt(self) -> str:
-        """Return in words what rounding in the stiffness may have taken; empty where that is not worth telling."""
+        """Describe the rounding error of the frequencies; empty if negligible."""
         share = float(self.rounding.max(initial=0.0))
         if share <= _WORTH_TELLING:
             return ""
@@ -174,7 +173,7 @@ class Modes:
 
 
 _WORTH_TELLING = 1e-4
-"""Share of a frequency: four digits are what tables show."""
+"""Relative error of a frequency to report: tables show four digits."""
 
 
 def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free: FloatArray | None = None) -> Modes:
@@ -204,7 +203,7 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
         If a free motion has no mass, rounding in the stiffness spoils a mode, or the search for the modes of a large
         model does not converge.
     NotPositiveError
-        If the stiffness drives a motion, as of a member beyond buckling.
+        If the stiffness is indefinite, as beyond buckling.
 
     Examples
     --------
@@ -222,14 +221,14 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
     omegas = np.concatenate([np.zeros(rigid.shape[1]), np.sqrt(squares)])
     shapes = np.concatenate([rigid, shapes], axis=1)
     wanted = len(omegas) if count is None else min(count, len(omegas))
-    taken = np.concatenate([np.zeros(rigid.shape[1]), 0.5 * shares])  # omega is the root of what is rounded
+    taken = np.concatenate([np.zeros(rigid.shape[1]), 0.5 * shares])  # square root of the rounded eigenvalue
     return Modes(
         omegas[:wanted], _signed(shapes[:, :wanted]), int(min(rigid.shape[1], wanted)), int(lost), taken[:wanted]
     )
 
 
 def _sought(stiffness: Triplets) -> FloatArray:
-    """Return the motions that bare matrices leave free; one with more energy than rounding can make is a soft one."""
+    """Return the null space of matrices without known free motions; more energy than rounding means a soft motion."""
     found = null_space(stiffness)
     energy = np.abs(np.sum(found * stiffness.times_all(found), axis=0))
     taken = energy_rounding(stiffness, found)
@@ -254,9 +253,9 @@ def _mass_orthonormal(motions: FloatArray, mass: Triplets) -> FloatArray:
 
 
 def _orthonormalized(shapes: FloatArray, rigid: FloatArray, mass: Triplets) -> FloatArray:
-    """Return nearly mass-orthonormal shapes made so: first to the free motions, then among themselves.
+    """Return shapes orthonormalized in the mass: to the free motions, then among themselves.
 
-    Two steps of Newton's iteration for the nearest orthonormal set square the error twice and favour no shape.
+    Two Newton iterations for the nearest orthonormal set square the error twice and treat all shapes alike.
     """
     shapes = shapes - rigid @ (rigid.T @ mass.times_all(shapes))
     for _ in range(2):
@@ -267,7 +266,7 @@ def _orthonormalized(shapes: FloatArray, rigid: FloatArray, mass: Triplets) -> F
 def _dense(
     mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | None
 ) -> tuple[FloatArray, FloatArray, int]:
-    """Take each mode from the side that keeps its digits: low ones from ``K^-1 M``, high ones from ``M^-1 K``."""
+    """Return modes from the more accurate side: low ones from ``K^-1 M``, high ones from ``M^-1 K``."""
     M, K = mass.dense(), stiffness.dense()
     squares, shapes, errors = _by_stiffness(M, K, diagonal_scale(stiffness), rigid)
     if (errors > LOST).any() and (high := _by_mass(mass, K)) is not None:
@@ -286,7 +285,7 @@ def _dense(
 
 
 def _switch(squares: FloatArray, low: FloatArray, high: FloatArray) -> int:
-    """Return the first mode to take from the other side, without parting a group of equal frequencies."""
+    """Return the first mode from the other side, without splitting a group of equal frequencies."""
     switch = int(np.argmax(np.append(high < low, True)))
     while 0 < switch < len(squares) and squares[switch] <= (1.0 + 1e-6) * squares[switch - 1]:
         switch -= 1
@@ -319,8 +318,7 @@ def _by_stiffness(
 def _by_mass(mass: Triplets, K: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | None:
     """Return omega^2, shapes and relative errors from ``L^-1 K L^-T``, L L^T the mass of what has one.
 
-    Motions without mass are none of these modes: they follow the others by their springs. None where rounding leaves
-    the mass without a factor.
+    Massless motions are condensed statically. Returns None if rounding prevents the factorization of the mass.
     """
     light = null_space(mass)
     kept = np.setdiff1d(np.arange(mass.size), np.array(pins(light), dtype=np.intp))
@@ -339,7 +337,7 @@ def _by_mass(mass: Triplets, K: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
 
 def _following(K: FloatArray, light: FloatArray) -> FloatArray:
-    """Return what moves every unknown by one, and motions without mass, shape (n, k), to where springs hold them."""
+    """Return unit motions of every unknown with massless motions, shape (n, k), in static equilibrium."""
     everything = np.eye(len(K))
     if not light.shape[1]:
         return everything
@@ -348,7 +346,7 @@ def _following(K: FloatArray, light: FloatArray) -> FloatArray:
 
 
 def _with_errors(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return eigenvalues kept above rounding, and the relative error each has: that of the largest, in its own size."""
+    """Return eigenvalues bounded by rounding, and their relative errors."""
     eps, largest = np.finfo(float).eps, float(values.max(initial=0.0))
     positive = np.maximum(values, max(eps**2 * largest, np.finfo(float).tiny))
     return positive, len(values) * eps * largest / positive
@@ -362,7 +360,7 @@ def _cholesky(K: FloatArray, scale: FloatArray) -> FloatArray:
 
 
 def _signed(shapes: FloatArray) -> FloatArray:
-    """Return the shapes with their largest entry positive, so that a rerun on another machine draws the same."""
+    """Return the shapes with positive largest entries, for reproducible signs."""
     if not shapes.size:
         return shapes
     largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(shapes.shape[1])]

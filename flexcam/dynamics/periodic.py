@@ -1,10 +1,10 @@
-"""The steady periodic state without a long transient: shooting.
+"""Periodic steady state by shooting, without a long transient.
 
-The state after one revolution is a function of the state before it; its fixed point is sought by Newton's method with
+The state after one revolution is a function of the state before it; its fixed point is computed by Newton's method with
 the derivative of that function (`monodromy`): one revolution for a linear train, few for one with contacts. A. H.
-Nayfeh and B. Balachandran, Applied Nonlinear Dynamics (1995), sec. 5.2. Systems of too many unknowns go by Anderson's
-method, which takes as many revolutions as motions that have not died out: J. ACM 12 (1965); H. F. Walker and P. Ni,
-SIAM J. Numer. Anal. 49 (2011).
+Nayfeh and B. Balachandran, Applied Nonlinear Dynamics (1995), sec. 5.2. Larger systems use Anderson's method, which
+needs as many revolutions as there are motions that have not decayed: J. ACM 12 (1965); H. F. Walker and P. Ni, SIAM J.
+Numer. Anal. 49 (2011).
 """
 
 from __future__ import annotations
@@ -26,51 +26,51 @@ from flexcam.dynamics.solve import solve
 from flexcam.dynamics.status import Cause, RunFailedError, Status
 
 _NOTHING = 1e-6
-"""Part of the first guess's motion below which the periodic state is rest."""
+"""Fraction of the motion of the first guess below which the periodic state is rest."""
 
 _LATE = Status(
     Cause.TIME_LIMIT, "the time given to the run was over while its periodic start was sought", "allow more time"
 )
-"""How a run ends that never began."""
+"""Status of a run that never began."""
 
 _MEMORY = 40
 _MOST_REVOLUTIONS = 100
 _USUAL_REVOLUTIONS = 10
-"""Revolutions of a search, by which its engine is chosen."""
+"""Expected revolutions of a search, for the selection of the engine."""
 
 _PATIENCE, _PATIENCE_OF_NEWTON = 12, 8
-"""Revolutions without halving the miss after which the search ends: contacts that open and close leave a floor."""
+"""Revolutions without halving the residual after which the search ends: contacts that open and close limit it."""
 
 _GOOD = 0.1
-"""Part of the miss to which a step of Newton's lessens it while its derivative is good enough for the next one."""
+"""Reduction of the residual by a Newton step with which its derivative is reused."""
 
 _FREE = 1e-10
-"""Part of the largest by which a motion must change in a revolution to be sought."""
+"""Relative change per revolution below which a motion is excluded from the search."""
 
 
 def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9, until: float | None = None) -> State:
-    """Return the state that comes back after one revolution.
+    """Return the periodic state of one revolution.
 
     Parameters
     ----------
     problem
         One revolution, from a first guess.
     scheme
-        By which it is integrated.
+        Integration method.
     tolerance
-        By how much the state may miss, as a part of the motion, in the energy norm.
+        Relative residual of periodicity, in the energy norm.
     until
-        When the search ends at the latest, s of `time.monotonic`; None for no limit.
+        Latest end of the search, s of `time.monotonic`; None for no limit.
 
     Returns
     -------
     State
-        The one that misses least, with its miss as `periodicity`.
+        State with the smallest residual, given as `periodicity`.
 
     Raises
     ------
     RunFailedError
-        If the time was over.
+        If the time limit was reached.
     """
     start = problem.start or State.rest(problem.system.size)
     basis = basis_of(problem)
@@ -86,28 +86,28 @@ def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9, until
 
 @dataclass(frozen=True, eq=False)
 class _Turn:
-    """A revolution: the state behind it, displacements and velocities within, shape (m, 2n)."""
+    """A revolution: final state, and displacements and velocities within, shape (m, 2n)."""
 
     end: FloatArray
     fields: FloatArray
 
 
 class _Search(Protocol):
-    """A way to the state that returns."""
+    """Interface of a search for the periodic state."""
 
     patience: int
 
     def turn(self, x: FloatArray) -> _Turn | None:
-        """Return a revolution from a state; None where it breaks off."""
+        """Return a revolution from a state; None if the run fails."""
         ...
 
     def next(self, x: FloatArray, turn: _Turn | None, error: float) -> FloatArray | None:
-        """Return the next state to try behind one that misses by some error; None to give up."""
+        """Return the next state after one with an error; None to stop."""
         ...
 
 
 def _fixed_point(problem: Problem, search: _Search, tolerance: float) -> State:
-    """Return the state that misses least, in the unknowns of the problem."""
+    """Return the state with the smallest residual, in the unknowns of the problem."""
     weights = _weights(problem)
     x: FloatArray | None = _packed(problem, problem.start or State.rest(problem.system.size))
     best, least, level, since, first = x, np.inf, np.inf, 0, 0.0
@@ -128,10 +128,10 @@ def _fixed_point(problem: Problem, search: _Search, tolerance: float) -> State:
 
 
 class _Newton:
-    """Newton's method: ``(I - Phi) dx = P(x) - x``, with a plain revolution where a step misses by more.
+    """Newton's method, ``(I - Phi) dx = P(x) - x``, with a plain revolution if a step increases the residual.
 
-    Phi is kept while it serves. Motions that die out make the plain revolution come nearer in any case; half a step
-    does so less where contacts open and close.
+    Phi is reused while it reduces the residual. With decaying motions the plain revolution always reduces the residual;
+    half a step does so less reliably if contacts open and close.
     """
 
     def __init__(self, problem: Problem, scheme: Method, until: float | None) -> None:
@@ -144,7 +144,7 @@ class _Newton:
         self._least, self.patience = np.inf, _PATIENCE_OF_NEWTON
 
     def turn(self, x: FloatArray) -> _Turn | None:
-        """Return a revolution, as `_Search` says."""
+        """Return a revolution, see `_Search`."""
         one = replace(self._problem, start=_unpacked(self._problem, x))
         try:
             found = period_map(one, self._scheme, self._late, derived=self._derivative is None)
@@ -157,7 +157,7 @@ class _Newton:
         return _Turn(found.end, found.fields)
 
     def next(self, x: FloatArray, turn: _Turn | None, error: float) -> FloatArray | None:
-        """Return the next state, as `_Search` says."""
+        """Return the next state, see `_Search`."""
         if turn is None or error >= self._least or self._derivative is None:
             end, self._end, self._derivative, self._least = self._end, None, None, np.inf
             return end
@@ -168,7 +168,7 @@ class _Newton:
         return new
 
     def _newton(self, derivative: FloatArray, miss: FloatArray) -> FloatArray:
-        """Return the step; motions that return from anywhere stay where they are."""
+        """Return the step; motions with any periodic amplitude are unchanged."""
         w = self._weights
         change = np.eye(len(w)) - w[:, None] * derivative / w
         if not np.isfinite(change).all():
@@ -180,7 +180,7 @@ class _Newton:
 
 
 class _Anderson:
-    """Anderson's method: the combination of the states behind which the least is missing, moved by what is."""
+    """Anderson's method: combination of previous states of minimum residual, plus that residual."""
 
     def __init__(self, problem: Problem, scheme: Method, until: float | None) -> None:
         self._problem = replace(problem, runs=problem.runs * _USUAL_REVOLUTIONS)
@@ -190,7 +190,7 @@ class _Anderson:
         self._misses: list[FloatArray] = []
 
     def turn(self, x: FloatArray) -> _Turn | None:
-        """Return a revolution, as `_Search` says."""
+        """Return a revolution, see `_Search`."""
         one = replace(self._problem, start=_unpacked(self._problem, x))
         save = SaveAt(field_every=max(one.steps // 64, 1))
         response = solve(one, self._scheme, save=save, until=self._until)
@@ -203,7 +203,7 @@ class _Anderson:
         return _Turn(np.concatenate([fields[-1], response.inner]), fields)
 
     def next(self, x: FloatArray, turn: _Turn | None, error: float) -> FloatArray | None:
-        """Return the next state, as `_Search` says."""
+        """Return the next state, see `_Search`."""
         if turn is None:
             return None
         points = self._points = [*self._points, x][-_MEMORY:]
@@ -228,6 +228,6 @@ def _unpacked(problem: Problem, x: FloatArray) -> State:
 
 
 def _weights(problem: Problem) -> FloatArray:
-    """Return what makes displacements and velocities roots of energies, shape (2n,)."""
+    """Return weights that convert displacements and velocities to square roots of energies, shape (2n,)."""
     stiff, mass = (np.sqrt(np.abs(one.diagonal())) for one in (problem.system.stiffness, problem.system.mass))
     return np.concatenate([stiff, mass])

@@ -1,4 +1,4 @@
-"""What `solve` is asked: a system, how the cam turns, the step, the start, and what to save."""
+"""Definition of a transient problem: system, cam motion, step, initial state and settings."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class State:
     inner
         Internal states of the local forces, one after the other, shape (s,); None for those at rest.
     periodicity
-        Of a state that should return after a revolution: by how much it misses, as a part of the motion; else None.
+        Relative residual of a periodic state; else None.
     acceleration
-        Shape (n,), where a run goes on: of some schemes it is no function of the rest. None to balance the forces.
+        Shape (n,), of a resumed run, where some schemes do not derive it from the rest. None for equilibrium.
     taken
-        Steps of the problem's length that led here: instants are counted from before them.
+        Number of steps before this state, from which instants are counted.
     """
 
     displacement: FloatArray
@@ -57,12 +57,12 @@ class State:
 
 @dataclass(frozen=True)
 class Adaptive:
-    """Steps as long as their error allows, up to the one given.
+    """Adaptive steps up to the given step.
 
     Parameters
     ----------
     tolerance
-        Largest error of a step, as a part of the motion, in the energy norm.
+        Largest relative error of a step, in the energy norm.
     smallest
         s; None for 2^-16 of the step given.
     """
@@ -84,35 +84,36 @@ ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A transient to be solved.
+    """Transient problem.
 
     Parameters
     ----------
     system
         The equations.
     drive
-        How the cam turns.
+        Motion of the camshaft.
     step
-        Between the instants of the results, s.
+        Step between the output instants, s.
     steps
         Number of steps.
     start
         None for rest.
     adaptive
-        How the steps are divided further; None to take them as they are.
+        Adaptive steps; None for constant steps.
     basis
-        Other unknowns to integrate in; None for the system's own. The start and all results are in the system's own.
+        Basis for the integration; None for the system's unknowns. Initial state and results are in the system's
+        unknowns.
     prune
-        Whether unknowns that nothing can move from the start are left out of the integration: it changes no result.
+        Whether inactive unknowns are excluded from the integration; it does not change results.
     engine
-        The solver engine; ``auto`` takes the fastest that fits.
+        Solver engine; ``auto`` selects the fastest suitable one.
     runs
-        How many runs like this one are to come: together they are worth what one is not.
+        Number of similar runs to come, over which preparation costs are distributed.
 
     Raises
     ------
     InputError
-        If the step is not positive, there is no step, or the start has another size than the system.
+        If the step or the number of steps is not positive, or the initial state has a wrong size.
 
     Examples
     --------
@@ -135,7 +136,7 @@ class Problem:
     runs: int = 1
 
     def times(self, steps: IntArray) -> FloatArray:
-        """Return the times after so many steps; a run that goes on counts from where the first one began.
+        """Return the times of steps; a resumed run counts from the first start.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What is integrated of a problem: the unknowns that can move, or amounts of given shapes, and how all are shown."""
+"""Reduced problem: integration in active unknowns or in a basis, and expansion of the results."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from flexcam.dynamics.system import System
 
 
 def active_dofs_of(problem: Problem) -> ActiveDofs:
-    """Return which unknowns of a problem can move from its start."""
+    """Return the active unknowns of a problem."""
     start = problem.start or State.rest(problem.system.size)
     return find_active_dofs(problem.system, start.displacement, start.velocity, start.inner)
 
 
 def basis_of(problem: Problem) -> Basis | None:
-    """Return the unknowns a problem is integrated in; None where they are its own."""
+    """Return the basis of the integration; None for the system's unknowns."""
     if problem.basis is not None or not problem.prune:
         return problem.basis
     found = active_dofs_of(problem)
@@ -34,7 +34,7 @@ def basis_of(problem: Problem) -> Basis | None:
 
 
 def reduce_problem(problem: Problem, basis: Basis) -> Problem:
-    """Return a problem in other unknowns."""
+    """Return a problem in the coordinates of a basis."""
     system = problem.system
     start = problem.start or State.rest(system.size)
     weight = _weight(system)
@@ -45,16 +45,16 @@ def reduce_problem(problem: Problem, basis: Basis) -> Problem:
 
 
 def integrated_size(problem: Problem) -> int:
-    """Return how many unknowns of a problem are integrated."""
+    """Return the number of integrated unknowns of a problem."""
     basis = basis_of(problem)
     return problem.system.size if basis is None else basis.size
 
 
 def method_refusal(problem: Problem, method: Method) -> InputError | None:
-    """Return why a method cannot integrate a problem in the unknowns it is integrated in; None where it can."""
+    """Return why a method cannot integrate the reduced problem; None if it can."""
     struck = any(force.restitution is not None for force in problem.system.local_forces)
     if type(method).refusal is Method.refusal and not struck:
-        return None  # it integrates everything, in whatever unknowns
+        return None  # it integrates any system in any unknowns
     basis = basis_of(problem)
     system = problem.system if basis is None else project_system(problem.system, basis)
     light = light_impacts(LocalForces(system), Massless(system)) if struck else None
@@ -62,7 +62,7 @@ def method_refusal(problem: Problem, method: Method) -> InputError | None:
 
 
 def _weight(system: System) -> Triplets:
-    """Return the mass, with as much of the stiffness as places what has none and hardly counts for the rest."""
+    """Return the mass plus a small part of the stiffness that determines massless unknowns."""
     mass, stiff = system.mass.diagonal(), system.stiffness.diagonal()
     heavy = mass > 0.0
     highest = float((stiff[heavy] / mass[heavy]).max(initial=0.0))
@@ -70,7 +70,7 @@ def _weight(system: System) -> Triplets:
 
 
 def expand_block(block: Block, basis: Basis) -> Block:
-    """Return a block with the fields of all unknowns."""
+    """Return a block with fields expanded to all unknowns."""
     fields = block.fields
     moved = basis.saved(fields.displacement)
     if basis.held.any():

@@ -1,9 +1,9 @@
-"""Least and largest values of a history: those of its dense output, which turns between its instants too.
+"""Response of a run: probe histories, channels, dense output and extremes.
 
-Between two instants a motion is the cubic with its values and slopes at both, as `Series.between` has it. Without that
-the largest of m steps in a period of a sine may be missed by ``1 - cos(pi/m)`` of it, half a percent with 30 steps; the
-cubic misses it by ``(2 pi/m)^4/384`` (C. de Boor, A Practical Guide to Splines, 1978), a 200 000th. A history without
-slopes, such as a force, is straight between its instants and largest at one of them.
+Between two instants a motion is the cubic with its values and slopes at both, as in `Series.between`. The maximum of m
+samples in a period of a sine has a relative error up to ``1 - cos(pi/m)``, half a percent with 30 steps; that of the
+cubic is ``(2 pi/m)^4/384`` (C. de Boor, A Practical Guide to Splines, 1978), a 200 000th. A history without slopes,
+such as a force, is linear between its instants.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from flexcam.dynamics.status import Stats, Status
 
 
 def turning_points(time: FloatArray, values: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return where the cubics between instants turn, and the values there; where one does not, its begin stands.
+    """Return turning points of the cubics between instants, and their values; without one, the first instant.
 
-    Times have the shape (m,), values and slopes (m, ...), what is returned (2 (m - 1), ...).
+    Times have the shape (m,), values and slopes (m, ...), results (2 (m - 1), ...).
     """
     length = np.diff(time).reshape(-1, *[1] * (values.ndim - 1))
     rise, begun, ended = np.diff(values, axis=0), length * slopes[:-1], length * slopes[1:]
     square, cubic = 3.0 * rise - 2.0 * begun - ended, begun + ended - 2.0 * rise
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        root = np.sqrt(square**2 - 3.0 * cubic * begun)  # not a number where the cubic does not turn
+        root = np.sqrt(square**2 - 3.0 * cubic * begun)  # NaN if the cubic has no turning point
         q = -(square + np.copysign(root, square))
         x = np.stack([q / (3.0 * cubic), begun / q])
     x = np.where((x > 0.0) & (x < 1.0), x, 0.0)
@@ -39,7 +39,7 @@ def turning_points(time: FloatArray, values: FloatArray, slopes: FloatArray) -> 
 
 
 def peak(time: FloatArray, values: FloatArray, slopes: FloatArray | None = None) -> tuple[float, float]:
-    """Return the largest absolute value of a history, shape (m,), and its instant; zeros where there are none."""
+    """Return the largest absolute value of a history, shape (m,), and its instant; zeros for an empty one."""
     if not len(values):
         return 0.0, 0.0
     instants, every = (time, values) if slopes is None else _with_turns(time, values, slopes)
@@ -48,7 +48,7 @@ def peak(time: FloatArray, values: FloatArray, slopes: FloatArray | None = None)
 
 
 def extent(time: FloatArray, values: FloatArray, slopes: FloatArray | None = None) -> float:
-    """Return the range of a history, shape (m,): its largest value less its least."""
+    """Return the range of a history, shape (m,): its maximum minus its minimum."""
     every = values if slopes is None else _with_turns(time, values, slopes)[1]
     return float(np.ptp(every)) if len(every) else 0.0
 
@@ -60,16 +60,16 @@ def _with_turns(time: FloatArray, values: FloatArray, slopes: FloatArray) -> tup
 
 
 STATE = "state."
-"""Begins the name of a channel that holds an internal state: with them a run can go on from a result."""
+"""Prefix of channels with internal states, which are needed to resume a run from a result."""
 
 
 _SAME_INSTANT = 1e-9
-"""Part of a period by which rounding may have moved the instant at its beginning."""
+"""Fraction of a period for rounding of the instant at its beginning."""
 
 
 @dataclass(frozen=True)
 class Outline:
-    """Names of what a run saves, in the order of the block's columns.
+    """Names of saved results, in the order of the block's columns.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class History:
     acceleration: FloatArray
 
     def __repr__(self) -> str:
-        """Return what it is of, not its numbers."""
+        """Return name and size, not the values."""
         return f"<History of {self.name}: {', '.join(self.components)}; shape {self.displacement.shape}>"
 
 
@@ -143,7 +143,7 @@ class Response:
     field_time, field_angle, fields
         All unknowns at the saved instants.
     status, stats
-        How the run ended, and its figures.
+        Status and statistics of the run.
 
     Examples
     --------
@@ -162,7 +162,7 @@ class Response:
     stats: Stats = field(default_factory=Stats)
 
     def __repr__(self) -> str:
-        """Return how it ended and what it holds, not its numbers."""
+        """Return status and contents, not the values."""
         probes = ", ".join(name for name, _ in self.outline.probes) or "none"
         held = f"{len(self.time)} instants, {len(self.field_time)} fields; probes: {probes}"
         return f"<Response, {self.status}; {held}; {len(self.channels)} channels>"
@@ -173,7 +173,7 @@ class Response:
         return np.array([values[-1] for name, values in self.channels.items() if name.startswith(STATE)], dtype=float)
 
     def latest(self, period: float) -> NDArray[np.bool_]:
-        """Tell which instants lie within the last period of a run.
+        """Return which instants lie within the last period of a run.
 
         Parameters
         ----------
@@ -183,7 +183,7 @@ class Response:
         Returns
         -------
         ndarray
-            Shape (steps + 1,), bool: one instant per step, the period's first left out; all of a shorter run.
+            Shape (steps + 1,), bool: one instant per step, without the first of the period; all of a shorter run.
         """
         return self.time > self.time[-1:] - period * (1.0 - _SAME_INSTANT)
 
@@ -193,17 +193,17 @@ class Response:
         Parameters
         ----------
         times
-            s, rising, within the run.
+            Ascending times within the run, s.
 
         Returns
         -------
         Response
-            Probes by cubics, cam angle and channels by straight lines; the saved fields are those of the run.
+            Probes interpolated by cubics, cam angle and channels linearly; saved fields unchanged.
 
         Raises
         ------
         InputError
-            If a time is outside the run, or they do not rise.
+            If a time is outside the run, or times are not ascending.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""Integrators of scipy as a check from outside: another order, another step control, another author.
+"""Integrators of scipy as an independent check.
 
 The unknowns are written as a first-order system: displacement, velocity and the internal states of the local forces.
 E. Hairer and G. Wanner, Solving Ordinary Differential Equations II (1996), for Radau IIA; E. Hairer, S. P. Norsett and
@@ -25,15 +25,15 @@ from flexcam.dynamics.system import System
 
 _ORDERS = {"Radau": 5, "DOP853": 8}
 _MOST = 200
-"""Unknowns up to which a check is worth its time."""
+"""Maximum number of unknowns."""
 
 _STILL = 1e-15
-"""Size of a motion, m, rad or of a state, below which errors do not count."""
+"""Magnitude of a motion, m, rad or of a state, below which errors are ignored."""
 
 
 @dataclass(frozen=True)
 class ScipyIntegrator(Method):
-    """One of scipy's integrators over every step, as exact as its tolerance.
+    """Integrator of scipy, applied to every step with a given tolerance.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class ScipyIntegrator(Method):
 
     @property
     def order(self) -> int:
-        """Order of the rule; the error itself is bound by the tolerance."""
+        """Order of the rule; the error is controlled by the tolerance."""
         return _ORDERS[self.name]
 
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
@@ -72,7 +72,7 @@ class ScipyIntegrator(Method):
         return _Stepper(system, forces, self, at)
 
     def refusal(self, system: System, step: float) -> InputError | None:
-        """Return the refusal of contacts and dampers without mass, and of large systems."""
+        """Return the error for contacts and dampers without mass, and for large systems."""
         if system.size > _MOST:
             why, remedy = "it is a check, and slow", "use bathe, or newmark with smaller steps"
             return refuse("run.integrator", f"{self.name} with {system.size} unknowns", f"at most {_MOST}", why, remedy)
@@ -80,7 +80,7 @@ class ScipyIntegrator(Method):
 
 
 class _Stepper:
-    """A call of scipy's integrator per step, which begins with the length of its last one."""
+    """One call of scipy's integrator per step, with the step length of the last call as initial guess."""
 
     def __init__(self, system: System, forces: LocalForces, method: ScipyIntegrator, at: At) -> None:
         self._forces, self._method, self._at = forces, method, at
@@ -98,7 +98,7 @@ class _Stepper:
         )  # fmt: skip
         if not found.success:
             raise NoConvergenceError(list(dict.fromkeys(self._forces.names)) or ["the motion"])
-        # The last of a call is cut by its end.
+        # The last internal step is cut by the end of the call.
         stride = float(np.diff(found.t)[:-1].max()) if len(found.t) > 2 else now.stride
         moment = self._moment(found.y[:, -1], to)
         if self._light.any:
@@ -121,7 +121,7 @@ class _Stepper:
         return answer.state_rate
 
     def _sizes(self, now: StepState, length: float) -> FloatArray:
-        """Return the absolute tolerance of every entry: of the largest motion, as the step sees it."""
+        """Return the absolute tolerance of every entry, relative to the largest motion so far."""
         largest = (float(np.abs(one).max(initial=0.0)) * length**i for i, one in enumerate((now.d, now.v, now.a)))
         size = max(*largest, _STILL)
         inner = np.maximum(np.abs(now.inner), np.abs(now.gap[self._forces.table.owners])) + _STILL

@@ -1,4 +1,4 @@
-"""Whether two problems are the same, told by a digest: a run goes on only with the one it began with."""
+"""Time integration of a problem, and digest of a problem for resuming."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ from flexcam.dynamics.step_state import ProbeTrajectory, Trajectory
 from flexcam.dynamics.system import FullMotion, Observation, Probe, System
 
 _INSTANTS = 64
-"""Of the run, at which loads and what the local forces sense are looked at."""
+"""Number of instants of the run at which loads and sensed scalars enter the digest."""
 
 _BEGINNING, _APART = 8192, 13
-"""Steps of its beginning, and every which of them is looked at too: those of the whole may stand at one cam angle."""
+"""Additional initial steps and their spacing: instants over the whole run may share a cam angle."""
 
 
 def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
-    """Return a digest of a problem: matrices, loads, prescribed motion, steps, method, and what is kept.
+    """Return a digest of a problem: matrices, loads, prescribed motion, steps, method and output settings.
 
-    The start is left out: it may come from iterations that another number of threads rounds otherwise, and a run that
-    goes on does not begin there.
+    The initial state is excluded: its rounding may depend on the number of threads, and a resumed run does not begin
+    there.
     """
     system = problem.system
     forces = LocalForces(system)
@@ -64,7 +64,7 @@ def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
 
 
 def outline(system: System, *, channels: bool = True) -> Outline:
-    """Return the names of what a run of a system saves."""
+    """Return the names of the results of a system."""
     probes = tuple((p.name, p.components) for p in system.probes)
     names = system.carried.names if system.carried else system.names
     if not channels:
@@ -90,32 +90,32 @@ def solve(
     Parameters
     ----------
     problem
-        System, drive, step and start; it is not changed.
+        System, drive, step and initial state; not modified.
     scheme
         From `newmark`, `bathe`, `central_difference`, `exact`, `radau` or their like.
     save
-        What to keep; None for the defaults of `SaveAt`.
+        Output settings; None for the defaults of `SaveAt`.
     sinks
-        Further takers of the results, beside the returned response.
+        Additional sinks of the results.
     stop
-        Asked before every step; the run ends, keeping what it has, when it says so.
+        Stop callback, called before every step; if true, the run ends with the results so far.
     until
-        When the run ends at the latest, keeping what it has, s of `time.monotonic`; None for no limit.
+        Latest end of the run, with the results so far, s of `time.monotonic`; None for no limit.
     memory
-        What the returned response is made of; None for everything, which a long run may have no room for.
+        Sink that provides the returned response; None to store everything in memory.
     resume
-        The finished part of a run of this problem that broke off: it goes on from there, and all takers get the earlier
+        Completed part of an interrupted run of this problem: the run resumes there, and all sinks receive the earlier
         results first. None to begin at the start.
 
     Returns
     -------
     Response
-        With a status: a run that breaks off keeps what it has and says why.
+        Results with a status, which gives the reason if the run ended early.
 
     Raises
     ------
     RunFailedError
-        If not even the first instant can be computed: some motion has neither mass nor stiffness.
+        If the first instant cannot be computed because a motion has neither mass nor stiffness.
 
     Examples
     --------
@@ -170,7 +170,7 @@ def solve(
         status = STOPPED
     except SingularMatrixError as fault:
         status = singular(fault, inside.system)
-    except OSError as fault:  # of a sink: the numbers computed so far are still in memory
+    except OSError as fault:  # error of a sink: the results so far are still in memory
         status = _not_saved(fault)
     stats = replace(stats, steps=max(stats.steps - 1, 0), seconds=time.perf_counter() - started)
     status = _close(sinks, status, stats)
@@ -186,7 +186,7 @@ def _hand_out(block: Block, takers: Sequence[Sink]) -> None:
 
 
 def _close(sinks: Sequence[Sink], status: Status, stats: Stats) -> Status:
-    """Tell all sinks how the run ended, and return how it ended after all: the last of a result may not be saved."""
+    """Close all sinks with the status, and return the final status: saving the last results may fail."""
     for sink in sinks:
         try:
             sink.close(status, stats)
@@ -202,14 +202,14 @@ def _not_saved(fault: OSError) -> Status:
 
 
 def singular(fault: SingularMatrixError, system: System) -> Status:
-    """Return the status of a motion that nothing determines."""
+    """Return the status of an undetermined motion."""
     where = ", ".join(system.names[i] for i in fault.unknowns[:6]) or "an unknown"
     text = f"nothing determines the motion of {where}: no mass, and no stiffness to place it"
     return Status(Cause.SINGULAR, text, "support it, or give it a mass or a spring")
 
 
 class _Run:
-    """One run: the blocks of an engine, with everything that is observed."""
+    """A run: blocks of an engine with all observations."""
 
     def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt) -> None:
         self._problem, self._engine, self._system, self._save = problem, engine, problem.system, save
@@ -221,20 +221,20 @@ class _Run:
         self.status = Status()
 
     def state(self) -> Arrays:
-        """Return everything the next block depends on and the problem does not tell."""
+        """Return the state for the next block that is not part of the problem."""
         return {**self._engine.state(), **self._account.state(), **self._imbalance.state()}
 
     def restore(self, state: Arrays) -> None:
-        """Go on from what `state` returned."""
+        """Restore the state."""
         self._engine.restore(state)
         self._account.restore(state)
         self._imbalance.restore(state)
 
     def blocks(self, done: int = 0) -> Iterator[Block]:
-        """Yield the results block by block, the start in the first, behind so many instants that are done.
+        """Yield the results block by block, with the initial state in the first block of a new run.
 
-        A block is cut before the first instant that is not finite or did not settle, and is then the last one;
-        `status` says why.
+        A block is cut before the first instant that is not finite or did not converge, and is then the last one;
+        `status` gives the reason.
         """
         size, end = self._save.block, self._problem.steps + 1
         for first in range(done, end, size):
@@ -245,10 +245,10 @@ class _Run:
                 return
 
     def _parts(self, first: int, end: int) -> Iterator[Block]:
-        """Yield the parts of a block, of which only what is saved stays: a large system has few steps in memory."""
+        """Yield the parts of a block; only saved results stay, because a large system has few steps in memory."""
         for begin in range(first, end, self._at_once):
             steps = np.arange(begin, min(begin + self._at_once, end))
-            with np.errstate(over="ignore", invalid="ignore"):  # a run that blows up is reported by block
+            with np.errstate(over="ignore", invalid="ignore"):  # divergence is reported per block
                 block = self._part(steps)
             if block is not None:
                 yield block
@@ -256,7 +256,7 @@ class _Run:
                 return
 
     def _part(self, steps: IntArray) -> Block | None:
-        """Return the block of some steps, or None where not even the first could be taken; `status` tells why."""
+        """Return the block of steps, or None if the first could not be taken; `status` gives the reason."""
         if isinstance(self._engine, ProbeEngine):
             glance, self.status = self._engine.glance(steps)
             return self._glanced(steps[: len(glance.time)], glance) if len(glance.time) else None
@@ -285,7 +285,7 @@ class _Run:
         )  # fmt: skip
 
     def counted(self, stats: Stats) -> Stats:
-        """Return figures of the run with those counted here."""
+        """Return the statistics with the counts of this run."""
         stats = self._engine.counted(stats)
         return replace(stats, imbalance=self._imbalance.share) if self._save.channels else stats
 
@@ -293,8 +293,8 @@ class _Run:
         """Return channels, energies and internal states at the ends of steps."""
         schedule = self._forces.schedule(motion)
         seen, carried = self._observed(track, motion, schedule)
-        last = steps == self._problem.steps  # of a short run nothing else may be looked at
-        between = (steps + 1) % self._save.field_every == 0  # at saved fields some ways take their state anew
+        last = steps == self._problem.steps  # a short run may have no other evaluated instants
+        between = (steps + 1) % self._save.field_every == 0  # at saved fields some engines restart their state
         self._imbalance.look(track, seen, schedule, track.ends[between | last])
         each = [channel.value(seen) for channel in self._system.channels]
         if not self._system.carried:
@@ -305,10 +305,10 @@ class _Run:
     def _observed(
         self, track: Trajectory, motion: CamMotion, schedule: PrescribedInputs
     ) -> tuple[Observation, FloatArray]:
-        """Return what is observed, and the part of the sensed rates that the cam alone causes."""
+        """Return the observation, and the prescribed part of the sensed rates."""
         gaps, rates, carried = self._forces.sensed(track.d, track.v, schedule)
         histories, moved = self._system.load_histories(motion), FullMotion(track.d, track.v, track.a)
-        forces = np.asfortranarray(track.local)  # scalar by scalar, as what is sensed
+        forces = np.asfortranarray(track.local)  # contiguous per scalar, like the sensed scalars
         return Observation(motion, schedule.cam, moved, histories, forces, gaps, rates, track.state), carried
 
 
@@ -319,7 +319,7 @@ def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -
 
 
 def _offset(probes: tuple[Probe, ...], picked: Series, motion: CamMotion) -> Series:
-    """Return what rows pick of a motion with what the cam prescribes beside it."""
+    """Return the rows times a motion, plus the prescribed offset."""
     d, v, a = (np.array(one) for one in (picked.displacement, picked.velocity, picked.acceleration))
     cam, speed = motion.cam, motion.speed
     for column, offset in enumerate(o for p in probes for o in p.offset):
@@ -332,7 +332,7 @@ def _offset(probes: tuple[Probe, ...], picked: Series, motion: CamMotion) -> Ser
 
 
 def prescribed_probes(system: System, motion: CamMotion) -> Series:
-    """Return the motion of the probes of a system without unknowns: that which the cam gives them."""
+    """Return the prescribed motion of the probes of a system without unknowns."""
     nothing = np.zeros((len(motion.angle), system.size))
     return _probe_series(system.probes, Series(nothing, nothing, nothing), motion)
 
@@ -346,11 +346,11 @@ TIME_UP = Status(
     "the time given to the run was over before its end",
     "what was finished is kept; --resume goes on from there",
 )
-"""How a run ends that was given too little time."""
+"""Status of a run that reached its time limit."""
 
 
 class _Clock:
-    """Tells an engine when to stop: when asked to, or when the time is over."""
+    """Stop callback with a time limit."""
 
     def __init__(self, stop: Callable[[], bool], until: float | None) -> None:
         self._stop, self._until = stop, until
@@ -362,9 +362,9 @@ class _Clock:
 
 
 def pilot(problem: Problem, method: Method) -> Series:
-    """Return the motion of the first revolution by the steps as given: errors are measured against its size.
+    """Return the motion of the first revolution with the given steps, as the reference size of errors.
 
-    Steps as given may be beyond what the method stands: what grows without bound would be no measure.
+    The given steps may be beyond the stability limit; an unbounded motion is no reference.
     """
     sound = method if method.stable_to() == math.inf else newmark()
     begin = problem.start.time if problem.start else 0.0
@@ -376,7 +376,7 @@ def pilot(problem: Problem, method: Method) -> Series:
 
 
 AT_ONCE, LEAST_AT_ONCE = 50_000, 8
-"""Unknowns times steps whose motion is in memory together, so that its dozen arrays stay near the processor; steps."""
+"""Unknowns times steps in memory together, so that a dozen arrays fit the cache; minimum steps."""
 
 _LOOKS = 200
-"""Fields of the pilot run that are looked at."""
+"""Number of fields of the pilot run."""

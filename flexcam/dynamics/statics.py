@@ -1,8 +1,8 @@
-"""Static balance of a system whose local forces may be all that holds it: a train resting on its cam and its seat.
+"""Nonlinear static equilibrium of a system with local forces, such as a train supported by its cam and seat.
 
-The balance is the least of the potential energy: strain, contacts, less the work of the loads. With contacts that only
-push it is convex, so that Newton's method with a line search on it arrives from anywhere, whichever contacts open and
-close on the way.
+The equilibrium is the minimum of the potential energy: strain energy and contact energy minus the work of the loads.
+With unilateral contacts it is convex, so that Newton's method with a line search converges from any start, whichever
+contacts open and close.
 """
 
 from __future__ import annotations
@@ -36,31 +36,31 @@ from flexcam.dynamics.system import Load, Reaction, System
 
 _MOST_ITERATIONS = 300
 _TOLERANCE = 1e-9
-"""Of the largest force, by which forces may miss their balance."""
+"""Relative residual, to the largest force."""
 
 _SHARP = 1e-12
-"""The same of a balance that is compared with one nearby: their difference has few of the digits."""
+"""Relative residual of an equilibrium that is compared with a nearby one."""
 
 _SUMS = 4.0
-"""Roundings of a sum of a dozen parts, a few of which are large."""
+"""Rounding of a sum of a dozen terms, a few of which are large."""
 
 _NEGATIVE = 1e-9
 """Eigenvalue of the scaled stiffness, of size 1, that is negative beyond rounding."""
 
 _DECREASE, _HALVINGS = 1e-4, 40
 _FALL = 0.01
-"""Distance, m, that a part which nothing holds may fall in one iteration."""
+"""Largest displacement, m, of an unsupported part in one iteration."""
 
 
 def solve_equilibrium(
     system: System, forces: LocalForces, load: FloatArray, motion: CamMotion, near: FloatArray | None = None
 ) -> FloatArray:
-    """Return the displacement at which loads, stiffness and local forces balance, at rest."""
+    """Return the static equilibrium displacement of loads, stiffness and local forces."""
     free = null_space(system.stiffness) if system.free is None else system.free
     free = np.linalg.qr(free)[0] if free.shape[1] else free
     potential = _Potential.of(system, forces, forces.schedule(motion), load)
     u = np.zeros(system.size) if near is None else near
-    # A soft hold of the free motions limits a step along them and vanishes with the step.
+    # A soft spring on the free motions limits a step along them and vanishes with the step.
     hold = max(float(np.abs(free.T @ load).max(initial=0.0)) / _FALL, 1.0)
     before, energy = np.inf, None
     for _ in range(_MOST_ITERATIONS):
@@ -68,7 +68,7 @@ def solve_equilibrium(
         most = float(np.abs(missing).max(initial=0.0))
         stalled, close = 0.5 * before <= most, most <= _TOLERANCE * size
         done = close and (near is None or stalled or most <= _SHARP * size)
-        if done or (stalled and most <= potential.rounding(u)):  # gets no better
+        if done or (stalled and most <= potential.rounding(u)):  # no further improvement
             if not close and share_lost(system.stiffness, u) > TOO_MUCH:
                 raise RunFailedError(TOO_FINE)
             _refuse_unstable(potential, u, tangent)
@@ -82,7 +82,7 @@ def solve_equilibrium(
 
 
 def _step(tangent: Triplets, free: FloatArray, hold: float, missing: FloatArray) -> FloatArray:
-    """Return the step of Newton: where the free motions are held, a tangent is singular by rounding alone."""
+    """Return the Newton step: with constrained free motions a tangent is singular by rounding only."""
     try:
         return factorize_held(tangent, free, hold).solve(missing)
     except SingularMatrixError:
@@ -90,7 +90,7 @@ def _step(tangent: Triplets, free: FloatArray, hold: float, missing: FloatArray)
 
 
 def _refuse_unstable(potential: _Potential, u: FloatArray, tangent: Triplets) -> None:
-    """Refuse a balance from which the smallest push leads away: the least of the energy lies elsewhere."""
+    """Refuse an unstable equilibrium, which is not a minimum of the energy."""
     system = potential.system
     if system.size > 2 * DENSE_LIMIT or not system.local_forces:
         return
@@ -110,18 +110,18 @@ def _refuse_unstable(potential: _Potential, u: FloatArray, tangent: Triplets) ->
 
 @dataclass(frozen=True, eq=False)
 class _Touching:
-    """What one local law does to the unknowns that it touches, at a cam angle.
+    """Effect of one local law on its unknowns at a cam angle.
 
     Parameters
     ----------
     name
         Of the local force.
     scalars
-        Its place among the sensed scalars.
+        Its indices among the sensed scalars.
     touched
         The unknowns, shape (t,).
     act, sense
-        Derivatives by them of what it acts along and of what it senses, shape (c, t).
+        Acting and sensing vectors on these unknowns, shape (c, t).
     """
 
     name: str
@@ -131,14 +131,14 @@ class _Touching:
     sense: FloatArray
 
     def tangent(self, by_gap: FloatArray, size: int) -> Triplets:
-        """Return the stiffness of the law, n x n, from how all forces follow what is sensed, shape (c, c)."""
+        """Return the n x n stiffness of the law from the derivatives of the forces, shape (c, c)."""
         own = Triplets.from_dense(-self.act.T @ by_gap[self.scalars, self.scalars] @ self.sense)
         return Triplets(size, self.touched[own.rows], self.touched[own.cols], own.values)
 
 
 @dataclass(frozen=True, eq=False)
 class _Potential:
-    """Potential energy of a system at rest, its negative slope (what is out of balance) and its tangent."""
+    """Potential energy of a system at rest, its negative gradient (the residual) and its tangent."""
 
     system: System
     forces: LocalForces
@@ -150,7 +150,7 @@ class _Potential:
 
     @classmethod
     def of(cls, system: System, forces: LocalForces, schedule: PrescribedInputs, load: FloatArray) -> _Potential:
-        """Return that of a cam angle, under a load of shape (n,)."""
+        """Return the potential at a cam angle under a load of shape (n,)."""
         act = schedule.acting(0) @ forces.act.vectors
         sense = schedule.sensing(0) @ forces.sense.vectors
         each: list[_Touching] = []
@@ -160,7 +160,7 @@ class _Potential:
         return cls(system, forces, schedule, act, sense, tuple(each), load)
 
     def at(self, u: FloatArray) -> tuple[FloatArray, float, Triplets]:
-        """Return the forces out of balance (n,), the size of the forces, and the tangent."""
+        """Return the residual forces (n,), the magnitude of the forces, and the tangent."""
         reaction, stiffness = self._reaction(u), self.system.stiffness
         strain, pushed = stiffness.times(u), reaction.force @ self.act
         local = [one.tangent(reaction.by_gap, stiffness.size) for one in self.touching]
@@ -181,13 +181,13 @@ class _Potential:
         return self.sense @ u + self.schedule.offset[0]
 
     def rounding(self, u: FloatArray) -> float:
-        """Return what is left out of balance in the best of cases, the strain forces being sums of large parts."""
+        """Return the rounding of the residual, as strain forces are sums of large terms."""
         K = self.system.stiffness
         parts = Triplets(K.size, K.rows, K.cols, np.abs(K.values)).times(np.abs(u))
         return _SUMS * float(np.finfo(float).eps) * float(parts.max(initial=0.0))
 
     def energy(self, u: FloatArray) -> float:
-        """Return the potential energy; laws that store none count with nothing."""
+        """Return the potential energy; laws without energy do not contribute."""
         state = self.forces.start_state[None]
         stored = float(self.forces.stored_energy().at(self._gap(u)[None], state, self.schedule.angle)[0][0])
         return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
@@ -195,9 +195,12 @@ class _Potential:
     def shortened(
         self, u: FloatArray, step: FloatArray, missing: FloatArray, known: float | None
     ) -> tuple[float, float | None]:
-        """Return the part of a step that lowers the energy enough, and the energy behind it; `known` is that before."""
+        """Return the fraction of a step with sufficient decrease, and the energy there.
+
+        `known` is the initial energy.
+        """
         if not self.forces.storing.all():
-            return 1.0, None  # a linear coupling: the whole step is right
+            return 1.0, None  # a linear coupling: the full step is exact
         before, slope, part = self.energy(u) if known is None else known, float(missing @ step), 1.0
         for _ in range(_HALVINGS):
             after = self.energy(u + part * step)
@@ -219,7 +222,7 @@ def _unbalanced(system: System, missing: FloatArray, free: FloatArray) -> RunFai
 
 
 _UNLOADED = 1e-9
-"""Share of the load along a free motion that counts as none: loads are sums of given numbers with 15 digits."""
+"""Fraction of the load along a free motion that counts as zero: loads are sums of numbers with 15 digits."""
 
 
 def static_displacement(
@@ -227,28 +230,27 @@ def static_displacement(
 ) -> FloatArray:
     """Return the displacement under a static load.
 
-    A stiffness that leaves rigid motions or mechanisms free is no fault as long as the load does no work on them
-    (the axial drift of a shaft between radial bearings): the answer is then the one without any part along them.
-    No spring is added anywhere.
+    A singular stiffness is allowed if the load does no work on its rigid-body motions or mechanisms (the axial motion
+    of a shaft between radial bearings): the solution then has no part along them. No spring is added.
     """
     free = null_space(stiffness) if free is None else free
     if not free.shape[1]:
         return _trusted(stiffness, load, _solved(stiffness, load))
-    # Weighed with the diagonal of the stiffness, translations and rotations compare whatever their units.
+    # Weighting by the diagonal of the stiffness makes translations and rotations comparable.
     scale = diagonal_scale(stiffness)
     motions = np.linalg.qr(free / scale[:, None])[0]
     _refuse_mechanism(motions, scale * load, names)
-    # As the load does no work on the free motions, holding one unknown of each changes nothing but their share.
+    # As the load does no work on the free motions, fixing one unknown of each changes only their part.
     kept = np.setdiff1d(np.arange(stiffness.size), pins(motions))
     x = np.zeros(stiffness.size)
     x[kept] = _solved(stiffness.part(kept), load[kept])
-    # Plain least squares of the components: no axis of space is favoured.
+    # Unweighted least squares of the components is independent of the axes.
     drift = np.linalg.qr(free)[0]
     return _trusted(stiffness, load, x) - drift @ (drift.T @ x)
 
 
 def _solved(stiffness: Triplets, load: FloatArray) -> FloatArray:
-    """Return the displacement of a structure that is held: what is singular then is so by rounding."""
+    """Return the displacement of a constrained structure; a singular matrix is then due to rounding."""
     try:
         return factorize(stiffness).solve(load)
     except SingularMatrixError:
@@ -256,7 +258,7 @@ def _solved(stiffness: Triplets, load: FloatArray) -> FloatArray:
 
 
 def _trusted(stiffness: Triplets, load: FloatArray, x: FloatArray) -> FloatArray:
-    """Return the answer if rounding in the stiffness has left it standing."""
+    """Return the solution unless rounding of the stiffness dominates it."""
     lost = float(energy_rounding(stiffness, x[:, None])[0])
     if lost > TOO_MUCH * abs(float(x @ load)):
         raise RunFailedError(TOO_FINE)
@@ -276,7 +278,7 @@ def _refuse_mechanism(motions: FloatArray, load: FloatArray, names: Sequence[str
 
 
 def rest(system: System, drive: Drive, time: float = 0.0) -> State:
-    """Return the state of a mechanism that stands still as installed: its preloads in balance, nothing else acting."""
+    """Return the initial state as installed: equilibrium of preloads at rest."""
     return _balanced(LocalForces(system), system, drive, time, lambda load: load.installed)
 
 
@@ -286,10 +288,10 @@ def equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
 
 
 def moving_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
-    """Return the static equilibrium of an instant with the velocity at which the cam carries it on.
+    """Return the static equilibrium of an instant with its quasi-static velocity.
 
-    A cam that lifts at the start would strike a train at rest: the velocities are those of the equilibria before and
-    after, ``omega du/dtheta``, by a central difference over a thousandth of a radian.
+    A train at rest would be hit by a cam that lifts at the start. The velocities are ``omega du/dtheta``, by a central
+    difference over a thousandth of a radian.
     """
     forces = LocalForces(system)
     still = _balanced(forces, system, drive, time, _all)
@@ -300,7 +302,7 @@ def moving_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State
 
 
 _CARRIED = 1e-3
-"""rad."""
+"""Angle step of the difference, rad."""
 
 
 def _all(load: Load) -> bool:
@@ -311,7 +313,7 @@ def _balanced(
     forces: LocalForces, system: System, drive: Drive, time: float, acts: Callable[[Load], bool],
     near: FloatArray | None = None,
 ) -> State:  # fmt: skip
-    """Return the balance at an instant under some of the loads, sought from a displacement nearby."""
+    """Return the equilibrium at an instant under selected loads, starting from a nearby displacement."""
     motion = drive.at(np.array([time]))
     counted = np.array([acts(load) for load in system.loads], dtype=float)
     load = (counted * system.load_histories(motion)[0]) @ system.load_vectors()
@@ -327,4 +329,4 @@ def _resting(forces: LocalForces, d: FloatArray, motion: CamMotion) -> FloatArra
     if not len(forces.table.owners):
         return None
     gap = forces.sensed(d[None], np.zeros((1, len(d))), forces.schedule(motion))[0][0]
-    return np.minimum(gap[forces.table.owners], 0.0)  # what carries at rest has not leaked yet, and no oil is missing
+    return np.minimum(gap[forces.table.owners], 0.0)  # at rest the oil column has not leaked and is full

@@ -1,4 +1,4 @@
-"""How a run ended, and its figures."""
+"""Status of a run: cause, message and statistics."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexcam.core.errors import FlexcamError
 
 
 class Cause(StrEnum):
-    """Why a run ended."""
+    """Cause of the end of a run."""
 
     DONE = "done"
     INTERRUPTED = "interrupted"
@@ -34,16 +34,16 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True)
 class Status:
-    """How a run ended: the cause, the place and what to do.
+    """Status of a run: cause, location and remedy.
 
     Parameters
     ----------
     cause
         One of `Cause`.
     text
-        What happened, in words, with time, cam angle and unknown by name.
+        Description with time, cam angle and unknown by name.
     remedy
-        What to do about it.
+        Remedy.
 
     Examples
     --------
@@ -57,12 +57,12 @@ class Status:
 
     @property
     def ok(self) -> bool:
-        """Whether the run reached its end."""
+        """True if the run is complete."""
         return self.cause is Cause.DONE
 
     @property
     def message(self) -> str:
-        """What there is to say besides the cause, with what to do; of a run that is complete mostly nothing."""
+        """Message with remedy besides the cause; usually empty for a complete run."""
         return "" if self == Status() else "; ".join(filter(None, (self.text, self.remedy)))
 
     def __str__(self) -> str:
@@ -75,11 +75,11 @@ TOO_FINE = Status(
     "lie too far apart for double precision",
     "use fewer elements (up to some 1000 per span keep four digits)",
 )
-"""How a computation ends whose result would be rounding."""
+"""Status of a computation dominated by rounding."""
 
 
 class RunFailedError(FlexcamError, RuntimeError):
-    """A computation that could not be finished.
+    """Computation that cannot be completed.
 
     Parameters
     ----------
@@ -94,33 +94,33 @@ class RunFailedError(FlexcamError, RuntimeError):
 
 @dataclass(frozen=True)
 class Stats:
-    """Figures of a run.
+    """Statistics of a run.
 
     Parameters
     ----------
     engine
-        The engine that integrated, see `flexcam.dynamics.engine_selection`; empty where a run was killed.
+        Solver engine, see `flexcam.dynamics.engine_selection`; empty if the run was killed.
     steps
         Steps done.
     size
-        Unknowns of the whole mechanism; zero in results that do not tell it.
+        Unknowns of the mechanism; zero in results without this value.
     unknowns
-        Unknowns integrated; those that nothing can move are left out. Zero where a run was killed.
+        Unknowns integrated, without inactive ones. Zero if the run was killed.
     iterations
         Newton iterations of local forces, all steps together.
     events
-        Moments located inside a step, where a contact opens or closes.
+        Contact events located within steps.
     substeps
-        Steps taken between the instants of the results, where steps are adaptive; else zero.
+        Steps between output instants with adaptive steps; else zero.
     rejected
-        Steps of too large an error, taken again with half their length.
+        Rejected steps, repeated with half their length.
     periodicity
-        By how much the start misses returning after a revolution, as a part of the motion; negative if not asked for.
+        Relative residual of periodicity of the initial state; negative if not requested.
     imbalance
-        Largest force out of balance, as a part of the largest force; negative where it was not looked at: without
-        channels, without unknowns, or in a run that broke off before the first saved field.
+        Largest residual force relative to the largest force; negative if not evaluated: without channels, without
+        unknowns, or if the run ended before the first saved field.
     seconds
-        Time spent in the step loop, s; negative where a run was killed before it could say.
+        Time spent in the step loop, s; negative if the run was killed.
     """
 
     engine: str = "direct"
@@ -137,12 +137,12 @@ class Stats:
 
     @property
     def told(self) -> bool:
-        """Whether the run could say them; of one that was killed, only its steps are known, and its size."""
+        """True if the statistics are complete; for a killed run only steps and size are known."""
         return self.seconds >= 0.0
 
 
 def raise_if_interrupted(status: Status) -> None:
-    """Go on being interrupted: one of many runs was stopped, and what asked for them all stops as well."""
+    """Raise KeyboardInterrupt again if one of many runs was interrupted."""
     if status.cause is Cause.INTERRUPTED:
         raise KeyboardInterrupt
 
@@ -151,25 +151,25 @@ NOT_POSITIVE = Status(
     Cause.SINGULAR, "the stiffness is not positive",
     "lower the force that presses it (a member buckles, a lever folds over), or hold what moves",
 )  # fmt: skip
-"""How a computation ends of which no more is known."""
+"""Status of an indefinite stiffness without details."""
 
 _NAMED = 3
-"""Unknowns that are named."""
+"""Number of unknowns in a message."""
 
 _DIGITS = 6
-"""Digits by which one unknown moves more than another: those of a symmetric motion stand in their order."""
+"""Digits for comparing unknowns, so that those of a symmetric motion keep their order."""
 
 _ALSO = 0.3
-"""Part of the most negative energy from which on a further cause is named."""
+"""Fraction of the most negative energy above which a further cause is named."""
 
 
 class NotPositiveError(RunFailedError):
-    """A stiffness that drives a motion instead of holding it back.
+    """Indefinite stiffness.
 
     Parameters
     ----------
     motion
-        Along which it gives way, shape (n,); None where it is not known.
+        Motion with negative energy, shape (n,); None if unknown.
     """
 
     def __init__(self, motion: FloatArray | None = None) -> None:
@@ -178,7 +178,7 @@ class NotPositiveError(RunFailedError):
 
 
 def instability_status(names: Sequence[str], motion: FloatArray, parts: Iterable[tuple[str, Triplets]] = ()) -> Status:
-    """Return how a computation ends whose stiffness is not positive."""
+    """Return the status of an indefinite stiffness."""
     sizes = np.abs(motion) / max(float(np.abs(motion).max(initial=0.0)), np.finfo(float).tiny)
     order: list[int] = np.argsort(-np.round(sizes, _DIGITS), kind="stable").tolist()
     along = f"along {', '.join(names[i] for i in order[:_NAMED])}"

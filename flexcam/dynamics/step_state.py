@@ -1,4 +1,4 @@
-"""What a step goes from and to: the motion of an instant, and what is prescribed at one."""
+"""State of an instant, prescribed inputs of an instant, and sequences of states."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 
 @dataclass(frozen=True, eq=False)
 class StepState:
-    """Everything the next step needs to know of an instant.
+    """State of an instant, with all data for the next step.
 
     Parameters
     ----------
@@ -29,17 +29,17 @@ class StepState:
     applied
         Loads and local forces in the unknowns, shape (n,).
     local, gap, rate
-        Local forces, what they sense and its rate, shape (c,).
+        Local forces, sensed scalars and their rates, shape (c,).
     inner
         Internal states of the local laws, shape (s,).
     pressed
-        On which side of zero the switching scalars are counted; None for that of the gap.
+        Side of zero of the switching scalars; None for that of the gap.
     impulse
-        Of impacts at this instant, N s, shape (c,); None without.
+        Impulses of impacts at this instant, N s, shape (c,); None without impact.
     iterations
-        Newton iterations that led here.
+        Newton iterations of the step.
     stride
-        Length of the inner steps of a method that divides its steps by itself, s; None for its own choice.
+        Internal step of a method with its own step control, s; None for its default.
     """
 
     time: float
@@ -58,7 +58,7 @@ class StepState:
 
     @classmethod
     def restored(cls, name: str, arrays: Arrays) -> StepState | None:
-        """Return the instant of a checkpoint, bit by bit; None where it holds none."""
+        """Return the instant of a checkpoint, bit by bit; None without one."""
         parts = arrays_below(name, arrays)
         if not parts:
             return None
@@ -70,7 +70,7 @@ class StepState:
 
 @dataclass(frozen=True, eq=False)
 class StepInputs:
-    """What is prescribed at an instant.
+    """Prescribed inputs of an instant.
 
     Parameters
     ----------
@@ -79,9 +79,9 @@ class StepInputs:
     load
         Loads in the unknowns, shape (n,).
     schedule
-        What follows from the cam motion for the local forces.
+        Prescribed inputs of the local forces.
     row
-        Which row of the schedule is meant.
+        Row of the schedule.
     """
 
     time: float
@@ -97,7 +97,7 @@ class StepInputs:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Instants of a run one after the other, in the unknowns it is integrated in.
+    """Sequence of instants in the integrated unknowns.
 
     Parameters
     ----------
@@ -112,9 +112,9 @@ class Trajectory:
     impulse
         Of impacts, N s, shape (m, c).
     ends
-        Which instants end a step of the results, shape (b,): the others are events, or shorter steps.
+        Indices of instants that end an output step, shape (b,): the others are events or sub-steps.
     cam
-        Functions of the cam angle at these instants, where they are known.
+        Functions of the cam angle at these instants, if available.
     """
 
     time: FloatArray
@@ -142,14 +142,14 @@ class Trajectory:
 
     @classmethod
     def none(cls, size: int, forces: LocalForces) -> Trajectory:
-        """Return no instants of a system of some size."""
+        """Return an empty sequence for a system size."""
         still, local = np.zeros((0, size)), np.zeros((0, forces.count))
         state = np.zeros((0, len(forces.start_state)))
         return cls(np.zeros(0), still, still, still, local, state, local, np.zeros(0, dtype=np.intp))
 
     @classmethod
     def joined(cls, tracks: Sequence[Trajectory]) -> Trajectory:
-        """Return the instants of several, one after the other."""
+        """Return the concatenation of several sequences."""
         time, d, v, a, local, state, impulse = (
             np.concatenate(rows) for rows in zip(*(t.rows for t in tracks), strict=True)
         )
@@ -163,7 +163,7 @@ class Trajectory:
         return self.time, self.d, self.v, self.a, self.local, self.state, self.impulse
 
     def between(self, first: int, last: int) -> Trajectory:
-        """Return the instants from one to before another, each of which ends a step."""
+        """Return the instants of a range of output steps."""
         return self._taken(slice(first, last), np.arange(last - first))
 
     def last(self) -> Trajectory:
@@ -171,7 +171,7 @@ class Trajectory:
         return self._taken(slice(-1, None), np.zeros(1, dtype=np.intp))
 
     def until(self, count: int) -> Trajectory:
-        """Return the instants of the first so many steps."""
+        """Return the instants of the first steps."""
         end = int(self.ends[count - 1]) + 1 if count else 0
         return self._taken(slice(0, end), self.ends[:count])
 
@@ -182,7 +182,7 @@ class Trajectory:
 
 @dataclass(frozen=True, eq=False)
 class ProbeTrajectory:
-    """What is kept of some steps where nobody asks for more.
+    """Results of steps if only probes and fields are needed.
 
     Parameters
     ----------
@@ -200,6 +200,6 @@ class ProbeTrajectory:
 
     @classmethod
     def none(cls, probes: int, size: int) -> ProbeTrajectory:
-        """Return no steps of a system of some size."""
+        """Return an empty sequence for a system size."""
         watched, still = np.zeros((0, probes)), np.zeros((0, size))
         return cls(np.zeros(0), Series(watched, watched, watched), Series(still, still, still))

@@ -1,4 +1,4 @@
-"""Local forces: each senses a few scalars of the motion and acts with as many forces."""
+"""Equations of motion of a mechanism: matrices, loads, local forces, probes and channels."""
 
 from __future__ import annotations
 
@@ -69,12 +69,12 @@ class LocalForce:
     act
         A: one vector per force. A conservative contact has A = -(d gamma/du)^T.
     law
-        Force from the sensed scalars; a law of fewer scalars than c holds for each group of them.
+        Force from the sensed scalars; a law of fewer scalars than c applies to each group of them.
     offset
         g(theta), one function per sensed scalar.
     restitution
-        Rate of separation per rate of approach at the moment a switching scalar becomes positive (Newton's law of
-        impact); None where bodies meet without an impact.
+        Coefficient of restitution (Newton's law of impact) when a switching scalar becomes positive; None without
+        impact.
     """
 
     name: str
@@ -96,7 +96,7 @@ class LocalForce:
         return self.law.states * (len(self.sense) // self.law.scalars) if isinstance(self.law, ForceLaw) else 0
 
     def idle_scalars(self) -> list[tuple[int, ...]]:
-        """Return sets of scalars on which no force acts, and which cause none, while they are zero."""
+        """Return sets of scalars that, while zero, neither carry nor cause a force."""
         if not isinstance(self.law, ForceLaw):
             return []
         groups = range(0, len(self.sense), self.law.scalars)
@@ -104,7 +104,7 @@ class LocalForce:
 
     @property
     def conservative(self) -> bool:
-        """Whether it acts against exactly what it senses, A = -G, by a law that stores energy."""
+        """True if the force acts exactly against its sensed motion, A = -G, with a law that stores energy."""
         return isinstance(self.law, ForceLaw) and all(
             sense.functions == act.functions and np.array_equal(sense.vectors, -act.vectors)
             for sense, act in zip(self.sense, self.act, strict=True)
@@ -112,14 +112,14 @@ class LocalForce:
 
 
 class MotionView(Protocol):
-    """Motion of some unknowns at some instants."""
+    """Motion of unknowns at given instants."""
 
     def whole(self, order: int) -> FloatArray:
         """Return displacement (order 0), velocity (1) or acceleration (2) of all unknowns, shape (m, n)."""
         ...
 
     def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
-        """Return what rows pick of that, shape (k, n) to (m, k); rows are known again by the array that they are."""
+        """Return rows times the motion, shape (k, n) to (m, k); results are cached by the array of rows."""
         ...
 
 
@@ -138,17 +138,17 @@ class FullMotion:
     acceleration: FloatArray
 
     def whole(self, order: int) -> FloatArray:
-        """Return the motion, as `MotionView` says."""
+        """Return the motion, see `MotionView`."""
         return (self.displacement, self.velocity, self.acceleration)[order]
 
     def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
-        """Return what rows pick, as `MotionView` says."""
-        return (rows @ self.whole(order).T).T  # what a row picks lies together
+        """Return what rows pick, see `MotionView`."""
+        return (rows @ self.whole(order).T).T  # contiguous history per row
 
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What is known of some instants, from which channels are computed.
+    """Observed quantities at given instants, from which channels are computed.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ class Observation:
         return self.moved.whole(2)
 
     def part(self, loads: slice, scalars: slice, states: slice) -> Observation:
-        """Return what concerns some of the loads, sensed scalars and internal states."""
+        """Return the observation of selected loads, sensed scalars and internal states."""
         return Observation(
             self.motion, self.cam, self.moved, self.histories[:, loads], self.forces[:, scalars],
             self.gaps[:, scalars], self.rates[:, scalars], self.states[:, states],
@@ -199,7 +199,7 @@ class Observation:
 
 
 Observable = Callable[[Observation], FloatArray]
-"""A scalar of what is observed, shape (m,)."""
+"""Function of an observation that returns a scalar history, shape (m,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +213,7 @@ class Channel:
     unit
         SI unit.
     value
-        What it is; positions count within what the channel is shown (a whole system, or one coupling of it).
+        Observable; indices refer to the observation passed to the channel (a system, or one coupling of it).
     """
 
     name: str
@@ -237,7 +237,7 @@ def total(*parts: Observable) -> Observable:
 
 
 def row_of(row: FloatArray) -> Observable:
-    """Return the displacement that a row picks."""
+    """Return the observable of a row: its displacement."""
     rows = row[None]
     return lambda seen: seen.moved.picked(rows)[:, 0]
 
@@ -263,9 +263,9 @@ class Load:
     history
         Scalar of the cam motion, vectorized.
     installed
-        Whether it is there before the cam turns (a preload): a start from rest is its equilibrium.
+        Whether it acts before the cam turns (a preload): the initial state at rest is its equilibrium.
     steady
-        Whether its history is the same number at every instant: in balance, it moves nothing.
+        Whether its history is constant: in equilibrium it causes no motion.
     """
 
     name: str
@@ -277,7 +277,7 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """What a user watches: scalars ``rows u + offset(theta)`` with their velocities and accelerations.
+    """Output scalars ``rows u + offset(theta)`` with their velocities and accelerations.
 
     Parameters
     ----------
@@ -288,7 +288,7 @@ class Probe:
     rows
         Shape (k, n).
     offset
-        Prescribed part by component; None where there is none.
+        Prescribed part by component; None for zero.
     """
 
     name: str
@@ -299,12 +299,12 @@ class Probe:
 
 @dataclass(frozen=True, eq=False)
 class PrescribedMotion:
-    """Motions that the cam prescribes, to be shown among the results of a mechanism without unknowns.
+    """Motion prescribed by the cam, for output of a mechanism without unknowns.
 
     Parameters
     ----------
     names
-        As those of unknowns, n of them.
+        n names, like those of unknowns.
     motion
         Over the cam angle, vectors of shape (k, n).
     """
@@ -323,7 +323,7 @@ class PrescribedMotion:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """A mechanism as equations, see the module's head.
+    """Equations of motion of a mechanism.
 
     Parameters
     ----------
@@ -334,11 +334,11 @@ class System:
     loads, local_forces, probes, channels
         As their classes say.
     free
-        Motions that the stiffness leaves free, shape (n, k), where they are known; None to find them numerically.
+        Motions without stiffness, shape (n, k), if known; None to compute them numerically.
     carried
-        What is shown in place of the unknowns of a mechanism that has none.
+        Prescribed motion for the output of a mechanism without unknowns.
     stored
-        Strain energy of what is not among the unknowns, because it never moves, J.
+        Strain energy of inactive parts that are not among the unknowns, J.
 
     Examples
     --------
@@ -360,7 +360,7 @@ class System:
     stored: float = 0.0
 
     def __repr__(self) -> str:
-        """Return its size and parts, not its numbers."""
+        """Return size and parts, not the values."""
         return f"<System of {self.size} unknowns, {len(self.loads)} loads, {len(self.local_forces)} local forces>"
 
     @property

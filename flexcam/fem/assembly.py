@@ -1,4 +1,4 @@
-"""Assemble element matrices, many at once, into the matrix of the free components."""
+"""Assemble element matrices into global matrices of the free degrees of freedom."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from flexcam.fem.elements import beam
 from flexcam.fem.elements.beam import Beams
 
 _AT_ONCE = 1000
-"""Elements whose matrices are in memory together: as many as the processor's cache holds."""
+"""Number of elements processed together, so that their matrices fit in the processor cache."""
 
 
 def assemble(beams: Beams, local: FloatArray, dofs: DofMap) -> Triplets:
-    """Return the matrix of the free components from element matrices in local axes."""
+    """Return the assembled matrix of element matrices in local axes."""
     return _assembled(beams, lambda part: local[part], dofs)
 
 
 def _assembled(beams: Beams, local: Callable[[slice], FloatArray], dofs: DofMap) -> Triplets:
-    """Return the assembled matrix of element matrices that are made part by part.
+    """Return the matrix assembled from element matrices that are computed in blocks.
 
-    The triplets are written where they stay; what full element matrices would need beyond is reserved, never touched.
+    The triplets are written in place; memory for full element matrices is reserved but not touched.
     """
     most = 144 * len(beams)
     rows, cols, values = np.empty(most, np.intp), np.empty(most, np.intp), np.empty(most)
@@ -40,7 +40,7 @@ def _assembled(beams: Beams, local: Callable[[slice], FloatArray], dofs: DofMap)
 
 
 def _entries(beams: Beams, local: FloatArray, dofs: DofMap) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return rows, columns and values of the entries of some elements."""
+    """Return rows, columns and values of the entries of a block of elements."""
     matrices = beam.to_global(beams, local)
     unknowns = dofs.numbers[beams.nodes].reshape(-1, 12)
     free = unknowns >= 0
@@ -66,10 +66,10 @@ def geometric(beams: Beams, axial_force: FloatArray, dofs: DofMap) -> Triplets:
 
 
 def spread_force(beams: Beams, elements: slice, per_length: FloatArray) -> FloatArray:
-    """Return the element loads of a force spread evenly over some elements.
+    """Return the element loads of a force distributed uniformly over elements.
 
-    They do the same work as the spread force on the element's own (cubic) shapes: q L/2 at both ends and the
-    fixed-end moments q L^2/12. Source: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), sec. 7.2.
+    The loads are consistent with the cubic shape functions: q L/2 at both ends and the fixed-end moments q L^2/12.
+    Reference: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), sec. 7.2.
     """
     L = beams.length[elements]
     x, y, z = (beams.triads[elements] @ per_length).T
@@ -83,14 +83,14 @@ def spread_force(beams: Beams, elements: slice, per_length: FloatArray) -> Float
 
 
 def element_weight(beams: Beams, gravity: FloatArray) -> FloatArray:
-    """Return the element loads of their own weight, the mass matrix times the acceleration."""
+    """Return the element loads of the weight: the mass matrix times the acceleration."""
     pulled = beams.triads @ gravity
     still = np.zeros_like(pulled)
     return np.einsum("eij,ej->ei", beam.mass(beams), np.hstack([pulled, still, pulled, still]))
 
 
 def gathered(beams: Beams, loads: FloatArray, dofs: DofMap) -> FloatArray:
-    """Return the load vector of element loads."""
+    """Assemble the load vector of element loads."""
     turned = np.einsum("eji,ekj->eki", beams.triads, loads.reshape(-1, 4, 3)).ravel()
     numbers = dofs.numbers[beams.nodes].ravel()
     free = numbers >= 0
@@ -99,7 +99,7 @@ def gathered(beams: Beams, loads: FloatArray, dofs: DofMap) -> FloatArray:
 
 @dataclass(frozen=True)
 class Damping:
-    """Damping of the whole structure; both kinds add up, beside dampers given as parts.
+    """Damping of the whole structure; Rayleigh and modal damping add up with the dampers of the model.
 
     Parameters
     ----------
@@ -133,10 +133,10 @@ def rayleigh_damping(mass: Triplets, stiffness: Triplets, alpha: float, beta: fl
 
 
 def modal_damping(mass: Triplets, shapes: FloatArray, omegas: FloatArray, ratio: float) -> Triplets:
-    """Return the matrix that damps given modes by one ratio.
+    """Return the damping matrix that gives the modes one damping ratio.
 
-    C = M Phi diag(2 zeta omega) Phi^T M with Phi^T M Phi = I; it is full, as modal damping is.
-    Source: R. W. Clough and J. Penzien, Dynamics of Structures, 3rd ed. (2003), eq. 12-56.
+    C = M Phi diag(2 zeta omega) Phi^T M with Phi^T M Phi = I; the matrix is full. Reference: R. W. Clough and J.
+    Penzien, Dynamics of Structures, 3rd ed. (2003), eq. 12-56.
     """
     spread = np.column_stack([mass.times(shape) for shape in shapes.T]) if shapes.size else shapes
     return Triplets.from_dense((spread * (2.0 * ratio * omegas)) @ spread.T)

@@ -1,4 +1,4 @@
-"""Degrees of freedom: which components of which nodes may move, and their numbers."""
+"""Degrees of freedom: numbering of the free components of the nodes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexcam.fem.frames import COMPONENTS, ROTATIONS, component
 from flexcam.fem.mesh import Mesh
 
 _ROUNDING = 1e-10
-"""Part of the largest motion of a mode below which a node is at rest."""
+"""Fraction of the largest motion of a mode below which a node is at rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class DofMap:
     Parameters
     ----------
     numbers
-        Shape (nodes, 6); -1 where a support holds the component.
+        Shape (nodes, 6); -1 if a support constrains the component.
     names
         A name per free component, such as ``"cam.uy"``.
     """
@@ -37,18 +37,18 @@ class DofMap:
         return len(self.names)
 
     def vector(self, node: int, direction: FloatArray) -> FloatArray:
-        """Return the row that picks the motion of a node along a direction."""
+        """Return the row that extracts the motion of a node along a direction."""
         row = np.zeros(self.size)
         free = self.numbers[node] >= 0
         row[self.numbers[node][free]] = direction[free]
         return row
 
     def extended(self, names: Iterable[str]) -> DofMap:
-        """Return the numbering with further unknowns behind the nodes', each a motion along one line."""
+        """Return the numbering with additional unknowns after those of the nodes, each a motion along one line."""
         return DofMap(self.numbers, (*self.names, *names))
 
     def freed(self, node: int, components: IntArray, called: str) -> DofMap:
-        """Return the numbering with held components of a node free as well."""
+        """Return the numbering with constrained components of a node released."""
         free, names = self.numbers >= 0, list(self.names)
         free[node, components] = True
         numbers = np.full(free.shape, -1, dtype=np.intp)
@@ -58,28 +58,28 @@ class DofMap:
         return DofMap(numbers, tuple(names))
 
     def unit(self, name: str) -> FloatArray:
-        """Return the row that picks an unknown by its name, shape (size,)."""
+        """Return the row that extracts an unknown by its name, shape (size,)."""
         row = np.zeros(self.size)
         row[self.names.index(name)] = 1.0
         return row
 
     def nodal(self, unknowns: FloatArray) -> FloatArray:
-        """Return unknowns spread over all nodes, zero where held."""
+        """Return unknowns expanded to all nodes, zero where constrained."""
         padded = np.concatenate([unknowns, np.zeros((*unknowns.shape[:-1], 1))], axis=-1)
         return padded[..., self.numbers]
 
     def nodal_modes(self, shapes: FloatArray, size: float) -> FloatArray:
-        """Return modes spread over all nodes, with zeros where only rounding moves a node.
+        """Return modes expanded to all nodes, with zeros where the motion of a node is only rounding.
 
-        A mode of a rocker and its springs leaves nodes at rest that it does not touch. What rounding leaves there would
-        look like a mode of the members when it is drawn to size.
+        A mode of a rocker and its springs leaves other nodes at rest. Rounding there would look like a mode of the
+        members in a scaled drawing.
         """
         arms = np.array([size if name.rpartition(".")[2] in ROTATIONS else 1.0 for name in self.names])
         largest = np.abs(arms * shapes).max(axis=-1, initial=0.0, keepdims=True)
         return self.nodal(np.where(np.abs(arms * shapes) < _ROUNDING * largest, 0.0, shapes))
 
     def rigid_motion(self, mesh: Mesh, direction: FloatArray) -> FloatArray:
-        """Return the free components of a unit rigid motion about the origin."""
+        """Return the free components of a unit rigid-body motion about the origin."""
         motion = np.tile(direction, (len(mesh.nodes), 1))
         motion[:, :3] += np.cross(direction[3:], mesh.nodes)
         row = np.zeros(self.size)

@@ -1,7 +1,7 @@
-"""Names, order and signs that every module shares.
+"""Names, order and sign conventions of components.
 
-A node has six components in global axes: translations ``ux uy uz`` and rotations ``rx ry rz`` (right-hand rule).
-A beam element has the same six at its first node, then at its second, in local axes (x along the member). Axial
+A node has six components in global axes: translations ``ux uy uz`` and rotations ``rx ry rz`` (right-hand rule). A beam
+element has the six components of its first node, then those of its second, in local axes (x along the member). Axial
 force is positive in tension.
 """
 
@@ -16,21 +16,21 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import did_you_mean, finite_array, refuse
 
 COMPONENTS = ("ux", "uy", "uz", "rx", "ry", "rz")
-"""The six components of a node, in the order of every array."""
+"""The six components of a node, in array order."""
 
 ROTATIONS = COMPONENTS[3:]
-"""Those of them that are angles."""
+"""Components that are rotations."""
 
 
 def component(name: str, where: str = "component") -> int:
-    """Return the position of a component among the six."""
+    """Return the index of a component among the six."""
     if name in COMPONENTS:
         return COMPONENTS.index(name)
     raise refuse(where, repr(name), ", ".join(COMPONENTS), remedy=did_you_mean(name, COMPONENTS))
 
 
 def direction(value: str | FloatArray | Sequence[float], where: str = "direction") -> FloatArray:
-    """Return a direction in the six components of a node."""
+    """Return a direction as a row of the six components of a node."""
     if isinstance(value, str):
         unit, name = np.zeros(6), value[1:] if value[:1] in ("+", "-") else value
         unit[component(name, where)] = -1.0 if value.startswith("-") else 1.0
@@ -52,7 +52,7 @@ _DIRECTIONS = "a component such as 'uy' or '-uy', or three or six numbers"
 
 
 def _are_numbers(value: object) -> bool:
-    """Tell whether a value is a row of numbers; truth values are none."""
+    """Return whether a value is a sequence of numbers (booleans excluded)."""
     if not isinstance(value, (list, tuple)):
         return False
     row = cast("Sequence[object]", value)
@@ -60,18 +60,18 @@ def _are_numbers(value: object) -> bool:
 
 
 _PARALLEL = 1e-6
-"""Sine of the angle below which an orientation vector cannot fix the local y axis: six digits are lost there."""
+"""Sine of the angle below which an orientation vector cannot define the local y axis: six digits are lost there."""
 
 _NEAR_VERTICAL = 0.02
 """Sine of the angle to global y below which the default orientation is global -x (about one degree)."""
 
 
 def default_orientation(axis: FloatArray) -> FloatArray:
-    """Return the orientation vector used where none is given.
+    """Return the default orientation vectors.
 
-    It is global y, so that a shaft along x has its local axes parallel to the global ones; for an element
-    within about one degree of global y it is global -x, the same triad turned by 90 degrees about z. A curved member
-    that passes through global y, with a section that is not round, needs an orientation of its own.
+    The default is global y, so that a shaft along x has its local axes parallel to the global ones; for an element
+    within about one degree of global y it is global -x, which is the same triad rotated by 90 degrees about z. A curved
+    member that passes through global y, with a section that is not round, needs an explicit orientation.
     """
     vertical = np.hypot(axis[..., 0], axis[..., 2]) < _NEAR_VERTICAL
     return np.where(vertical[..., None], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
@@ -80,8 +80,8 @@ def default_orientation(axis: FloatArray) -> FloatArray:
 def triads(axes: FloatArray, orientations: FloatArray) -> FloatArray:
     """Return the local axes of elements as rows of rotation matrices.
 
-    Local x runs along the element, local y lies in the plane of x and the orientation vector, on its side,
-    and z = x cross y. With R the triad, ``u_local = R u_global``.
+    Local x runs along the element, local y lies in the plane of x and the orientation vector, on the side of the
+    vector, and z = x cross y. With R the triad, ``u_local = R u_global``.
     """
     along = np.sum(axes * orientations, axis=1, keepdims=True)
     across = orientations - along * axes
@@ -94,4 +94,4 @@ def triads(axes: FloatArray, orientations: FloatArray) -> FloatArray:
         )  # fmt: skip
     y = across / length[:, None]
     z = np.cross(axes, y).astype(float, copy=False)
-    return np.stack([axes, y, z], axis=1) + 0.0  # + 0.0 turns -0.0 into 0.0
+    return np.stack([axes, y, z], axis=1) + 0.0  # + 0.0 changes -0.0 to 0.0

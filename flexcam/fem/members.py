@@ -1,4 +1,4 @@
-"""Members: what a chain of nodes is made of, and the element arrays that follow from it."""
+"""Members: material, section and beam theory of a chain of nodes, and the element arrays."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ class Member:
     Parameters
     ----------
     material, section
-        What it is made of and its cross-section.
+        Material and cross-section.
     orientation
         Vector in the local x-y plane, global axes; None for the default of `flexcam.fem.frames`.
     shear
-        Shear deformation (Timoshenko) in place of Euler-Bernoulli bending.
+        Timoshenko instead of Euler-Bernoulli bending.
     rotary_inertia
         Rotary inertia of the sections in bending (the torsional inertia always counts).
     mass
         ``"consistent"`` or ``"lumped"``.
     geometric_stiffness
-        Whether axial force and bending act on each other within a run.
+        Whether axial force and bending are coupled during a run.
     bow
         Initial half wave in the local x-y plane, at mid-length, m; only with the geometric stiffness.
 

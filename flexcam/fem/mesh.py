@@ -1,4 +1,4 @@
-"""A mesh of members: nodes in space, members as chains of nodes, named points."""
+"""Mesh of members: nodes, members as chains of nodes, and named points."""
 
 from __future__ import annotations
 
@@ -65,14 +65,14 @@ class Mesh:
             raise InputError(faults)
 
     def node(self, name: str, where: str = "point") -> int:
-        """Return the number of the one node that a point name stands for.
+        """Return the node number of a point name with a single node.
 
         Parameters
         ----------
         name
-            Of the point.
+            Name of the point.
         where
-            What asks for it, for the message.
+            Location in the input, for the message.
 
         Returns
         -------
@@ -95,9 +95,9 @@ class Mesh:
         Parameters
         ----------
         name
-            Of the point.
+            Name of the point.
         where
-            What asks for it, for the message.
+            Location in the input, for the message.
 
         Returns
         -------
@@ -115,7 +115,7 @@ class Mesh:
         raise refuse(where, repr(name), f"a point of the mesh: {known}", remedy=did_you_mean(name, self.points))
 
     def node_name(self, node: int) -> str:
-        """Return the name of a node: that of a point of its own, or its number.
+        """Return the name of a node: that of its own point, or its number.
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class Mesh:
 
     @property
     def extent(self) -> float:
-        """Diagonal of the box around all nodes, m."""
+        """Diagonal of the bounding box of all nodes, m."""
         return float(np.linalg.norm(np.ptp(self.nodes, axis=0)))
 
     def elements(self) -> IntArray:
@@ -143,26 +143,26 @@ class Mesh:
         return np.concatenate(pairs) if pairs else np.zeros((0, 2), np.intp)
 
     def element_ranges(self) -> dict[str, slice]:
-        """Return where the elements of every member stand in `elements`."""
+        """Return the range of each member's elements in `elements`."""
         ends = np.cumsum([0, *(len(line) - 1 for line in self.lines.values())]).tolist()
         return {name: slice(a, b) for name, a, b in zip(self.lines, ends[:-1], ends[1:], strict=True)}
 
     def on_members(self) -> Bools:
-        """Return which nodes lie on a member, shape (nodes,)."""
+        """Return a mask of the nodes on members, shape (nodes,)."""
         used = np.zeros(len(self.nodes), dtype=bool)
         used[self.elements().ravel()] = True
         return used
 
     @cached_property
     def parts(self) -> list[IntArray]:
-        """Node numbers of every connected part, ascending; members meet at shared nodes."""
+        """Node numbers of each connected part, ascending; members connect at shared nodes."""
         ends = self.elements()
         labels = connected_components(len(self.nodes), ends[:, 0], ends[:, 1])
         joined = np.flatnonzero(self.on_members())
         return [joined[group] for group in component_members(labels[joined])]
 
     def connected(self, node: int) -> IntArray:
-        """Return the nodes that members connect to a node, itself included.
+        """Return the nodes connected to a node by members, including the node itself.
 
         Parameters
         ----------
@@ -178,7 +178,7 @@ class Mesh:
 
 
 def refined(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
-    """Return the mesh with every element of some members divided into equal parts."""
+    """Return the mesh with every element of the given members divided into equal parts."""
     nodes = [mesh.nodes]
     lines: dict[str, IntArray] = {}
     count = len(mesh.nodes)
@@ -194,7 +194,7 @@ def refined(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
 
 
 _SHOWN = 20
-"""Faults of one kind that are reported: a mesh with thousands has one cause."""
+"""Maximum number of faults of one kind to report: in a mesh with thousands they have one cause."""
 
 
 def _range_faults(mesh: Mesh) -> list[Fault]:
@@ -222,7 +222,7 @@ def _length_faults(mesh: Mesh) -> list[Fault]:
 
 
 def _duplicate_faults(mesh: Mesh) -> list[Fault]:
-    """Two nodes at one place are almost always a joint that was meant and is not there."""
+    """Return the faults of coincident nodes, which usually are a missing joint."""
     order = np.lexsort(mesh.nodes.T)
     sorted_nodes = mesh.nodes[order]
     same = np.flatnonzero((sorted_nodes[1:] == sorted_nodes[:-1]).all(axis=1))
@@ -243,7 +243,7 @@ def _duplicate_faults(mesh: Mesh) -> list[Fault]:
 def chain(
     start: FloatArray | Sequence[float], end: FloatArray | Sequence[float], elements: int, name: str = "shaft"
 ) -> Mesh:
-    """Return a straight member of equal elements with its ends named ``start`` and ``end``."""
+    """Return a straight member of equal elements with ends named ``start`` and ``end``."""
     if elements < 1:
         raise refuse("elements", elements, "a whole number from 1")
     nodes = np.linspace(np.asarray(start, float), np.asarray(end, float), elements + 1)
@@ -263,10 +263,10 @@ _CAM_X, _BASE_RADIUS, _PUSHROD_LENGTH = 0.120, 0.018, 0.250
 
 
 def published_model(model: int) -> Mesh:
-    """Return the mesh of model 1, 2 or 3 of Tayeb and Sliman, as flexcam reconstructs it.
+    """Return the mesh of model 1, 2 or 3 of Tayeb and Sliman as reconstructed for flexcam.
 
-    The drawings are lost; this is the only arrangement with three bearings and axial-only inner pushrod nodes that
-    has the printed counts of elements and unknowns (4/21, 8/25, 10/47). Nodes are numbered in the order of the
+    The drawings are not available; this is the only arrangement with three bearings and axial-only inner pushrod nodes
+    that has the printed numbers of elements and unknowns (4/21, 8/25, 10/47). Nodes are numbered in the order of the
     printed load vector (26): shaft from the drive end, pushrod top, inner nodes downwards, tappet.
     """
     if model not in _SHAFT_X:

@@ -37,9 +37,9 @@ def section_forces(
     """Return the section forces at both ends of every element.
 
     They are the end forces ``k u + c v + m a - f`` of the element as a free body with Rayleigh's ``c = alpha m + beta
-    k`` (R. W. Clough and J. Penzien, Dynamics of Structures, 3rd ed., sec. 12-5), so that they balance with what is
-    applied at the nodes, exactly as the equations of motion do. Modal damping couples all unknowns and has no element
-    matrix: its force counts as one applied at the nodes.
+    k`` (R. W. Clough and J. Penzien, Dynamics of Structures, 3rd ed., sec. 12-5), so that they are in equilibrium with
+    the nodal loads, exactly as in the equations of motion. Modal damping couples all unknowns and has no element
+    matrix: its force is treated as a nodal load.
     """
     strained = local = _local(beams, nodal)
     pushed = None if acceleration is None else _local(beams, acceleration)
@@ -62,16 +62,17 @@ def _local(beams: Beams, nodal: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Fibres:
-    """What turns section forces into stresses, every field an array over the elements.
+    """Conversion of section forces to stresses; every field is an array over the elements.
 
     Parameters
     ----------
     area, modulus_y, modulus_z
-        A (m^2) and the section moduli Iy/fibre_z, Iz/fibre_y (m^3; infinite where no fibre is known), shape (e,).
+        A (m^2) and the section moduli Iy/fibre_z, Iz/fibre_y (m^3; infinite if the fibre distance is unknown), shape
+        (e,).
     torsion
         Torsional shear stress per torque, 1/m^3, shape (e,).
     about_y, about_z
-        Shares of the two bending stresses at each of f places on the outline, shape (e, f).
+        Factors of the two bending stresses at each of f points on the outline, shape (e, f).
     round
         Whether the outline is a circle, shape (e,).
     """
@@ -100,27 +101,27 @@ class Fibres:
     def von_mises(self, forces: FloatArray) -> FloatArray:
         """Return ``sqrt(sigma^2 + 3 tau^2)`` with the largest normal and torsional stress, Pa, shape (..., e, 2).
 
-        Each is taken at its own worst place, which is on the safe side for sections that are not round; the shear of
-        transverse forces is left out, as it vanishes at the extreme fibres.
+        Each stress is taken at its own maximum, which is conservative for sections that are not round. The shear stress
+        of transverse forces is neglected because it vanishes at the extreme fibres.
         """
         sigma = np.abs(self.axial(forces)) + self.bending(forces)
         return np.sqrt(sigma**2 + 3.0 * self.shear(forces) ** 2)
 
     def normal(self, forces: FloatArray) -> FloatArray:
-        """Return ``N/A + My z/Iy - Mz y/Iz`` at places on the outline, Pa, tension positive, shape (..., e, 2, f)."""
+        """Return ``N/A + My z/Iy - Mz y/Iz`` at points on the outline, Pa, tension positive, shape (..., e, 2, f)."""
         y = (forces[..., 4] / self.modulus_y[:, None])[..., None] * self.about_y[:, None]
         z = (forces[..., 5] / self.modulus_z[:, None])[..., None] * self.about_z[:, None]
         return self.axial(forces)[..., None] + y - z
 
 
 _AROUND = np.arange(36) * (2.0 * np.pi / 36)
-"""Places on a round outline: the largest of 36 misses the true one by 0.4 % at most."""
+"""Points on a round outline: the maximum of 36 points differs from the true one by at most 0.4 %."""
 
 _CORNERS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
 
 
 def fibres(sections: Sequence[Section]) -> Fibres:
-    """Return the fibres of elements."""
+    """Return the stress factors of elements."""
     outline = [
         (np.sin(_AROUND), np.cos(_AROUND))
         if s.round
@@ -142,7 +143,7 @@ _ALL = slice(None)
 
 
 def deflection(beams: Beams, nodal: FloatArray, parts: int, elements: slice = _ALL) -> FloatArray:
-    """Return the motion of the line of every element at points between its nodes."""
+    """Return the displacement of the element axes at points between the nodes."""
     nodes, length = beams.nodes[elements], beams.length[elements, None]
     ends = nodal[..., nodes, :].reshape(*nodal.shape[:-2], len(nodes), 4, 3)
     local = np.einsum("eij,...ekj->...eki", beams.triads[elements], ends)

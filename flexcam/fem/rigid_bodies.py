@@ -1,4 +1,4 @@
-"""Concentrated parts: masses on a rigid arm, springs and dampers."""
+"""Concentrated masses with offset, springs and dampers, and rigid-body motions."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class PointMass:
 
 
 def mass_at(node: int, body: PointMass, dofs: DofMap) -> Triplets:
-    """Return the mass of a body fixed to a node, in the free components."""
+    """Return the mass matrix of a body fixed to a node, in the free components."""
     numbers, matrix = dofs.numbers[node], body.matrix()
     i, j = np.nonzero((matrix != 0.0) & (numbers[:, None] >= 0) & (numbers >= 0))
     return Triplets(dofs.size, numbers[i], numbers[j], matrix[i, j])
@@ -76,16 +76,16 @@ def along(row: FloatArray, coefficient: float) -> Triplets:
 
 
 _HELD = 1e-10
-"""Singular values of the constraints below this are rounding: their rows are of size 1."""
+"""Singular values of the constraints below this are rounding: the rows have size 1."""
 
 
 def free_motions(mesh: Mesh, dofs: DofMap, springs: Iterable[FloatArray]) -> FloatArray:
-    """Return a basis of the motions that cost no strain energy."""
+    """Return a basis of the motions without strain energy."""
     moved = mesh.on_members() | (dofs.numbers >= 0).any(axis=1)
     single = np.flatnonzero(moved & ~mesh.on_members())
     rigid = _rigid_motions(mesh, [*mesh.parts, *single[:, None]])
     nodal = int(np.count_nonzero(dofs.numbers >= 0))
-    further = dofs.size - nodal  # unknowns behind the nodes': each is free by itself
+    further = dofs.size - nodal  # additional unknowns after those of the nodes: each is free
     held = np.pad(rigid[moved[:, None] & (dofs.numbers < 0)], ((0, 0), (0, further)))
     free = np.zeros((dofs.size, rigid.shape[-1] + further))
     free[dofs.numbers[dofs.numbers >= 0], : rigid.shape[-1]] = rigid[dofs.numbers >= 0]
@@ -93,24 +93,27 @@ def free_motions(mesh: Mesh, dofs: DofMap, springs: Iterable[FloatArray]) -> Flo
     rows = np.concatenate([held, *(_stretched(row, free) for row in springs)])
     size = np.abs(rows).max(axis=1, initial=0.0)
     rows = rows[size > 0.0] / size[size > 0.0, None]
-    small = np.linalg.qr(rows, mode="r")  # the same null space in few rows
+    small = np.linalg.qr(rows, mode="r")  # the same null space with few rows
     _, values, vectors = np.linalg.svd(small)
     rank = int(np.count_nonzero(values > _HELD * max(1.0, float(values.max(initial=0.0)))))
     return free @ vectors[rank:].T
 
 
 def _stretched(row: FloatArray, free: FloatArray) -> FloatArray:
-    """Return the product of a row of few entries with motions, shape (1, k)."""
+    """Return the product of a sparse row with motions, shape (1, k)."""
     at = np.flatnonzero(row != 0.0)
     return row[None, at] @ free[at]
 
 
 def _rigid_motions(mesh: Mesh, parts: Sequence[IntArray]) -> FloatArray:
-    """Return six motions per part, shape (nodes, 6, 6 parts); rotations about the part's middle, scaled by its size."""
+    """Return six rigid-body motions per part, shape (nodes, 6, 6 parts), rotations about its centre.
+
+    Rotations are scaled by the size of the part.
+    """
     motions = np.zeros((len(mesh.nodes), 6, 6 * len(parts)))
     for p, nodes in enumerate(parts):
         arm = mesh.nodes[nodes] - mesh.nodes[nodes].mean(axis=0)
-        size = float(np.linalg.norm(arm, axis=1).max()) or 1.0  # of a node by itself
+        size = float(np.linalg.norm(arm, axis=1).max()) or 1.0  # of a single node
         for i, unit in enumerate(np.eye(3)):
             motions[nodes, i, 6 * p + i] = 1.0
             motions[nodes, :3, 6 * p + 3 + i] = np.cross(unit, arm) / size

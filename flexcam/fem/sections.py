@@ -1,4 +1,4 @@
-"""Linear elastic, isotropic material."""
+"""Materials and cross-sections."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Material:
     density
         Mass per volume, kg/m^3; zero makes the member massless.
     ultimate_strength, endurance_limit
-        Pa, for the margin against fatigue; None where they are not stated.
+        Pa, for the margin against fatigue; None if not given.
 
     Raises
     ------
@@ -76,15 +76,15 @@ class Section:
     J
         Saint-Venant torsion constant, m^4 (the torsional inertia uses the polar moment Iy + Iz).
     kappa_y, kappa_z
-        Shear factors for forces along local y and z; used by members that ask for shear deformation.
+        Shear factors for forces along local y and z; used by members with shear deformation.
     fibre_y, fibre_z
-        Distance of the extreme fibre from the axis along local y and z, m; where zero, twice the radius of gyration,
-        which is that of a solid circle and on the safe side for solid sections, not for open profiles.
+        Distance of the extreme fibre from the axis along local y and z, m; if zero, twice the radius of gyration, which
+        is exact for a solid circle and conservative for solid sections, but not for open profiles.
     torsion_arm
-        Length c with which the largest torsional shear stress is T c/J, m; where zero, twice the smaller fibre
-        distance, which is on the safe side for compact sections.
+        Length c such that the largest torsional shear stress is T c/J, m; if zero, twice the smaller fibre distance,
+        which is conservative for compact sections.
     radius
-        Radius it is drawn with, m; where zero, that of the circle of the same area.
+        Radius for drawing, m; if zero, that of the circle of equal area.
     round
         Whether the extreme fibres lie on a circle (else at the corners of a rectangle).
 
@@ -151,7 +151,7 @@ class Section:
         Parameters
         ----------
         outer_diameter, inner_diameter
-            m; an inner one of zero makes a solid bar.
+            Diameters, m; an inner diameter of zero gives a solid bar.
 
         Returns
         -------
@@ -177,7 +177,7 @@ class Section:
 
     @classmethod
     def rectangle(cls, width_y: float, width_z: float) -> Self:
-        """Return a rectangle.
+        """Return a rectangular section.
 
         Parameters
         ----------
@@ -202,7 +202,7 @@ class Section:
         )  # fmt: skip
 
     def given(self, *, J: float | None = None, kappa_y: float | None = None, kappa_z: float | None = None) -> Section:
-        """Return the section with some of its defaults replaced.
+        """Return the section with some of its properties replaced.
 
         Parameters
         ----------
@@ -214,7 +214,7 @@ class Section:
         Returns
         -------
         Section
-            Another one; this one stays as it is.
+            A new section.
         """
         return replace(
             self,
@@ -225,7 +225,7 @@ class Section:
 
 
 def _cowper_tube(ratio: float) -> float:
-    """Return Cowper's factor of a round tube with r/R = ratio."""
+    """Return Cowper's shear factor of a round tube with r/R = ratio."""
     nu, square = _COWPER_NU, (1.0 + ratio**2) ** 2
     return 6.0 * (1.0 + nu) * square / ((7.0 + 6.0 * nu) * square + (20.0 + 12.0 * nu) * ratio**2)
 

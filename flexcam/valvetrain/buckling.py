@@ -1,4 +1,4 @@
-"""How much compression the members of a train bear by themselves."""
+"""Buckling loads of members."""
 
 from __future__ import annotations
 
@@ -20,12 +20,11 @@ from flexcam.valvetrain.structure import Structure, build_structure
 
 
 def buckling_load(structure: Structure, member: str) -> float:
-    """Return the axial compression at which a member buckles by itself in its supports.
+    """Return the buckling load of a single member in its supports.
 
-    The lowest P of ``K + P Kg(-1)`` over the member's own elements, held where the model holds its nodes; what other
-    members and springs add is left out, so that the load is Euler's for a pushrod between guides. A motion that the
-    supports leave free bends nothing: its ends are taken as hinged there. Elements are divided where less than four
-    lie between supports, as a single one is up to half too stiff.
+    The lowest P of ``K + P Kg(-1)`` over the member's own elements, with the supports of its nodes. Other members and
+    springs are neglected, so that a pushrod between guides has Euler's load. Ends that the supports leave free are
+    hinged. Elements are divided if fewer than four lie between supports, as a single one is up to 50 % too stiff.
     """
     own = structure.beams.part(structure.model.mesh.element_ranges()[member])
     if math.isinf(load := _load(own, structure.dofs)) or (parts := _parts(structure.model, member)) == 1:
@@ -35,17 +34,16 @@ def buckling_load(structure: Structure, member: str) -> float:
 
 @dataclass(frozen=True)
 class StiffStrut:
-    """A member whose elements are too few for what its axial force does to its bending.
+    """Member with too few elements for its geometric stiffness.
 
     Parameters
     ----------
     member
         Its name.
     excess
-        By how much it bears too much in a run before it bends away, as a part of its buckling load; infinite where its
-        supports leave none of its nodes to bend it.
+        Relative excess of the buckling load of the discretized member; infinite if no node is free to bend.
     elements
-        How many are enough.
+        Sufficient number of elements.
     """
 
     member: str
@@ -54,7 +52,7 @@ class StiffStrut:
 
 
 def stiff_struts(model: Model) -> list[StiffStrut]:
-    """Return the members whose elements are too few for their geometric stiffness: they bear too much in a run."""
+    """Return the members with too few elements for their geometric stiffness, whose buckling load is too high."""
     asked = [name for name, member in model.members.items() if member.geometric_stiffness]
     return list(_stiff(build_structure(model), asked)) if asked else []
 
@@ -71,11 +69,11 @@ def _stiff(structure: Structure, members: list[str]) -> Iterator[StiffStrut]:
 
 
 _TOLD = 0.05
-"""Part of the buckling load above which a member bears too much: two elements between supports stay below it."""
+"""Relative excess of the buckling load to report: two elements between supports stay below it."""
 
 
 def _load(alone: Beams, dofs: DofMap) -> float:
-    """Return the lowest load of elements by themselves, N."""
+    """Return the lowest buckling load of elements, N."""
     K, G = stiffness(alone, dofs), geometric(alone, np.full(len(alone), -1.0), dofs)
     numbers = dofs.numbers[np.unique(alone.nodes)]
     used = np.unique(numbers[numbers >= 0])
@@ -93,14 +91,14 @@ def _load(alone: Beams, dofs: DofMap) -> float:
 
 
 _ENOUGH = 4
-"""Elements between supports from which on the load is right to 1 %, however they are held."""
+"""Elements between supports for which the buckling load is accurate to 1 % with any supports."""
 
 _MANY = 100
-"""Elements of a member up to which they are divided as far: their matrices are dense."""
+"""Number of elements of a member up to which they are divided: their matrices are dense."""
 
 
 def _parts(model: Model, member: str) -> int:
-    """Return in how many parts each element of a member must be divided, so that there are enough."""
+    """Return the number of parts of each element for sufficient resolution."""
     line, points = model.mesh.lines[member], model.mesh.points
     held = {node for point in model.supports for node in points[point].tolist()}
     inner = [i for i in range(1, len(line) - 1) if int(line[i]) in held]
@@ -109,7 +107,7 @@ def _parts(model: Model, member: str) -> int:
 
 
 def _divided(model: Model, member: str, parts: int) -> tuple[Beams, DofMap]:
-    """Return a member's elements, each divided, and their numbering in its supports."""
+    """Return the divided elements of a member and their numbering with supports."""
     nodes, line = np.unique(model.mesh.lines[member], return_inverse=True)
     points = {point: np.flatnonzero(np.isin(nodes, model.mesh.points[point])) for point in model.supports}
     mesh = refined(Mesh(model.mesh.nodes[nodes], {member: line}, points), {member: parts})
@@ -117,10 +115,10 @@ def _divided(model: Model, member: str, parts: int) -> tuple[Beams, DofMap]:
 
 
 def _hinged(pressed: FloatArray, free: FloatArray, ends: NDArray[np.bool_]) -> FloatArray:
-    """Return a geometric stiffness where every deflection comes with the free motion that leaves the ends in place.
+    """Return a geometric stiffness in which free motions are added such that the ends stay in place.
 
-    A free motion costs no strain, so that it may be chosen: the least motion of the ends in the free motions' pattern
-    is none. Twist does not move the ends; the pseudo-inverse leaves it out.
+    A free motion has no strain energy, so it can be chosen to minimize the motion of the ends. Twist does not move the
+    ends; the pseudo-inverse omits it.
     """
     seen = free * ends[:, None]
     still = np.eye(len(free)) - free @ np.linalg.pinv(free.T @ seen, rcond=_UNMOVED, hermitian=True) @ seen.T
@@ -128,4 +126,4 @@ def _hinged(pressed: FloatArray, free: FloatArray, ends: NDArray[np.bool_]) -> F
 
 
 _UNMOVED = 1e-14
-"""Part of the largest square of the ends' motion that counts as none."""
+"""Relative square of the ends' motion that counts as zero."""

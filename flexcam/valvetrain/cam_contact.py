@@ -1,4 +1,4 @@
-"""The plane of a cam in space: its directions, and the finger that swings in it."""
+"""Contact of cam and follower: directions in the plane of the cam, penetration, friction and Hertz law."""
 
 from __future__ import annotations
 
@@ -44,31 +44,31 @@ from flexcam.valvetrain.parts import Cam, CamContact
 from flexcam.valvetrain.structure import Structure, find_node
 
 _SAME = 1e-6
-"""Difference of lengths that is a matter of digits written."""
+"""Tolerance of lengths for rounding of input digits."""
 
 _NEAR = 1e-2
-"""Difference of an arm and its member that is a matter of how a finger was drawn."""
+"""Tolerance between an arm and its member."""
 
 
 def turning(axis: FloatArray) -> FloatArray:
-    """Return the direction of a rotation."""
+    """Return the direction vector of a rotation."""
     return np.concatenate([np.zeros(3), axis])
 
 
 def to_right(contact: CamContact, cam: Cam) -> FloatArray:
-    """Return the direction to the right of the lift in the profile's drawing, shape (6,)."""
+    """Return the direction to the right of the lift in the plane of the profile, shape (6,)."""
     return np.concatenate([cam.turn * np.cross(contact.direction[:3], contact.shaft_axis), np.zeros(3)])
 
 
 def sideways(structure: Structure, contact: CamContact, cam: Cam) -> FloatArray:
-    """Return the row of what the cam moves to the right of the follower, in the profile's drawing."""
+    """Return the row of the cam motion relative to the follower, to the right in the plane of the profile."""
     along = to_right(contact, cam)
     own = structure.row(contact.follower, along) if structure.is_node(contact.follower) else 0.0
     return structure.row(cam.at, along) - own
 
 
 def refuse_other_arm(structure: Structure, contact: CamContact, cam: Cam, where: str) -> None:
-    """Refuse a follower whose profile is made for another arm than that of the finger it stands for."""
+    """Refuse a follower whose arm differs from that of its finger member."""
     swinging = cam.follower
     if not isinstance(swinging, SwingRollerFollower | SwingFlatFollower):
         return
@@ -92,20 +92,20 @@ def refuse_other_arm(structure: Structure, contact: CamContact, cam: Cam, where:
 
 
 def pivots(structure: Structure, contact: CamContact) -> list[int]:
-    """Return the node about which the follower's member turns in the plane of the cam, if that is just one."""
+    """Return the pivot node of the follower's member in the plane of the cam, if unique."""
     mesh, vector = structure.model.mesh, structure.dofs.vector
     node = find_node(structure.model, contact.follower, "follower")
     across = np.concatenate([np.cross(contact.direction[:3], contact.shaft_axis), np.zeros(3)])
     plane = contact.direction, across
     held = [n for n in mesh.connected(node).tolist() if not any(vector(n, one).any() for one in plane)]
     away = mesh.nodes[node] - mesh.nodes[held[:1]]
-    lifts = abs(away @ across[:3]) > _NEAR * np.linalg.norm(away, axis=1)  # a node beyond its pivot only swings aside
+    lifts = abs(away @ across[:3]) > _NEAR * np.linalg.norm(away, axis=1)  # a node beyond the pivot only moves sideways
     turns = [n for n in held if vector(n, turning(contact.shaft_axis)).any()]
     return turns if len(held) == 1 and lifts.all() else []
 
 
 def _arm(structure: Structure, contact: CamContact, cam: Cam, pivot: int) -> tuple[float, float]:
-    """Return the distance of the follower from its pivot, m, and its part square to the lift, inwards positive."""
+    """Return the distance of the follower from its pivot, m, and its component normal to the lift, inwards positive."""
     mesh = structure.model.mesh
     away = mesh.nodes[pivot] - mesh.nodes[mesh.node(contact.follower)]
     lift, right = (float(away @ one[:3]) for one in (contact.direction, to_right(contact, cam)))
@@ -113,7 +113,7 @@ def _arm(structure: Structure, contact: CamContact, cam: Cam, pivot: int) -> tup
 
 
 def add_friction(structure: Structure, name: str, contact: CamContact, cam: Cam, force: LocalForce) -> LocalForce:
-    """Return the contact with friction: a second scalar whose rate is the velocity of sliding."""
+    """Return the contact with friction: a second scalar whose rate is the sliding velocity."""
     along = sliding_path(structure, name, contact, cam)
     acting = AngleVector(-along.vectors, along.functions)
     law = replace(cast("ForceLaw", force.law), friction=(contact.friction, contact.friction_speed))
@@ -126,10 +126,10 @@ def add_friction(structure: Structure, name: str, contact: CamContact, cam: Cam,
 def sliding_path(structure: Structure, name: str, contact: CamContact, cam: Cam) -> AngleVector:
     """Return the derivative of the path along the face by the unknowns, per force along the normal.
 
-    By virtual work (C. Lanczos, The Variational Principles of Mechanics, 4th ed., ch. III) the friction T does
-    T times the path of the cam's surface less that of the face. A swinging face at the distance e from its pivot moves
-    along itself by e per angle, lift by arm: that is the moment T e of friction about the pivot. With the force f along
-    the lift, T is mu f over the reach, by which every path is divided here.
+    By virtual work (C. Lanczos, The Variational Principles of Mechanics, 4th ed., ch. III) the friction T does work T
+    times the displacement of the cam's surface minus that of the face. A swinging face at the distance e from its pivot
+    moves along itself by e per angle, lift by arm: that is the moment T e of friction about the pivot. With the force f
+    along the lift, T is mu f over the reach, so every displacement is divided by the reach.
     """
     where = f"contacts.{name}.friction"
     if cam.follower is None:
@@ -147,7 +147,7 @@ def sliding_path(structure: Structure, name: str, contact: CamContact, cam: Cam)
 
 
 def _drawn(structure: Structure, contact: CamContact, cam: Cam, face: SwingFlatFollower) -> FloatArray:
-    """Return the row of how far a swinging face moves along itself, to the right."""
+    """Return the row of the motion of a swinging face along itself, to the right."""
     along = off_pivot(cam) * structure.row(contact.follower, contact.direction)
     if not structure.is_node(contact.follower):
         return along
@@ -179,7 +179,7 @@ def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling
 
 
 def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> AngleVector:
-    """Return the derivative of the depth by the unknowns."""
+    """Return the derivative of the penetration by the unknowns."""
     lift, axis = contact.direction, turning(contact.shaft_axis)
     follower = structure.row(contact.follower, lift, f"{where}.follower")
     if not follower.any():
@@ -188,11 +188,11 @@ def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> A
     twist = structure.row(cam.at, axis)
     rolls = cam.follower is not None and np.isfinite(cam.follower.roller_radius)
     swings = isinstance(cam.follower, SwingRollerFollower | SwingFlatFollower)
-    tilts = not rolls and not swings and structure.is_node(contact.follower)  # an arm turns by its lift
+    tilts = not rolls and not swings and structure.is_node(contact.follower)  # an arm rotates by its lift
     tilt = structure.row(contact.follower, axis) if tilts else np.zeros_like(twist)
     rows = [structure.row(cam.at, lift) - follower, twist - tilt]
     functions: list[AngleFunction] = [constant(1.0), derivative(cam.event)]
-    if swings:  # the normal turns with the arm
+    if swings:  # the normal rotates with the arm
         rows = [twist, structure.row(cam.at, lift), structure.row(cam.at, to_right(contact, cam))]
         more, by = zip(*_carried(structure, contact, cam), strict=True)
         return AngleVector(np.array([*rows, *more]), (functions[1], along_lift(cam), beside_lift(cam), *by))
@@ -203,7 +203,7 @@ def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> A
 
 
 def _carried(structure: Structure, contact: CamContact, cam: Cam) -> list[tuple[FloatArray, AngleFunction]]:
-    """Return rows and functions of what a swinging follower moves away.
+    """Return rows and functions of the motion of a swinging follower away from the cam.
 
     A finger that is a member has its node at the arm's length. A flat face is touched at the distance q from the pivot:
     there the finger moves by ``u + (q - arm) phi``, with u and phi of its node, and by virtual work the force N bends
@@ -219,7 +219,7 @@ def _carried(structure: Structure, contact: CamContact, cam: Cam) -> list[tuple[
     turned = structure.row(contact.follower, turning(contact.shaft_axis))
     if not turned.any():
         return [(away, constant(1.0))]
-    stiff = cam.follower.side * cam.turn * cam.follower.arm * turned  # what turning about the pivot moves away
+    stiff = cam.follower.side * cam.turn * cam.follower.arm * turned  # motion by rotation about the pivot
     return [(stiff, constant(1.0)), (away - stiff, lightened(cam))]
 
 
@@ -244,7 +244,7 @@ def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> 
 
 
 def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -> HertzLine:
-    """Return the line contact of a cam with its follower."""
+    """Return the Hertz line contact of a cam with its follower."""
     where = f"contacts.{name}.stiffness"
     if cam.follower is None or cam.width is None:
         remedy = "give base_radius, follower and width of the cam, or a stiffness"
@@ -268,7 +268,7 @@ def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -
 
 
 def _profile_channels(structure: Structure, name: str, contact: CamContact, cam: Cam) -> list[Channel]:
-    """Return Hertz pressure, sliding velocity and friction, where the profile is known."""
+    """Return the channels Hertz pressure, sliding velocity and friction, if the profile is known."""
     if cam.follower is None:
         return []
     where = f"contacts.{name}"

@@ -1,4 +1,4 @@
-"""What follows from a cam's profile, as functions of the cam angle with their derivatives."""
+"""Functions of the cam angle derived from a cam profile, with derivatives."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexcam.dynamics import AngleFunction, CamFunctionCache, DerivedCamFunction
 from flexcam.valvetrain.parts import Cam
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 7201)
-"""Where the curvature is taken; between these it is interpolated, as it is asked for at every iteration."""
+"""Cam angles of the curvature table, which is interpolated at every iteration."""
 
 
 def _profile(cam: Cam, angle: FloatArray, motion: Motion | None = None) -> CamProfile:
@@ -27,13 +27,13 @@ def _profile(cam: Cam, angle: FloatArray, motion: Motion | None = None) -> CamPr
 
 @lru_cache(maxsize=8)
 def around(cam: Cam) -> CamProfile:
-    """Return the profile at `ANGLES`, of which several things are tabled."""
+    """Return the profile at `ANGLES`, for several tables."""
     return _profile(cam, ANGLES)
 
 
 @dataclass(frozen=True, eq=False)
 class _OfProfile(DerivedCamFunction):
-    """A function of the cam angle that follows from the profile, with its derivative."""
+    """Function of the cam angle derived from the profile, with its derivative."""
 
     cam: Cam
     value: Callable[[CamProfile], FloatArray]
@@ -44,7 +44,7 @@ class _OfProfile(DerivedCamFunction):
 
 
 def touched(cam: Cam, at: CamFunctionCache) -> CamProfile:
-    """Return the profile at cam angles, made once for all that ask."""
+    """Return the profile at cam angles, computed once and cached."""
 
     def made() -> CamProfile:
         event = cam.event
@@ -55,19 +55,22 @@ def touched(cam: Cam, at: CamFunctionCache) -> CamProfile:
 
 @lru_cache(maxsize=8)
 def along_lift(cam: Cam) -> AngleFunction:
-    """Return the lift per motion of the cam along the lift as it begins."""
+    """Return the lift per motion of the cam along the initial lift direction."""
     return _OfProfile(cam, lambda made: made.push.real, lambda made: made.push_rate.real)
 
 
 @lru_cache(maxsize=8)
 def beside_lift(cam: Cam) -> AngleFunction:
-    """Return the lift per motion of the cam to the right: the tangent of the pressure angle where nothing swings."""
+    """Return the lift per motion of the cam to the right.
+
+    For a translating follower this is the tangent of the pressure angle.
+    """
     return _OfProfile(cam, lambda made: -made.push.imag, lambda made: -made.push_rate.imag)
 
 
 @lru_cache(maxsize=8)
 def leaning(cam: Cam) -> AngleFunction:
-    """Return the tangent of the pressure angle, from the motion of the follower where the arm has turned to."""
+    """Return the tangent of the pressure angle relative to the rotated arm."""
     return _OfProfile(
         cam, lambda made: np.tan(made.pressure_angle), lambda made: made.pressure_rate / made.touch.reach**2
     )
@@ -75,7 +78,7 @@ def leaning(cam: Cam) -> AngleFunction:
 
 @lru_cache(maxsize=8)
 def slide(cam: Cam) -> AngleFunction:
-    """Return the path per cam angle, m, by which the cam's surface slides to the right of a flat face."""
+    """Return the sliding path per cam angle, m, of the cam's surface to the right of a flat face."""
     return _OfProfile(cam, lambda made: made.touch.sliding, lambda made: made.touch.sliding_rate)
 
 
@@ -87,7 +90,7 @@ def lightened(cam: Cam) -> AngleFunction:
 
 @lru_cache(maxsize=8)
 def rub(cam: Cam) -> AngleFunction:
-    """Return the path per cam angle, m, of the cam's surface alone along a flat face, by the reach."""
+    """Return the path per cam angle, m, of the cam's surface along a flat face, divided by the reach."""
     off = off_pivot(cam)
     return _OfProfile(
         cam,
@@ -104,14 +107,14 @@ def _by_reach_rate(made: CamProfile, value: FloatArray | float, rate: FloatArray
 
 
 def off_pivot(cam: Cam) -> float:
-    """Return the path to the right of a swinging flat face along itself, per lift."""
+    """Return the path of a swinging flat face along itself to the right, per lift."""
     one = cam.follower
     return one.side * one.face / one.arm if isinstance(one, SwingFlatFollower) else 0.0
 
 
 @lru_cache(maxsize=8)
 def travelled(cam: Cam) -> AngleFunction:
-    """Return the path that has slid past since cam angle zero, by the reach, m."""
+    """Return the sliding path since cam angle zero, divided by the reach, m."""
     slid = _OfProfile(
         cam,
         lambda made: made.touch.sliding / made.touch.reach,
@@ -121,9 +124,9 @@ def travelled(cam: Cam) -> AngleFunction:
 
 
 class _Travelled(DerivedCamFunction):
-    """The path that has slid past since cam angle zero, m; `path` is its derivative.
+    """Sliding path since cam angle zero, m; `path` is its derivative.
 
-    What the face itself has moved, `off` of the lift, is added: it counts with the motion of the follower.
+    The motion of the face itself, `off` times the lift, is added because it is part of the follower's motion.
     """
 
     def __init__(self, path: AngleFunction, cam: Cam, off: float) -> None:
@@ -155,7 +158,7 @@ class _Travelled(DerivedCamFunction):
 
 
 def tabled(values: FloatArray) -> AngleFunction:
-    """Return what interpolates values at `ANGLES`; its derivatives are not asked for."""
+    """Return the interpolation of values at `ANGLES`, without derivatives."""
 
     def looked_up(angle: FloatArray, order: int) -> FloatArray:
         del order

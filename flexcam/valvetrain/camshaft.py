@@ -1,4 +1,4 @@
-"""What a camshaft does under its cams: twist and deflection at each; its inertia while its speed changes."""
+"""Camshaft: twist and deflection at the cams, rotary inertia, drive torque and free running."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _inertias(structure: Structure) -> tuple[Load, ...]:
 
 
 def _inertia(structure: Structure, nodes: IntArray, axis: FloatArray) -> Load:
-    """Return the load of a shaft's rotary inertia while its speed changes: unknowns turn with the shaft."""
+    """Return the load of a shaft's rotary inertia at variable speed: unknowns are relative to the rotation."""
     dofs, turning = structure.dofs, _turning(axis)
     beams = structure.beams.part(np.flatnonzero(np.isin(structure.beams.nodes[:, 0], nodes)))
     pulled = beam.to_global(beams, beam.mass(beams)) @ np.tile(turning, 2)
@@ -74,12 +74,12 @@ def _inertia(structure: Structure, nodes: IntArray, axis: FloatArray) -> Load:
 
 
 def _turning(axis: FloatArray) -> FloatArray:
-    """Return the six components of a node that turns with a shaft."""
+    """Return the six components of a node that rotates with a shaft."""
     return np.concatenate([np.zeros(3), axis])
 
 
 def _assembled(size: int, numbers: IntArray, values: FloatArray) -> FloatArray:
-    """Return a vector of values at numbered unknowns, shape (size,); those that are held have no number."""
+    """Return a vector of values at numbered unknowns, shape (size,); constrained ones have no number."""
     free = numbers.ravel() >= 0
     vector = np.zeros(size)
     np.add.at(vector, numbers.ravel()[free], values.ravel()[free])
@@ -87,12 +87,12 @@ def _assembled(size: int, numbers: IntArray, values: FloatArray) -> FloatArray:
 
 
 _ALONG = 0.9
-"""Cosine from which on a held rotation is one about the shaft."""
+"""Cosine above which a constrained rotation is about the shaft."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeldEnd:
-    """A place where a shaft's rotation is held.
+    """Node at which a shaft's rotation is prescribed.
 
     Parameters
     ----------
@@ -101,11 +101,11 @@ class HeldEnd:
     node
         Its number.
     freed
-        The structure with the held rotations of that node free.
+        Structure with the constrained rotations of that node released.
     kept
-        Places of the structure's own unknowns among those of `freed`, shape (n,).
+        Indices of the structure's unknowns among those of `freed`, shape (n,).
     turned
-        Unit rotation about the shaft in what is freed, shape (n of `freed`,).
+        Unit rotation about the shaft in the released unknowns, shape (n of `freed`,).
     """
 
     name: str
@@ -116,22 +116,22 @@ class HeldEnd:
 
     @property
     def bends(self) -> bool:
-        """Whether a member with geometric stiffness ends there or passes."""
+        """True if a member with geometric stiffness contains the node."""
         model = self.freed.model
         return any(one.geometric_stiffness and self.node in model.mesh.lines[n] for n, one in model.members.items())
 
     @property
     def levers(self) -> bool:
-        """Whether it drives a lever."""
+        """True if a lever is driven at the node."""
         return self._is_at(*(one.start for one in self.freed.model.levers.values()))
 
     @property
     def springs(self) -> bool:
-        """Whether a spring ends there."""
+        """True if a spring ends at the node."""
         return self._is_at(*(end for one in self.freed.model.springs.values() for end in (one.at, one.to) if end))
 
     def bears(self, contact: Contact) -> bool:
-        """Tell whether a contact stands at this node and twists it: the published load only if it is said to."""
+        """Return whether a contact at this node exerts a torque; the published load only if so configured."""
         model = self.freed.model
         match contact:
             case PublishedLoad():
@@ -145,18 +145,18 @@ class HeldEnd:
                 return self._is_at(*(contact.ends or ()), *on)
 
     def _is_at(self, *points: str) -> bool:
-        """Tell whether one of some named points is this node."""
+        """Return whether one of several named points is this node."""
         named = self.freed.model.mesh.points
         return any(self.node in named[point] for point in points if point in named)
 
 
 def find_held_ends(structure: Structure) -> tuple[HeldEnd, ...]:
-    """Return every place where a shaft's rotation is held."""
+    """Return all nodes at which a shaft's rotation is prescribed."""
     return tuple(_freed(structure, *end) for end in _found(structure))
 
 
 def _found(structure: Structure) -> Iterator[tuple[str, int, FloatArray]]:
-    """Yield name, node and axis of every place where a shaft's rotation is held."""
+    """Yield name, node and axis of every prescribed shaft rotation."""
     model = structure.model
     driven: dict[int, FloatArray] = {}
     for contact in model.driven.values():
@@ -180,7 +180,7 @@ def _freed(structure: Structure, name: str, node: int, along: FloatArray) -> Hel
 
 
 def inertia_torque(end: HeldEnd) -> Observable:
-    """Return what mass, damping and stiffness ask of a held rotation; modal damping, which couples all, is left out."""
+    """Return the torque of mass, damping and stiffness on a constrained rotation, without modal damping."""
     freed, damping = end.freed, end.freed.model.damping
     damped = freed.dampers + rayleigh_damping(freed.mass, freed.stiffness, damping.alpha, damping.beta)
     each = [matrix.times(end.turned)[end.kept][None] for matrix in (freed.stiffness, damped, freed.mass)]
@@ -192,7 +192,7 @@ def inertia_torque(end: HeldEnd) -> Observable:
 
 
 def reaction_torque(end: HeldEnd, loads: tuple[Load, ...], forces: tuple[LocalForce, ...]) -> Observable:
-    """Return what loads and local forces of the freed structure leave a held rotation to bear."""
+    """Return the reaction of loads and local forces of the released structure on a constrained rotation."""
     pushed = np.array([end.turned @ load.vector for load in loads])
     acting = [one for force in forces for one in force.act]
     turning = [(i, AngleVector((one.vectors @ end.turned)[:, None], one.functions)) for i, one in enumerate(acting)]

@@ -1,4 +1,4 @@
-"""The compression of the members of a train, as of straight bars."""
+"""Compression and geometric stiffness of members."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flexcam.valvetrain.structure import Structure
 
 
 def compressed_members(model: Model) -> list[str]:
-    """Return the members whose compression is told: all that carry no cam, and those with geometric stiffness."""
+    """Return the members with a compression channel: all without a cam, and those with geometric stiffness."""
     shafts = {node for cam in model.cams.values() for node in model.mesh.connected(model.mesh.node(cam.at)).tolist()}
     return [
         name for name, member in model.members.items()
@@ -41,7 +41,7 @@ class Bars:
     structure
         The structure.
     elements
-        Which of its elements, shape (e,).
+        Indices of the elements, shape (e,).
     """
 
     structure: Structure
@@ -69,7 +69,7 @@ class Bars:
 
     @cached_property
     def _ends(self) -> list[tuple[IntArray, FloatArray]]:
-        """Unknowns that pull on the elements, shape (e,), and the tension of each by one, shape (e,)."""
+        """Unknowns with an effect on the tension, shape (e,), and the tension per unit of each, shape (e,)."""
         beams, dofs = self.structure.beams.part(self.elements), self.structure.dofs
         numbers, along = dofs.numbers[beams.nodes, :3], beams.triads[:, 0]
         pulled = self.stiffness[:, None, None] * np.where(numbers >= 0, np.stack([-along, along], axis=1), 0.0)
@@ -95,7 +95,7 @@ def arch_laws(arch: Arch) -> list[ForceLaw]:
     Returns
     -------
     list
-        `flexcam.dynamics.force_laws.arch`, which senses the seven scalars of an element.
+        `flexcam.dynamics.force_laws.arch`, with the seven deformation parameters of an element.
     """
     pulled = np.einsum("eij,ej->ei", arch.shortening, arch.bow)
     parts = zip(arch.axial, arch.shortening, arch.bow, pulled, strict=True)
@@ -104,7 +104,7 @@ def arch_laws(arch: Arch) -> list[ForceLaw]:
 
 
 def bowings(structure: Structure) -> Coupling:
-    """Return the geometric stiffness of the members that ask for it, and the compression of all that carry no cam.
+    """Return the geometric stiffness forces and the compression channels of members.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def _compression(arch: Arch, part: slice) -> Observable:
     stretches = slice(part.start, part.stop, SCALARS)
 
     def largest(seen: Observation) -> FloatArray:
-        # What acts on a stretch is the axial force beyond that of the straight bar.
+        # The force on the elongation is the axial force beyond that of the linear bar.
         return -(arch.axial * seen.gaps[:, stretches] + seen.forces[:, stretches]).min(axis=-1)
 
     return largest

@@ -1,4 +1,4 @@
-"""What a contact adds to the equations."""
+"""Contributions of contacts to the equations of motion: seats, lash and lash adjusters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from flexcam.valvetrain.structure import Structure
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """Loads, local forces and channels of one contact; positions count within these tuples."""
+    """Loads, local forces and channels of one contact; indices refer to these tuples."""
 
     loads: tuple[Load, ...]
     forces: tuple[LocalForce, ...]
@@ -54,7 +54,7 @@ def conservative_force(
 
 
 def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
-    """Return a stop."""
+    """Return the coupling of a stop."""
     row = structure.row(seat.at, seat.direction, f"contacts.{name}.at")
     if not row.any():
         given = f"a seat at {seat.at!r} along {seat.direction.tolist()}"
@@ -72,7 +72,7 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
 
 
 def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
-    """Return the play between a rocker and its point."""
+    """Return the coupling of the lash between a rocker and its point."""
     where = f"contacts.{name}"
     row, gap = play_row(structure, lash, where), constant(-lash.gap)
     law = elastic_stop(lash.stiffness, lash.damping, lash.damping_depth)
@@ -84,7 +84,7 @@ def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
 
 
 def play_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatArray:
-    """Return the row of how far the two sides of a play have come together, shape (n,)."""
+    """Return the row of the approach of both sides of a lash, shape (n,)."""
     if part.ends is not None and part.direction is not None:
         first, second = (structure.row(end, part.direction, where) for end in part.ends)
         return first - second
@@ -93,7 +93,7 @@ def play_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatAr
 
 
 def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling:
-    """Return a hydraulic lash adjuster.
+    """Return the coupling of a hydraulic lash adjuster.
 
     Parameters
     ----------

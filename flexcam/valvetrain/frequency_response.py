@@ -1,4 +1,4 @@
-"""How the linear train answers to the lift of a cam, frequency by frequency."""
+"""Frequency response of the linear train to the cam lift."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexcam.valvetrain.structure import build_structure, find_node
 from flexcam.valvetrain.system_builder import build_system
 
 _MOST = 3000
-"""Unknowns up to which the dense solution per harmonic is reasonable."""
+"""Number of unknowns up to which a dense solution per harmonic is reasonable."""
 
 
 def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Callable[[FloatArray], ComplexArray]:
@@ -40,7 +40,7 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
             raise refuse(f"contacts.{contact}.stiffness", "hertz", "a number", "the answer to a lift must be linear")
         force = part.stiffness * push
         stiffness, free = stiffness + along(push, part.stiffness), None
-    for name, play in model.contacts.items():  # plays are closed while the train is pressed together
+    for name, play in model.contacts.items():  # lash is closed while the train is under compression
         if isinstance(play, Lash | Adjuster):
             closed = along(play_row(structure, play, f"contacts.{name}"), play.stiffness)
             stiffness, free = stiffness + closed, None
@@ -59,7 +59,7 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
 
 
 def valve_ratio(model: Model, cam: str) -> float:
-    """Return how far the valve moves per lift of a cam, by the rocker on the train of its follower."""
+    """Return the valve motion per cam lift, from the rocker of the follower's train."""
     for contact in model.driven.values():
         if contact.cam == cam:
             finger = model.rocker_at(contact.follower)

@@ -12,19 +12,19 @@ from flexcam.dynamics import ONE, AngleFunction, ForceLaw
 from flexcam.dynamics.force_laws import LINE_CONTACT
 
 STRAIGHT = 10.0
-"""Largest relative radius by the depth of a line contact: where cam and roller nest, its logarithm says nothing."""
+"""Maximum ratio of relative radius to depth: the logarithm is invalid for conformal contact of cam and roller."""
 
 
 @dataclass(frozen=True, eq=False)
 class HertzLine:
-    """Line contact of cam and follower, the relative radius of curvature changing with the cam angle.
+    """Line contact of cam and follower with a relative radius of curvature that depends on the cam angle.
 
     A cylinder of radius R pressed by p per length approaches its middle by ``(1 - nu^2) p/(pi E) (2 ln(4 R/a) - 1)``
     and sinks into a flat body of depth d by ``(1 - nu^2) p/(pi E) (2 ln(2 d/a) - nu/(1 - nu))``, with the half width
     ``a^2 = 4 p R/(pi E*)`` of the relative radius: K. L. Johnson, Contact Mechanics (1985), eqs. 4.43, 5.57 and 5.58.
     In the sum the radius cancels: with ``q = (1 - nu^2) p/(pi E)`` the approach is ``q (2 ln(d/q) - 1 - nu/(1 - nu))``,
-    and of two cylinders ``q (2 ln(2 (R1 + R2)/q) - 2)``: only the distance of their axes remains. The curvature of
-    the cam enters the pressure, but the stiffness by a logarithm at most, for which the base circle stands.
+    and of two cylinders ``q (2 ln(2 (R1 + R2)/q) - 2)``: only the distance of their axes remains. The curvature of the
+    cam enters the pressure, but the stiffness at most by a logarithm, which is evaluated for the base circle.
 
     Parameters
     ----------

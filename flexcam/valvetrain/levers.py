@@ -1,7 +1,7 @@
-"""Joints of levers: what their turning adds to the linear springs at their ends.
+"""Lever joints: nonlinear forces of large rotation beyond the linear springs.
 
-The structure holds the joints as springs at the installed ratio. Here stands the rest: the force of the true depth
-``y(p) - x`` less that of the linear one, with its share on the lever by virtual work, ``y'(p)``.
+The structure contains the joints as springs with the installed ratio. This module adds the difference: the force of the
+exact penetration ``y(p) - x`` minus that of the linear one, which acts on the lever with ``y'(p)`` by virtual work.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from flexcam.valvetrain.structure import Structure, lever_ends
 
 
 def lever_end(lever: Lever, end: int) -> ForceLaw:
-    """Return the law of an elastic end beyond its linear spring; it senses the path p and what moves there, x.
+    """Return the law of an elastic lever end beyond its linear spring; it senses the path p and the motion x.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def lever_end(lever: Lever, end: int) -> ForceLaw:
 
 
 def lever_joints(structure: Structure) -> Coupling:
-    """Return what the turning of all levers adds.
+    """Return the nonlinear forces of all levers.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def lever_joints(structure: Structure) -> Coupling:
 
 
 def refuse_far_turns(structure: Structure) -> None:
-    """Refuse a lift that would turn a lever until its arm points along the motion.
+    """Refuse a lift that rotates a lever until its arm is parallel to the motion.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from flexcam.valvetrain.structure import Structure, find_node, spring_parts, spr
 
 
 def constant_loads(structure: Structure) -> list[Load]:
-    """Return weight, springs' installed forces and given forces; the last act from the start of a run only."""
+    """Return weight, springs' installed forces and given forces; given forces act only from the start of a run."""
     model = structure.model
     loads: list[Load] = []
     for name, load in model.loads.items():
@@ -43,14 +43,14 @@ def steady_load(structure: Structure) -> FloatArray:
 
 
 def _of_a_published_load(structure: Structure, row: FloatArray) -> bool:
-    """Tell whether a spring acts on the train of a published load, whose preload counts its installed force."""
+    """Return whether a spring acts on the train of a published load, whose preload includes its installed force."""
     contacts = structure.model.driven.items()
     published = [(f"contacts.{n}.follower", one) for n, one in contacts if isinstance(one, PublishedLoad)]
     return any(float(follower_train(structure, one, where).motion @ row) != 0.0 for where, one in published)
 
 
 def element_loads(structure: Structure) -> FloatArray:
-    """Return everything spread over the elements: given forces and weight."""
+    """Return the distributed element loads: given forces and weight."""
     total = np.zeros((len(structure.beams), 12))
     for name, load in structure.model.loads.items():
         total += _spread(structure, name) if load.member is not None else 0.0
@@ -66,7 +66,7 @@ def _spread(structure: Structure, name: str) -> FloatArray:
 def _weight(structure: Structure) -> FloatArray:
     """Return the weight of members, of bodies at nodes and of springs.
 
-    What is at a rocker's point is left out, as a lumped rocker does not say in which direction its valve moves.
+    Masses at a rocker's point are excluded because a lumped rocker does not define the direction of its valve.
     """
     model, gravity = structure.model, np.array(structure.model.gravity)
     load = gathered(structure.beams, element_weight(structure.beams, gravity), structure.dofs)

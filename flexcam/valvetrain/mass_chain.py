@@ -1,4 +1,4 @@
-"""Shapes that condense a `System`: everything follows statically from few motions."""
+"""Condensation of a train to a chain of masses by static condensation."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from flexcam.valvetrain.system_builder import build_system
 from flexcam.valvetrain.train_topology import moved_nodes
 
 _UNSEEN = 1e-9
-"""Singular value below which a motion without strain is not seen by what is kept."""
+"""Singular value below which a strain-free motion is independent of the kept motions."""
 
 
 def static_shapes(system: System, rows: FloatArray) -> FloatArray:
-    """Return how everything follows when some motions are given and nothing else is loaded."""
+    """Return the static shapes of given motions without other loads."""
     n, m = system.size, len(rows)
     if n > 2 * DENSE_LIMIT:
         raise refuse(
@@ -40,7 +40,7 @@ def static_shapes(system: System, rows: FloatArray) -> FloatArray:
 
 
 def _unseen(free: FloatArray, rows: FloatArray) -> FloatArray:
-    """Return the motions without strain that rows do not see, orthonormal, shape (n, k)."""
+    """Return the strain-free motions orthogonal to rows, orthonormal, shape (n, k)."""
     basis = np.linalg.qr(free)[0]
     _, values, vectors = np.linalg.svd(rows @ basis)
     seen = int(np.count_nonzero(values > _UNSEEN))
@@ -48,7 +48,7 @@ def _unseen(free: FloatArray, rows: FloatArray) -> FloatArray:
 
 
 def rigid_lumped(mass: FloatArray, moved: FloatArray, count: int) -> FloatArray:
-    """Return a mass matrix whose first unknowns have a mass each, with the same momentum in a rigid motion."""
+    """Return a mass matrix lumped to the first unknowns, with the same momentum in a rigid motion."""
     lump = mass.copy()
     own = moved[:count]
     lump[:count, :count] = np.diag(mass[:count, :count] @ own / own)
@@ -57,7 +57,7 @@ def rigid_lumped(mass: FloatArray, moved: FloatArray, count: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """A train as few masses.
+    """Train as a chain of masses.
 
     Parameters
     ----------
@@ -66,14 +66,13 @@ class Chain:
     points
         Name of every mass of the chain, from the follower on.
     masses
-        Of the chain, as felt at the follower (ratios of rockers squared in), kg, shape (k,).
+        Masses of the chain reduced to the follower (with squared rocker ratios), kg, shape (k,).
     stiffnesses
-        Between neighbours, as felt at the follower, N/m, shape (k - 1,).
+        Stiffnesses between neighbours reduced to the follower, N/m, shape (k - 1,).
     shapes
         Motion of the beam model's unknowns per unknown of the chain, shape (n, m).
     unfelt
-        Members behind the last of all that is kept, such as everything behind a single mass: they bear the springs
-        behind them, but no inertia of what lies there.
+        Members beyond the last kept point: they transmit spring forces, but no inertia forces.
     """
 
     system: System
@@ -111,24 +110,24 @@ def chain_of(model: Model, speed: float, count: int, *, contact: str | None = No
 
 
 def without_compression(system: System, members: Sequence[str]) -> System:
-    """Return a system that does not tell how much some members are compressed."""
+    """Return a system without the compression channels of some members."""
     left = tuple(f"members.{name}." for name in members)
     return replace(system, channels=tuple(one for one in system.channels if not one.name.startswith(left)))
 
 
 def _unfelt(structure: Structure, shapes: FloatArray) -> tuple[str, ...]:
-    """Return the members that nothing stretches while the follower stands still."""
+    """Return the members that are not stretched with the follower fixed."""
     bars = {name: Bars(structure, elements_of(structure, name)) for name in compressed_members(structure.model)}
     stretched = {name: np.abs(one.tension(shapes[:, 1:].T)) / one.stiffness for name, one in bars.items()}
     return tuple(name for name, one in stretched.items() if one.max(initial=0.0) < _STRETCHED)
 
 
 _STRETCHED = 1e-6
-"""Stretch of an element by a unit of a motion below which it is rounding."""
+"""Elongation of an element per unit motion below which it is rounding."""
 
 
 def straighten(model: Model) -> Model:
-    """Return a model with members that do not bow and springs of one piece."""
+    """Return a model without bowing members and with springs of one part."""
     members = {n: replace(one, geometric_stiffness=False, bow=0.0) for n, one in model.members.items()}
     return replace(model, members=members, springs={n: replace(one, elements=1) for n, one in model.springs.items()})
 
@@ -145,7 +144,7 @@ def _contact(model: Model, name: str | None) -> PublishedLoad | CamContact:
 
 
 def _kept(system: System, picked: Sequence[tuple[str, FloatArray]]) -> tuple[list[str], FloatArray]:
-    """Return names and rows of what is kept: the chain's points, then what local forces sense and act on beside."""
+    """Return names and rows of the kept motions: points of the chain, then those of local forces."""
     names, rows = [name for name, _ in picked], [row for _, row in picked]
     for force in system.local_forces:
         for vector in (*force.sense, *force.act):
@@ -157,7 +156,7 @@ def _kept(system: System, picked: Sequence[tuple[str, FloatArray]]) -> tuple[lis
 
 
 def _apart(row: FloatArray, rows: Sequence[FloatArray]) -> bool:
-    """Tell whether a row is not a sum of others."""
+    """Return whether a row is linearly independent of others."""
     size = float(np.linalg.norm(row))
     if size == 0.0:
         return False
@@ -166,11 +165,11 @@ def _apart(row: FloatArray, rows: Sequence[FloatArray]) -> bool:
 
 
 _SAME = 1e-9
-"""Part of a row that may be left without its being another motion."""
+"""Relative residual of a row below which it is dependent."""
 
 
 def _train(structure: Structure, contact: PublishedLoad | CamContact) -> list[tuple[str, FloatArray]]:
-    """Return name and row of every point along a train, from the follower on: nodes, rockers' points, behind plays."""
+    """Return name and row of every point along a train: nodes, rocker points and points after lash."""
     model, direction = structure.model, contact.direction
     if not structure.is_node(contact.follower):
         return [(contact.follower, structure.row(contact.follower, direction))]

@@ -1,4 +1,4 @@
-"""The valve train as a value: what it consists of, no matrices yet."""
+"""Model of a valve train: mesh, members and parts, without matrices."""
 
 from __future__ import annotations
 
@@ -64,19 +64,19 @@ class Model:
     members
         Member name to its data.
     supports
-        Point name to the components held.
+        Point name to the constrained components.
     masses, springs, rockers, cams, contacts, loads
         Attached parts by name.
     gravity
         Acceleration, m/s^2, global axes.
     damping
-        Of the whole structure.
+        Damping of the whole structure.
     probes
-        Points to watch: named nodes or points of rockers.
+        Output points: named nodes or points of rockers.
 
     Examples
     --------
-    `flexcam.case.builder.build_model` makes one from a case; `flexcam.valvetrain.build_system` turns it into equations.
+    `flexcam.case.builder.build_model` creates a model; `flexcam.valvetrain.build_system` builds its equations.
     """
 
     mesh: Mesh
@@ -98,11 +98,11 @@ class Model:
 
     @property
     def driven(self) -> dict[str, PublishedLoad | CamContact]:
-        """Contacts of a cam with its follower, by name."""
+        """Cam-follower contacts by name."""
         return {n: one for n, one in self.contacts.items() if isinstance(one, PublishedLoad | CamContact)}
 
     def lash_of(self, rocker: str) -> Lash | Adjuster | None:
-        """Return the play or the adjuster of a rocker.
+        """Return the lash or the adjuster of a rocker.
 
         Parameters
         ----------
@@ -112,14 +112,14 @@ class Model:
         Returns
         -------
         Lash, Adjuster or None
-            None where the rocker's point is one with it.
+            None if the rocker's point is rigidly connected.
         """
         plays = (one for one in self.contacts.values() if isinstance(one, Lash | Adjuster))
         return next((one for one in plays if one.rocker == rocker), None)
 
     @property
     def plays(self) -> list[Play]:
-        """Plays and adjusters between nodes."""
+        """Lash and adjusters between nodes."""
         parts = [one for one in self.contacts.values() if isinstance(one, Lash | Adjuster)]
         return [
             Play(one.ends, one.direction, one.gap, 0.0)
@@ -130,7 +130,7 @@ class Model:
         ]
 
     def connected(self, node: int) -> IntArray:
-        """Return the nodes that members and links connect to a node, itself included.
+        """Return the nodes connected to a node by members and links, including the node itself.
 
         Parameters
         ----------
@@ -152,18 +152,18 @@ class Model:
 
     @property
     def levers(self) -> dict[str, Lever]:
-        """Rockers that turn, by name."""
+        """Rotating rockers (levers) by name."""
         return {name: one for name, one in self.rockers.items() if isinstance(one, Lever)}
 
     @property
     def loose_points(self) -> dict[str, Rocker]:
-        """Points that move by themselves, because their rocker has play or turns, by name."""
+        """Points with their own unknown, because their rocker has lash or is a lever, by name."""
         loose = {r.point: r for name, r in self.rockers.items() if self.lash_of(name) or isinstance(r, Lever)}
         return {**loose, **{r.start: r for r in self.rockers.values() if r.finger}}
 
     @property
     def further_unknowns(self) -> list[str]:
-        """Names of the unknowns of rockers: loose points, paths of levers, and their tips where play is behind them."""
+        """Names of the unknowns of rockers: loose points, lever paths, and lever tips with lash."""
         paths = [path_name(name) for name, one in self.levers.items() if not one.finger]
         return [*self.loose_points, *paths, *(tip_name(name) for name in self.levers if self.lash_of(name))]
 

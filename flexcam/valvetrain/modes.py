@@ -1,4 +1,4 @@
-"""Modes of a model with what moves in them, in words: member by member and mass by mass."""
+"""Modes of a model with a description by kinetic energy of members and masses."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from flexcam.valvetrain.system_builder import build_system
 
 _KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
 _NAMED = 0.05
-"""Share of a mode's kinetic energy from which a part is named."""
+"""Fraction of a mode's kinetic energy above which a part is named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class ModelModes:
     shares: tuple[dict[str, float], ...]
 
     def words(self, mode: int) -> str:
-        """Return what moves in a mode, such as ``mass valve 60 %, pushrod axial 30 %``."""
+        """Describe a mode, such as ``mass valve 60 %, pushrod axial 30 %``."""
         shares = sorted(self.shares[mode].items(), key=lambda item: -item[1])
         named = [f"{part} {100.0 * share:.0f} %" for part, share in shares if share >= _NAMED]
         free = "free motion: " if mode < self.modes.rigid else ""
@@ -94,14 +94,14 @@ def model_modes(
 
 
 def _pressed(structure: Structure, force: FloatArray) -> Iterator[tuple[str, Triplets]]:
-    """Yield the name of each member and the stiffness by its axial forces, N, tension positive, shape (e,)."""
+    """Yield the name of each member and its geometric stiffness under axial forces, N, tension positive, shape (e,)."""
     for name, its in structure.model.mesh.element_ranges().items():
         elements = np.arange(len(structure.beams))[its]
         yield f"members.{name}", fem_geometric(structure.beams.part(elements), force[elements], structure.dofs)
 
 
 def _unstressed(free: FloatArray, geometric: Triplets, stiffness: Triplets) -> FloatArray:
-    """Return the free motions that an axial force does not resist either: it resists what turns its member."""
+    """Return the free motions without geometric stiffness, which acts against rotation of a member."""
     if not free.shape[1]:
         return free
     values, vectors = np.linalg.eigh(free.T @ geometric.times_all(free))
@@ -115,7 +115,7 @@ def _shares(structure: Structure, shapes: FloatArray) -> tuple[dict[str, float],
 
 
 def _shares_of(structure: Structure, shape: FloatArray, mass: FloatArray) -> dict[str, float]:
-    """Return the kinetic energy of every part, as shares of the whole (mass-orthonormal shapes have 1/2)."""
+    """Return the kinetic energy of every part as a fraction (mass-orthonormal shapes have 1/2)."""
     nodal = structure.dofs.nodal(shape)
     shares = _member_shares(structure, nodal, mass)
     for name, part in structure.model.masses.items():
@@ -151,7 +151,7 @@ def _member_shares(structure: Structure, nodal: FloatArray, mass: FloatArray) ->
 
 
 def modal_basis(problem: Problem, count: int, *, by_parts: bool = False) -> ModeBasis:
-    """Return the lowest modes of a problem's system, with the static answers to all that pushes or watches it."""
+    """Return the lowest modes with the static response to all loads, local forces and probes."""
     n = problem.system.size
     chosen = DofSubset(np.arange(n), np.zeros(n))
     if problem.prune:
@@ -170,11 +170,11 @@ def modal_basis(problem: Problem, count: int, *, by_parts: bool = False) -> Mode
 
 
 def _parts(system: System, places: FloatArray) -> tuple[IntArray, list[IntArray]]:
-    """Return the unknowns that are pushed or watched, or free without them, and the others in groups they part."""
+    """Return the interface unknowns (loaded, observed or otherwise free), and the other unknowns in groups."""
     kept: NDArray[np.bool_] = np.array(places.any(axis=0))
     held = np.flatnonzero(~kept)
     while len(held) and (loose := null_space(system.stiffness.part(held))).shape[1]:
-        kept[held[pins(loose)]] = True  # a part that moves freely between kept unknowns is held by one more each
+        kept[held[pins(loose)]] = True  # fix one more unknown for each free motion between kept unknowns
         held = np.flatnonzero(~kept)
     joined = system.stiffness.part(held) + system.mass.part(held)
     labels = connected_components(len(held), joined.rows, joined.cols)
@@ -182,17 +182,17 @@ def _parts(system: System, places: FloatArray) -> tuple[IntArray, list[IntArray]
 
 
 def _places(system: System) -> FloatArray:
-    """Return the rows of all loads, of what local forces sense and act on, and of all probes, shape (k, n)."""
+    """Return the rows of all loads, local forces and probes, shape (k, n)."""
     forces = [one.vectors for force in system.local_forces for one in (*force.sense, *force.act)]
     rows = np.concatenate([system.load_vectors(), *forces, *(probe.rows for probe in system.probes)])
     return rows[rows.any(axis=1)]
 
 
 _FELT = 1e-4
-"""Share of the contact's static yield from which on a mode is felt at the contact."""
+"""Fraction of the static contact compliance above which a mode is relevant for the contact."""
 
 _MOST = 3000
-"""Unknowns up to which the matrices of contacts are reasonable."""
+"""Number of unknowns up to which contact matrices are reasonable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,9 +202,9 @@ class ReachedModes:
     Parameters
     ----------
     found
-        The modes; contacts that are closed at full lift hold with their stiffness.
+        Modes with the stiffness of contacts closed at full lift.
     push
-        Size of the modal force by the contact's force, shape (k,), 1/sqrt(kg).
+        Modal force per contact force, shape (k,), 1/sqrt(kg).
     """
 
     found: ModelModes
@@ -212,10 +212,10 @@ class ReachedModes:
 
     @property
     def felt(self) -> list[int]:
-        """Positions of the modes that take part in what the contact yields under a constant force, no free motions.
+        """Indices of the modes that contribute to the static contact compliance, without free motions.
 
-        Low modes count more by this than by the modal force, so that the surge of a spring is not missed beside the
-        stiff modes of the contact itself.
+        Compared with the modal force, this criterion gives low modes more weight, so that spring surge is not missed
+        beside the stiff modes of the contact.
         """
         rigid, omegas = self.found.modes.rigid, self.found.modes.omegas
         shares = (self.push[rigid:] / omegas[rigid:]) ** 2
@@ -223,7 +223,7 @@ class ReachedModes:
 
 
 def contact_modes(structure: Structure, contact: str, held: Sequence[tuple[str, Triplets]]) -> ReachedModes:
-    """Return the modes of a train, and how far a contact reaches each."""
+    """Return the modes of a train, and the modal force of a contact in each."""
     part = structure.model.driven[contact]
     found = model_modes(structure, held=held)
     push = structure.row(part.follower, part.direction) - structure.row(
@@ -235,13 +235,13 @@ def contact_modes(structure: Structure, contact: str, held: Sequence[tuple[str, 
 def holding(
     system: System, motion: CamMotion, displacement: FloatArray, velocity: FloatArray, inner: FloatArray | None = None
 ) -> list[tuple[str, Triplets]]:
-    """Return the stiffness with which each local force holds at an instant."""
+    """Return the stiffness of each local force at an instant."""
     tangents = Tangents(system, motion, displacement, velocity, inner)
     return [(name, Triplets.from_dense(0.5 * (part + part.T))) for name, part in tangents.parts(0)]
 
 
 def modes_on_the_lift(model: Model, contact: str, speed: float) -> ReachedModes:
-    """Return the modes of a train at rest on the full lift of a cam, contacts closed as they are in balance there."""
+    """Return the modes about the static equilibrium at full lift of a cam."""
     structure, system = build_structure(model), build_system(model, speed)
     if not system.local_forces or system.size > _MOST:
         return contact_modes(structure, contact, ())
@@ -256,11 +256,11 @@ def modes_on_the_lift(model: Model, contact: str, speed: float) -> ReachedModes:
 
 
 _ALONG = 1e-6
-"""Part by which a component may be off a member's axis, or off its cross section, to count as along or across."""
+"""Tolerance of the direction of a component along or across a member."""
 
 
 def describe_inactive(structure: Structure, found: ActiveDofs) -> list[str]:
-    """Return what of a structure nothing can move."""
+    """Describe the inactive degrees of freedom of a structure."""
     said = [f"{_place(structure, still.unknowns)}: {_reason(still)}" for still in found.still]
     return [f"{one} ({said.count(one)} times)" if said.count(one) > 1 else one for one in dict.fromkeys(said)]
 
@@ -272,7 +272,7 @@ def _reason(still: InactiveGroup) -> str:
 
 
 def _place(structure: Structure, unknowns: IntArray) -> str:
-    """Return members, motion and components of some unknowns, or their names where no member has them."""
+    """Return members, motion and components of unknowns, or their names if not on a member."""
     places = np.argwhere(structure.dofs.numbers >= 0)
     nodes, components = places[unknowns[unknowns < len(places)]].T
     touched: IntArray = np.flatnonzero(np.isin(structure.beams.nodes, nodes).any(axis=1))
@@ -287,7 +287,7 @@ def _place(structure: Structure, unknowns: IntArray) -> str:
 
 
 def _motion(axes: FloatArray, components: list[int]) -> str:
-    """Return what some components are for members along some axes, shape (e, 3): along them, about them, or bending."""
+    """Return the kind of components for members along axes, shape (e, 3): axial, torsion or bending."""
     along = np.abs(axes).argmax(axis=1)
     if (along != along[0]).any() or np.abs(np.abs(axes[:, along[0]]) - 1.0).max() > _ALONG:
         return "motion"
@@ -295,7 +295,7 @@ def _motion(axes: FloatArray, components: list[int]) -> str:
 
 
 def _kind(axis: int, component: int) -> str:
-    """Return what a component, ux to rz, is for a member along an axis, x, y or z by number."""
+    """Return the kind of a component, ux to rz, for a member along axis x, y or z, by number."""
     turns, direction = divmod(component, 3)
     if direction == axis:
         return "torsion" if turns else "axial motion"

@@ -1,4 +1,4 @@
-"""Parts of a train that hang on it: masses, springs and their wire, loads."""
+"""Parts of a valve train: masses, springs, loads, cams, contacts and rockers."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ class Wire:
 
 @dataclass(frozen=True)
 class Pulsation:
-    """Swing of a stiffness with the cam angle, k (1 + amplitude cos(order theta + phase)).
+    """Fluctuation of a stiffness with the cam angle, k (1 + amplitude cos(order theta + phase)).
 
     Parameters
     ----------
     order
-        Swings per camshaft revolution.
+        Periods per camshaft revolution.
     amplitude
-        Part of the mean stiffness.
+        Fraction of the mean stiffness.
     phase
         rad.
     """
@@ -64,7 +64,7 @@ class Pulsation:
     phase: float = 0.0
 
     def part(self, angle: FloatArray) -> FloatArray:
-        """Return the swing at cam angles, rad, as a part of the mean stiffness."""
+        """Return the relative fluctuation at cam angles, rad."""
         return self.amplitude * np.cos(self.order * angle + self.phase)
 
 
@@ -83,21 +83,21 @@ class Spring:
     to
         The other end; None for ground.
     installed_force
-        Force it is installed with, N, or N m about an axis: it pushes against `direction`; None where none is stated.
+        Installed force, N, or N m about an axis, acting against `direction`; None if not given.
     mass
-        kg, spread evenly over its length.
+        kg, distributed uniformly over its length.
     elements
-        Equal parts, each with its share of stiffness and mass: more than one lets it surge.
+        Number of equal parts; with more than one, surge is modelled.
     clash_travel
         Travel along `direction` from the installed length to where all coils touch, m; None without.
     clash_stiffness
         Of one contact between neighbouring parts, N/m.
     wire
-        For its stress; None where it is not known.
+        Wire, for the stress; None if unknown.
     pulsation
-        Swing of its stiffness, on the stretch from where it is installed; None for a constant one.
+        Fluctuation of the stiffness, acting on the deflection from the installed length; None for a constant one.
     link
-        Whether it stands for an elastic part of the train between two points, which is rigid in the rigid mechanism.
+        Whether it represents an elastic part of the train, which is rigid in the rigid model.
     """
 
     at: str
@@ -116,13 +116,13 @@ class Spring:
 
     @property
     def turns(self) -> bool:
-        """Whether it resists a rotation: its force is a moment then, its stretch an angle."""
+        """True if the spring is rotational: moment and angle instead of force and elongation."""
         return not self.direction[:3].any()
 
 
 @dataclass(frozen=True, eq=False)
 class GivenLoad:
-    """A constant force or moment at a point, or a force spread over a member.
+    """Constant force or moment at a point, or distributed force on a member.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class Cam:
     event
         Lift over the cam angle.
     follower
-        What touches it; None where nothing is said of it.
+        Follower; None if not given.
     turn
         Sense of rotation in the plane of the profile: 1 counterclockwise, -1 clockwise.
     width
@@ -184,7 +184,7 @@ class PublishedLoad:
     preload_factor
         Preload as a multiple of the force the rigid train needs for contact.
     cam_deflection
-        Whether the force feels the shaft's deflection, U_c of (21).
+        Whether the force depends on the shaft's deflection, U_c of (21).
     cam_torque
         Whether the force twists the shaft, T_CF of (24).
     """
@@ -200,7 +200,7 @@ class PublishedLoad:
 
 @dataclass(frozen=True, eq=False)
 class CamContact:
-    """A cam that lifts its follower through the stiffness of their contact.
+    """Contact of a cam and its follower with a contact stiffness.
 
     Parameters
     ----------
@@ -215,13 +215,13 @@ class CamContact:
     stiffness
         N/m; None for that of Hertz' line contact.
     unilateral
-        Whether it can part; if not, it pulls as well.
+        Whether the contact can open; if not, it is bilateral.
     dissipation
         chi of Hunt and Crossley, s/m: the force is that of the stiffness times 1 + chi times the rate of approach.
     restitution
-        Rate of parting per rate of approach of an impact; None where they meet without one.
+        Coefficient of restitution; None for contact without impact.
     friction, friction_speed
-        Coulomb's coefficient, and the velocity of sliding over which friction turns over, m/s.
+        Coulomb's coefficient, and the sliding velocity of the regularization, m/s.
     """
 
     cam: str
@@ -237,7 +237,7 @@ class CamContact:
 
 
 DAMPING_DEPTH = 1e-5
-"""Depth over which a stop's damper takes hold where none is given, m: of the size of seats of engines."""
+"""Default penetration over which a stop's damping increases, m: typical of engine valve seats."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,13 +249,13 @@ class Seat:
     at
         A named node, or the point of a rocker.
     direction
-        Shape (6,): the way off the seat; zeros for a rocker's own.
+        Opening direction, shape (6,); zeros for that of a rocker.
     stiffness, damping
         N/m and N s/m.
     restitution
-        Rate of parting per rate of approach of an impact; None where they meet without one.
+        Coefficient of restitution; None for contact without impact.
     damping_depth
-        Depth over which the damper takes hold, m.
+        Penetration over which the damping increases, m.
     """
 
     at: str
@@ -268,7 +268,7 @@ class Seat:
 
 @dataclass(frozen=True, eq=False)
 class Lash:
-    """Play between a rocker and its point, or between two nodes, which push each other through it.
+    """Lash between a rocker and its point, or between two nodes.
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ class Lash:
     direction
         In which the first pushes the second, shape (6,); None at a rocker.
     damping_depth
-        Depth over which the damper takes hold, m.
+        Penetration over which the damping increases, m.
     """
 
     rocker: str | None
@@ -297,18 +297,18 @@ class Lash:
 
 @dataclass(frozen=True, eq=False)
 class Adjuster:
-    """A hydraulic lash adjuster: oil that carries, leaks past the plunger, and is made up for through a check valve.
+    """Hydraulic lash adjuster: oil column with leakage past the plunger and refill through a check valve.
 
     Parameters
     ----------
     rocker
-        Name of the rocker it stands on, at its point; None between nodes.
+        Name of its rocker; None between nodes.
     stiffness
         Of the oil column, N/m.
     leak
         Force per velocity of leak-down, N s/m.
     refill
-        The same while the check valve is open, N s/m.
+        Leak coefficient while the check valve is open, N s/m.
     plunger_force
         Of the spring that keeps it extended, N.
     ends, direction
@@ -326,7 +326,7 @@ class Adjuster:
 
 @dataclass(frozen=True, eq=False)
 class Play:
-    """What stands between two nodes, one pushing the other.
+    """Lash or adjuster between two nodes, the first of which pushes the second.
 
     Parameters
     ----------
@@ -347,23 +347,23 @@ class Play:
 
 
 Contact = PublishedLoad | CamContact | Seat | Lash | Adjuster
-"""What may stand under the contacts of a model."""
+"""Types of contacts of a model."""
 
 
 _MOST = math.radians(75.0)
-"""Angle between an arm and the square to its end's motion, up to which a lever makes sense."""
+"""Largest angle between an arm and the normal to the motion of its end."""
 
 _STEEP = math.sin(_MOST)
 
 
 @dataclass(frozen=True, eq=False)
 class Rocker:
-    """A rigid rocker without bending: the valve moves by the ratio of the arms.
+    """A rigid rocker without bending: the valve motion is given by the ratio of the arms.
 
     Parameters
     ----------
     start
-        Named node it is driven at.
+        Named node at which it is driven.
     point
         Name of the point it defines (the valve).
     arms
@@ -373,7 +373,7 @@ class Rocker:
     direction
         Direction of the motion at the driven node, shape (6,); the point's motion is positive with it.
     finger
-        Whether it defines the point it is driven at as well.
+        Whether it also defines the point at which it is driven.
     """
 
     start: str
@@ -391,7 +391,7 @@ class Rocker:
 
 @dataclass(frozen=True, eq=False)
 class Lever(Rocker):
-    """A rocker as a lever that turns: its ratio changes with its angle, its arms give way.
+    """Rocker with large rotation and elastic arms: its ratio depends on its angle.
 
     With p the path of its driven end, the other end moves by ``a2 (sin(b2 + p/a1) - sin b2)``. A
     finger follower has the lift of its cam along the path p.
@@ -399,7 +399,7 @@ class Lever(Rocker):
     Parameters
     ----------
     angles
-        Of both arms as installed, rad: 0 where the arm is square to the motion of its end.
+        Of both arms as installed, rad: 0 if the arm is normal to the motion of its end.
     stiffness, damping
         Of the arm at the driven node and at the point, N/m and N s/m; the first counts only at a node.
     """
@@ -421,7 +421,7 @@ class Lever(Rocker):
         return self.arms[1] / self.arms[0] * math.cos(self.angles[1]) / driven
 
     def path_at(self, lift: FloatArray, where: str = "arms") -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the path of the driven end at a motion of what drives it, m, and its first two derivatives."""
+        """Return the path of the driven end for a driving motion, m, and its first two derivatives."""
         if self.finger:
             return lift, np.ones_like(lift), np.zeros_like(lift)
         arm, start = self.arms[0], self.angles[0]
@@ -434,7 +434,7 @@ class Lever(Rocker):
         return arm * (np.arcsin(sine) - start), 1.0 / cosine, sine / (arm * cosine**3)
 
     def reach(self, path: FloatArray, end: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the motion of an end at a path of the driven end, m, and its first two derivatives."""
+        """Return the motion of an end for a path of the driven end, m, and its first two derivatives."""
         arm, start, turn = self.arms[end], self.angles[end], path / self.arms[0]
         there = start + turn
         share = arm / self.arms[0]
@@ -442,10 +442,10 @@ class Lever(Rocker):
 
 
 def path_name(lever: str) -> str:
-    """Return the name of the unknown that is the path of a lever's driven end."""
+    """Return the name of the unknown for the path of a lever's driven end."""
     return f"rockers.{lever}"
 
 
 def tip_name(lever: str) -> str:
-    """Return the name of the unknown that is the tip of a lever, where play is between it and its point."""
+    """Return the name of the unknown for the tip of a lever with lash at its point."""
     return f"rockers.{lever}.tip"

@@ -1,13 +1,13 @@
-"""The published coupling as separable loads and one local force.
+"""Published contact load (Tayeb and Sliman) as separable loads and one local force.
 
 Equations of M. M. Tayeb and A. S. Sliman, Flexibility analysis of cam mechanism, with its errata corrected:
 
 - (21) ``P_v = P_pr + K_KE (Y_c + U_c)`` acts on the follower along the lift and on the shaft against it.
 - (22) ``K_KE`` is the stiffness of pushrod and retaining spring in series; the print has its inverse. Here it is the
-  static stiffness the follower node sees, which is that series value for any pushrod and spring.
+  static stiffness at the follower node, which is that series value for any pushrod and spring.
 - (24), (25) ``T_CF = P_v X_c`` with ``X_c = dY_c/dtheta`` opposes the rotation on the rise.
 - The preload is a multiple of the inertia force of the rigid train, ``M max(-s'')``, unless the spring states its
-  installed force. The spring is installed with the same force, so the preload alone moves nothing but the shaft.
+  installed force. The spring is installed with the same force, so the preload alone displaces only the shaft.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from flexcam.valvetrain.train_topology import complete_motion, follower_motion
 
 @dataclass(frozen=True, eq=False)
 class FollowerTrain:
-    """Everything that moves with a follower, as one rigid body along the lift.
+    """Parts moving with a follower as one rigid body along the lift.
 
     Parameters
     ----------
@@ -63,9 +63,9 @@ class FollowerTrain:
 
 
 def follower_train(structure: Structure, contact: PublishedLoad | CamContact, where: str) -> FollowerTrain:
-    """Return the rigid body that a follower and what hangs on it make: it moves along the lift, or turns about a pivot.
+    """Return the rigid body of a follower and its attached parts: it translates, or rotates about a pivot.
 
-    Where springs bear it in place of a pivot, it moves as these are bent least.
+    Without a pivot, the motion has minimum spring energy.
     """
     if structure.is_node(contact.follower):
         node = find_node(structure.model, contact.follower, where)
@@ -106,30 +106,30 @@ def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, 
 
 
 def stated_force(structure: Structure, train: FollowerTrain) -> float:
-    """Return the springs' stated installed forces as felt at the follower, N; zero where none states one."""
+    """Return the given installed forces of springs reduced to the follower, N; zero without any."""
     return sum(float(train.motion @ row) * size for size, row in stated_forces(structure, train))
 
 
 def stated_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float, FloatArray]]:
-    """Return installed force and row of the springs on a follower's train that state one."""
+    """Return installed force and row of the springs on a follower's train with a given installed force."""
     rows = [(s.installed_force, spring_row(structure, n, s)) for n, s in structure.model.springs.items()]
     return [(size, row) for size, row in rows if size is not None and float(train.motion @ row) != 0.0]
 
 
 def constant_history(value: float) -> Callable[[CamMotion], FloatArray]:
-    """Return the load history that is `value` at every instant."""
+    """Return a constant load history."""
     return lambda motion: np.full_like(motion.angle, value)
 
 
 @lru_cache(maxsize=16)
 def _at_any_speed(structure: Structure, name: str, contact: PublishedLoad) -> tuple[FollowerTrain, float]:
-    """Return what is the same at any speed: the follower's train and the stiffness K_KE."""
+    """Return the quantities independent of speed: the follower's train and the stiffness K_KE."""
     where = f"contacts.{name}.follower"
     return follower_train(structure, contact, where), series_stiffness(structure, contact, where)
 
 
 def couple_published_load(structure: Structure, name: str, contact: PublishedLoad, speed: float) -> Coupling:
-    """Return the published coupling of one cam and its follower."""
+    """Return the coupling of the published load of one cam and its follower."""
     cam = structure.model.cams[contact.cam]
     train, K = _at_any_speed(structure, name, contact)
     force = preload(structure, contact, train, cam, speed)
@@ -168,7 +168,7 @@ def couple_published_load(structure: Structure, name: str, contact: PublishedLoa
 def _spring_share(structure: Structure, train: FollowerTrain) -> FloatArray:
     """Return the vector of the springs' installed forces that balances a unit force at the follower.
 
-    Springs share it as their stated forces do, or as their stiffnesses where none is stated.
+    The force is distributed like the given installed forces, or like the stiffnesses without any.
     """
     shares = stated_forces(structure, train)
     if not shares:

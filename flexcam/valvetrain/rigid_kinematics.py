@@ -1,4 +1,4 @@
-"""How far what a rigid train moves has gone at a lift of its cam: through levers that turn, behind plays."""
+"""Kinematics of the rigid train: motion over the cam lift through levers and lash."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from flexcam.valvetrain.structure import Structure
 from flexcam.valvetrain.train_topology import complete_motion, moved_nodes, rigid_shift, with_springs
 
 Coordinate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
-"""A path of the rigid train over the lift, m, with its first two derivatives."""
+"""Path of the rigid train over the lift, m, with its first two derivatives."""
 
 
 def in_proportion(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the path of what the cam moves directly: the lift itself."""
+    """Return the path of parts moved directly by the cam: the lift."""
     return lift, np.ones_like(lift), np.zeros_like(lift)
 
 
@@ -41,7 +41,7 @@ def lever_path(before: Coordinate, lever: Lever, end: int, share: float) -> Coor
 
 
 def path_behind_lash(before: Coordinate, gap: float, rest: float | None) -> Coordinate:
-    """Return the path behind a play: nothing moves before it is taken up."""
+    """Return the path after a lash, zero until the lash is taken up."""
 
     def moved(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         h, h1, h2 = before(lift)
@@ -54,28 +54,28 @@ def path_behind_lash(before: Coordinate, gap: float, rest: float | None) -> Coor
 
 
 _BALANCED = 1e-9
-"""Part of the largest force that counts as none."""
+"""Fraction of the largest force that counts as zero."""
 
 _NOTHING = 1e-12
-"""Depth that counts as none, m."""
+"""Penetration that counts as zero, m."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """What no play of a train divides; motions and forces as they are felt at the follower.
+    """Part of a train not divided by lash; motions and forces are reduced to the follower.
 
     Parameters
     ----------
     before
-        Number of the body that pushes it; its own number for the first, which its cam holds.
+        Number of the driving body; its own number for the first body, driven by the cam.
     gap
-        Play between them, m.
+        Lash between them, m.
     push
-        With which an adjuster pushes both apart, N.
+        Plunger force of an adjuster, N.
     extends
-        Whether an adjuster stands between them, which takes up all play.
+        Whether an adjuster between them takes up the lash.
     seated
-        Whether a seat stops it on its way back.
+        Whether a seat stops its return.
     """
 
     before: int = 0
@@ -85,20 +85,21 @@ class Body:
     seated: bool = False
 
     def closed(self, place: float, before: float) -> bool:
-        """Tell whether its play is closed where it and the body before it are, m."""
+        """Return whether its lash is closed at given positions of it and the driving body, m."""
         return self.extends or place - before <= _NOTHING - self.gap
 
 
 @dataclass(frozen=True, eq=False)
 class RestState:
-    """How bodies rest while their cam does not lift.
+    """Rest positions of bodies on the base circle.
 
     Parameters
     ----------
     places
         m along the lift, shape (g,).
     seats
-        Forces of their seats, N, shape (g,); none of the first, whose share the stiffness of seat and cam would tell.
+        Forces of their seats, N, shape (g,); not for the first, whose load is shared by the stiffnesses of seat and
+        cam.
     """
 
     places: FloatArray
@@ -106,11 +107,11 @@ class RestState:
 
 
 def find_rest(bodies: Sequence[Body], stiffness: FloatArray, force: FloatArray) -> RestState:
-    """Return how bodies rest while their cam does not lift.
+    """Return the rest positions of bodies on the base circle.
 
-    Forces push a body back until the play before it is closed, its seat stops it, or its springs hold it. Of all these
-    ways the one is taken in which forces balance and nothing that only pushes would have to pull: the conditions of
-    A. Signorini, as in P. Wriggers, Computational Contact Mechanics, 2nd ed. (2006), ch. 2.
+    Forces return a body until its lash is closed, its seat stops it, or its springs balance them. The solution
+    satisfies equilibrium with unilateral contact forces: the conditions of A. Signorini, as in P. Wriggers,
+    Computational Contact Mechanics, 2nd ed. (2006), ch. 2.
     """
     own = force.copy()
     for i, body in enumerate(bodies[1:], 1):
@@ -127,7 +128,7 @@ def find_rest(bodies: Sequence[Body], stiffness: FloatArray, force: FloatArray) 
 
 
 class _Stop(NamedTuple):
-    """What stops bodies, ``row x >= bound``, and whether it likely does: a seat where there is one, else a play."""
+    """Unilateral constraint of bodies, ``row x >= bound``, and whether it is likely active: a seat, else a lash."""
 
     row: FloatArray
     bound: float
@@ -143,7 +144,7 @@ def _stops(bodies: Sequence[Body]) -> list[_Stop]:
 
 
 def _balance(K: FloatArray, force: FloatArray, stops: Sequence[_Stop]) -> tuple[FloatArray | None, FloatArray]:
-    """Return where bodies rest that some stops hold, and the forces of these; None if they would have to pull.
+    """Return the rest positions with active constraints and their forces; None if a force is tensile.
 
     ``K x + f = A^T r`` with ``A x = b`` and ``r >= 0``.
     """
@@ -163,22 +164,22 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What moves along one path.
+    """Part that moves along one path.
 
     Parameters
     ----------
     motion
         Shape (n,), per motion along the path.
     slope
-        Of the path over the lift, as installed, no play being open.
+        Slope of the path over the lift, as installed, with lash closed.
     before
-        Number of the part that drives it.
+        Number of the driving part.
     body
         Number of its body.
     lever, end, share
-        The lever whose turning makes the path of its driven end (0) or its point (1) from the share of what drives it.
+        Lever with the path of its driven end (0) or its point (1), and the fraction of the driving motion.
     opens
-        Whether a play stands before it, so that its body begins here.
+        Whether a lash precedes it, so that a new body begins.
     """
 
     motion: FloatArray
@@ -193,7 +194,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class DividedTrain:
-    """A rigid train in its parts.
+    """Rigid train divided into parts and bodies.
 
     Parameters
     ----------
@@ -206,17 +207,17 @@ class DividedTrain:
 
     @property
     def motions(self) -> FloatArray:
-        """Of all parts, shape (b, n)."""
+        """Motions of all parts, shape (b, n)."""
         return np.array([part.motion for part in self.parts])
 
     @property
     def installed(self) -> FloatArray:
-        """How the parts of every body go with each other as installed, shape (g, b)."""
+        """Relative motions of the parts of every body as installed, shape (g, b)."""
         slopes, belongs = (np.array([getattr(part, one) for part in self.parts]) for one in ("slope", "body"))
         return slopes * (np.arange(len(self.bodies))[:, None] == belongs)
 
     def coordinates(self, rests: FloatArray) -> tuple[Coordinate, ...]:
-        """Return the path of every part where bodies rest at given places, m, shape (g,), as `find_rest` finds them."""
+        """Return the path of every part for rest positions of bodies, m, shape (g,), from `find_rest`."""
         found: list[Coordinate] = []
         for part in self.parts:
             path = found[part.before] if found else in_proportion
@@ -228,7 +229,7 @@ class DividedTrain:
         return tuple(found)
 
     def joined(self, rests: FloatArray) -> Bools:
-        """Tell which bodies the cam and no oil bears where they rest, shape (g,): their plays are closed."""
+        """Return which bodies are supported at rest by the cam without oil, shape (g,): their lash is closed."""
         found = [True]
         for body, rest in list(zip(self.bodies, rests, strict=True))[1:]:
             closed = not body.extends and body.closed(float(rest), float(rests[body.before]))
@@ -236,7 +237,7 @@ class DividedTrain:
         return np.array(found)
 
     def _opened(self, part: Part, path: Coordinate, rests: FloatArray) -> Coordinate:
-        """Return a path behind a play: an adjuster's is closed, as is one that something has closed at rest."""
+        """Return a path after a lash; that of an adjuster, or one closed at rest, has no gap."""
         body, rest = self.bodies[part.body], float(rests[part.body])
         closed = body.closed(rest, float(rests[body.before]))
         if body.extends or (closed and body.seated):
@@ -246,7 +247,7 @@ class DividedTrain:
 
 @dataclass(frozen=True, eq=False)
 class _Joint:
-    """A play between nodes, or a rocker whose point moves by itself: what drives it, and what is behind it."""
+    """Lash between nodes, or a rocker with a separate point: driving and driven side."""
 
     row: FloatArray
     moved: FloatArray
@@ -255,7 +256,7 @@ class _Joint:
 
 
 def divide_train(structure: Structure, motion: FloatArray) -> DividedTrain:
-    """Divide a train where plays and levers part it."""
+    """Divide a train at lash and levers."""
     parts, bodies = [Part(motion)], [Body()]
     for joint in _outward([*_plays(structure, motion), *_rockers(structure, motion)]):
         before = next((i for i, one in enumerate(parts) if float(joint.row @ one.motion) != 0.0), 0)
@@ -267,7 +268,7 @@ def divide_train(structure: Structure, motion: FloatArray) -> DividedTrain:
                 bodies.append(_body(joint, parts[before], one))
             parts = [replace(old, motion=np.where(one.motion != 0.0, 0.0, old.motion)) for old in parts]
             parts.append(replace(one, body=len(bodies) - 1) if one.opens else one)
-    # Springs stretch evenly between their ends, whatever moves these.
+    # Springs deform uniformly between their ends.
     parts = [replace(one, motion=with_springs(structure, one.motion)) for one in parts]
     seats = [structure.row(one.at, one.direction) for one in structure.model.contacts.values() if isinstance(one, Seat)]
     moved = [sum((one.slope * one.motion for one in parts if one.body == i), 0.0 * motion) for i in range(len(bodies))]
@@ -276,12 +277,12 @@ def divide_train(structure: Structure, motion: FloatArray) -> DividedTrain:
 
 
 def _plays(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
-    """Yield the plays between nodes of a train; refuse those that its lift does not close."""
+    """Yield the lash elements between nodes of a train; refuse those that its lift does not close."""
     for name, play in structure.model.contacts.items():
         if isinstance(play, Lash | Adjuster) and play.ends is not None and play.direction is not None:
             row, far = (structure.row(end, play.direction) for end in play.ends)
             pushing, pushed = (rigid_shift(structure, end, play.direction) for end in play.ends)
-            if not (pushing.any() and pushed.any()):  # what stands on the ground drives nothing
+            if not (pushing.any() and pushed.any()):  # a fixed node drives no other
                 continue
             driven = float(row @ motion)
             if driven < 0.0 or (driven == 0.0 and float(far @ motion) and not _reached(structure, play.ends[0])):
@@ -293,13 +294,13 @@ def _plays(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
 
 
 def _reached(structure: Structure, node: str) -> bool:
-    """Tell whether some cam moves a node."""
+    """Return whether a cam moves a node."""
     model = structure.model
     return any(model.mesh.node(node) in moved_nodes(model, one) for one in model.driven.values())
 
 
 def _rockers(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
-    """Yield the rockers of a train whose points move by themselves, with what is linked to these."""
+    """Yield the rockers of a train with separate points, and the linked nodes."""
     for name, rocker in structure.model.rockers.items():
         row = structure.row(rocker.start, rocker.direction)
         if float(row @ motion) and rocker.point in structure.dofs.names:
@@ -308,7 +309,7 @@ def _rockers(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
 
 
 def _outward(joints: Sequence[_Joint]) -> Iterator[_Joint]:
-    """Yield joints in the order of the train, whatever the order of the model: before each what drives it."""
+    """Yield joints in topological order: each after its driving joint."""
     left = list(joints)
     while left:
         first = next((one for one in left if not any(float(one.row @ other.moved) for other in left)), left[0])
@@ -317,7 +318,7 @@ def _outward(joints: Sequence[_Joint]) -> Iterator[_Joint]:
 
 
 def _parts_of(structure: Structure, joint: _Joint, driver: Part, before: int) -> Iterator[Part]:
-    """Yield what a joint drives: both ends of a lever, then what is at its point or behind the play."""
+    """Yield the parts driven by a joint: both ends of a lever, then the parts at its point or after the lash."""
     rocker, opens = joint.rocker, joint.play is not None
     if not isinstance(rocker, Lever):
         yield Part(_through(joint, driver) * joint.moved, driver.slope, before, driver.body, opens=opens)
@@ -331,27 +332,27 @@ def _parts_of(structure: Structure, joint: _Joint, driver: Part, before: int) ->
 
 
 def _through(joint: _Joint, driver: Part) -> float:
-    """Return the motion behind a joint per path of its part; that of a lever's point is the path itself."""
+    """Return the motion after a joint per path of its part; at a lever's point, the path itself."""
     if isinstance(joint.rocker, Lever):
         return 1.0
     return float(joint.row @ driver.motion) * (joint.rocker.ratio if joint.rocker else 1.0)
 
 
 def _twin(parts: Sequence[Part], before: int, pushed: Part) -> Part | None:
-    """Return the part that another play beside this one pushes from the same body; None where there is none."""
+    """Return the part driven by a parallel lash from the same body; None without one."""
     own = parts[before]
     beside = (one for one in parts if one.opens and one is not own and parts[one.before].body == own.body)
     return next((one for one in beside if pushed.opens and np.any((one.motion != 0.0) & (pushed.motion != 0.0))), None)
 
 
 def _least(one: Body, other: Body) -> Body:
-    """Return a body behind two plays side by side: the narrower one carries, adjusters push together."""
+    """Return a body after two parallel lash elements: the smaller gap governs, adjuster forces add up."""
     gap, push = min(one.gap, other.gap), one.push + other.push
     return replace(one, gap=gap, push=push, extends=one.extends or other.extends)
 
 
 def _body(joint: _Joint, driver: Part, first: Part) -> Body:
-    """Return the body that begins behind a play with a part of it."""
+    """Return the body that begins with a part after a lash."""
     moved = first.slope * _through(joint, driver)
     if isinstance(joint.play, Adjuster):
         return Body(driver.body, push=joint.play.plunger_force * moved, extends=True)

@@ -1,4 +1,4 @@
-"""What springs of a rigid train do beside their mean stiffness: coils that touch, and a stiffness that pulsates."""
+"""Rigid model of a mechanism: contact forces by virtual work, with coil clash, pulsation and friction."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ from flexcam.valvetrain.system_builder import probe_of
 
 @dataclass(frozen=True, eq=False)
 class SpringLaw:
-    """A law of a spring's parts along the motions of a train.
+    """Nonlinear law of a spring's parts along the motions of a train.
 
     Parameters
     ----------
@@ -57,11 +57,11 @@ class SpringLaw:
     law
         Forces of the parts, stacked, as in the flexible train.
     rows
-        How far the motions press each part, shape (c, b).
+        Compression of each part per motion, shape (c, b).
     offset
-        Prescribed part of that.
+        Prescribed part of the compression.
     stops
-        Whether it is the law of coils that touch.
+        Whether the law is coil clash.
     """
 
     name: str
@@ -77,12 +77,12 @@ class SpringLaw:
         return self.law.energies(pressed, np.zeros((len(pressed), 0)), functions)[1] @ self.rows
 
     def pressed(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
-        """Return how far each part is pressed, m, shape (m, c), by what is given to `force`."""
+        """Return the compression of each part, m, shape (m, c), for the arguments of `force`."""
         return moved @ self.rows.T + cam(self.offset, 0)[:, None]
 
 
 def spring_laws(structure: Structure, motions: FloatArray) -> tuple[SpringLaw, ...]:
-    """Return the laws of the springs that a train moves."""
+    """Return the nonlinear laws of the springs in a train."""
     found: list[SpringLaw] = []
     for force in coils(structure).forces:
         rows = np.array([sensed.vectors[0] for sensed in force.sense]) @ motions.T
@@ -93,7 +93,7 @@ def spring_laws(structure: Structure, motions: FloatArray) -> tuple[SpringLaw, .
 
 
 def _alone(name: str, law: ForceLaw, count: int) -> LocalForces:
-    """Return the law on some scalars that are unknowns by themselves."""
+    """Return the law for scalars that are unknowns themselves."""
     none = Triplets.zeros(count)
     force = opposed_force(name, np.eye(count), law)
     return LocalForces(System(none, none, none, ("",) * count, local_forces=(force,)))
@@ -102,16 +102,16 @@ def _alone(name: str, law: ForceLaw, count: int) -> LocalForces:
 History = Callable[[CamMotion], FloatArray]
 
 _ROUND = np.linspace(0.0, 2.0 * np.pi, 721)
-"""Angles at which a follower may jam."""
+"""Cam angles at which jamming is checked."""
 
 
 @dataclass(frozen=True, eq=False)
 class RigidFriction:
-    """Friction mu f tanh(v/v0) of a contact force f that the follower's motion makes slide at v.
+    """Friction mu f tanh(v/v0) at a contact force f and sliding velocity v.
 
-    The train needs a force along its lift. Where the face moves along itself as it is lifted (a swinging face beside
-    its pivot), by a per lift, friction bears a part of it: ``f - a T = needed`` with ``T = mu f tanh(v/v0)``, so that
-    ``f = needed/(1 - a mu tanh(v/v0))``: virtual work of what `flexcam.valvetrain.cam_contact` senses.
+    The train needs a force along its lift. If the face moves along itself during lift (a swinging face offset from its
+    pivot), by a per lift, friction carries a part of it: ``f - a T = needed`` with ``T = mu f tanh(v/v0)``, so that ``f
+    = needed/(1 - a mu tanh(v/v0))``: virtual work of what `flexcam.valvetrain.cam_contact` senses.
 
     Parameters
     ----------
@@ -120,11 +120,11 @@ class RigidFriction:
     coefficient, speed
         mu, and v0 in m/s.
     shares
-        What the follower's motion moves along each of `along`, shape (k,).
+        Factors of the follower's motion for each of `along`, shape (k,).
     along
         Functions of the path along the face.
     slid
-        Path that slides past while the follower stands, m; its derivative counts.
+        Sliding path with the follower fixed, m; its derivative is used.
     """
 
     event: Event
@@ -135,11 +135,11 @@ class RigidFriction:
     slid: AngleFunction
 
     def force(self, needed: History) -> History:
-        """Return the contact force, N, from what the train needs along its lift."""
+        """Return the contact force, N, from the force required along the lift."""
         return lambda motion: needed(motion) / (1.0 - self._per_lift(motion) * self._share(motion))
 
     def jams(self) -> bool:
-        """Tell whether somewhere on the round friction bears all that the train needs, whatever the contact's force."""
+        """Return whether the follower jams: friction carries the required force at some angle."""
         a = sum(
             (share * one(_ROUND, 0) for share, one in zip(self.shares, self.along, strict=True)), np.zeros(len(_ROUND))
         )
@@ -147,7 +147,7 @@ class RigidFriction:
         return bool((self.coefficient * a * np.sign(path) >= 1.0).any())
 
     def friction(self, needed: History) -> History:
-        """Return friction over the contact force's reach, N: what the laws of contacts give."""
+        """Return friction divided by the reach, N, as in the contact laws."""
         force = self.force(needed)
         return lambda motion: self._share(motion) * force(motion)
 
@@ -163,7 +163,7 @@ class RigidFriction:
 
 
 def rigid_friction(structure: Structure, name: str, contact: CamContact, moved: FloatArray) -> RigidFriction:
-    """Return the friction of a contact whose follower a rigid train moves."""
+    """Return the friction of a contact in the rigid train."""
     cam = structure.model.cams[contact.cam]
     path = sliding_path(structure, name, contact, cam)
     speed, slid = contact.friction_speed, travelled(cam)
@@ -177,7 +177,7 @@ def rigid_friction(structure: Structure, name: str, contact: CamContact, moved: 
 
 @dataclass(frozen=True, eq=False)
 class RigidTrain:
-    """What a follower moves, as a sum of motions times coordinates that follow from the lift.
+    """Train of a follower as motions times coordinates that are functions of the lift.
 
     Parameters
     ----------
@@ -186,19 +186,19 @@ class RigidTrain:
     coordinates
         One per motion.
     mass, damping, stiffness
-        Of these motions, shape (b, b): springs, dampers, Rayleigh's damping and that of the modes left to rigid trains.
+        Matrices of these motions, shape (b, b): springs, dampers, Rayleigh damping and modal damping of the remaining
+        modes.
     force
         Of the installed springs, the weight and the given loads along them, N, shape (b,).
     bodies
-        What no play divides: how its motions go with each other as installed, shape (g, b).
+        Bodies between lash: relative motions as installed, shape (g, b).
     standing
-        Share of a body in the force at the follower while the cam does not lift, N, shape (g,), where it or what it
-        rests on is on its seat; else NaN.
+        Contribution of a body to the force at the follower on the base circle, N, shape (g,), if supported by a seat;
+        else NaN.
     springs
-        What springs do beside their mean stiffness.
+        Nonlinear laws of springs.
     shared
-        Force at the follower that a cam on its base circle and a seat share by their stiffness, N: it is left to the
-        seat.
+        Force at the follower shared by cam and seat on the base circle, N; it is assigned to the seat.
     """
 
     motions: FloatArray
@@ -215,8 +215,8 @@ class RigidTrain:
     def contact_force(self, event: Event) -> Callable[[CamMotion], FloatArray]:
         """Return the force at the follower by virtual work, N: ``h'.(M (h' s.. + h'' s.^2) + C h' s. + K h + f)``.
 
-        While the cam does not lift, a body on its seat leaves its share to it, but for what an adjuster pushes: the
-        balance of a valve that its spring holds shut is ``seat = spring - plunger``, and a seat only pushes.
+        On the base circle a seat carries the load of its body except for the plunger force of an adjuster: a valve
+        closed by its spring has ``seat = spring - plunger``, and a seat force is compressive only.
         """
 
         def history(motion: CamMotion) -> FloatArray:
@@ -234,7 +234,7 @@ class RigidTrain:
 
 
 _SHUT = 1e-9
-"""Part of its lift up to which a cam counts as not lifting."""
+"""Fraction of the lift below which a cam counts as on the base circle."""
 
 
 def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where: str, speed: float) -> RigidTrain:
@@ -250,7 +250,7 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
         force[0] += preload(structure, contact, train, structure.model.cams[contact.cam], speed)
     damping += given.alpha * mass + given.beta * stiffness + _modal(mass, stiffness, bodies, given.modal)
     held, pushed, springs = bodies @ stiffness @ bodies.T, bodies @ force, spring_laws(structure, motions)
-    if isinstance(contact, PublishedLoad):  # what it pushes stands as installed
+    if isinstance(contact, PublishedLoad):  # parts driven by it are in the installed position
         paths = parted.coordinates(0.0 * pushed)
         return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.nan * pushed, springs)
     begun = find_rest(parted.bodies, held, pushed)
@@ -264,9 +264,9 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
 
 
 def _standing(bodies: Sequence[Body], left: FloatArray) -> FloatArray:
-    """Return the shares of bodies in the force of a cam that does not lift, from what their own seats leave of them.
+    """Return the contributions of bodies to the follower force on the base circle, from their seat loads.
 
-    A seat on the first takes what all leave; where others bear on a seat, this has less to leave than nothing.
+    A seat of the first body carries the remainder of all bodies, which other seats may reduce below zero.
     """
     found, borne = left.copy(), [bodies[0].seated]
     for body in bodies[1:]:
@@ -276,12 +276,12 @@ def _standing(bodies: Sequence[Body], left: FloatArray) -> FloatArray:
 
 
 def _modal(mass: FloatArray, stiffness: FloatArray, bodies: FloatArray, ratio: float) -> FloatArray:
-    """Return the modal damping along motions, shape (b, b), in the limit of members without give.
+    """Return the modal damping along motions, shape (b, b), in the limit of rigid members.
 
-    Their own modes go, as a share of (w/w_e)^3 in the damping of a motion; what stays are the modes of the bodies on
-    their springs (contacts are no part of them, as in the flexible model), and ``C = M Phi diag(2 zeta w) Phi^T M`` of
-    these: for a train in proportion to the lift ``2 zeta sqrt(k m)``. R. W. Clough and J. Penzien, Dynamics of
-    Structures, 3rd ed. (2003), eq. 12-56.
+    Member modes vanish as (w/w_e)^3 in the damping of a motion. The remaining modes are those of the bodies on their
+    springs (without contacts, as in the flexible model), and ``C = M Phi diag(2 zeta w) Phi^T M`` of these: for a train
+    in proportion to the lift ``2 zeta sqrt(k m)``. R. W. Clough and J. Penzien, Dynamics of Structures, 3rd ed. (2003),
+    eq. 12-56.
     """
     if ratio == 0.0:
         return np.zeros_like(mass)
@@ -304,12 +304,12 @@ def _stretched(structure: Structure, motions: FloatArray) -> tuple[FloatArray, F
 
 
 ANY_SPEED = 1.0
-"""rad/s: the motion of a rigid train over the cam angle is that of every speed, so it is built once for all."""
+"""Speed, rad/s, at which the rigid train is built: its motion over the cam angle is the same at any speed."""
 
 
 @lru_cache(maxsize=2)
 def build_rigid(model: Model, speed: float) -> System:
-    """Return the same mechanism with rigid members: no unknowns, the follower's train follows the lift."""
+    """Return the mechanism with rigid members: no unknowns, the train follows the lift."""
     structure = build_structure(model)
     refuse_far_turns(structure)
     trains = {
@@ -329,7 +329,7 @@ def build_rigid(model: Model, speed: float) -> System:
 
 
 def _felt(structure: Structure, name: str, train: RigidTrain, at: int) -> tuple[list[Load], list[Channel]]:
-    """Return forces of a contact as histories from some position on, and what they make of its channels."""
+    """Return contact forces as histories from an index on, and the channels computed from them."""
     where, contact = f"contacts.{name}", structure.model.driven[name]
     cam = structure.model.cams[contact.cam]
     needed, arm = train.contact_force(cam.event), derivative(cam.event)
@@ -350,7 +350,7 @@ def _felt(structure: Structure, name: str, train: RigidTrain, at: int) -> tuple[
 
 
 def _carried(model: Model, structure: Structure, trains: Mapping[str, RigidTrain]) -> PrescribedMotion:
-    """Return the motion of all components, as the results show it."""
+    """Return the motion of all components for output."""
     vectors, functions = [np.zeros((1, structure.dofs.size))], [constant(0.0)]
     for name, train in trains.items():
         event = model.cams[model.driven[name].cam].event
@@ -360,7 +360,7 @@ def _carried(model: Model, structure: Structure, trains: Mapping[str, RigidTrain
 
 
 def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrain]) -> Probe:
-    """Return the probe as the rigid trains move it."""
+    """Return the probe with the motion of the rigid trains."""
     model = structure.model
     moving: list[list[AngleFunction]] = [[] for _ in probe.components]
     for name, train in trains.items():
@@ -377,7 +377,7 @@ def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrai
 
 @dataclass(frozen=True, eq=False)
 class _Along(DerivedCamFunction):
-    """A share of a coordinate over the cam angle."""
+    """Fraction of a coordinate as a function of the cam angle."""
 
     share: float
     coordinate: Coordinate
@@ -394,7 +394,7 @@ class _Along(DerivedCamFunction):
 
 @dataclass(frozen=True, eq=False)
 class _Sum(DerivedCamFunction):
-    """A sum of motions."""
+    """Sum of motions."""
 
     parts: tuple[AngleFunction, ...]
 
@@ -403,7 +403,7 @@ class _Sum(DerivedCamFunction):
 
 
 def shared_forces(model: Model, speed: float) -> dict[str, float]:
-    """Return what a cam on its base circle and a seat share by their stiffness, of which rigid members know nothing."""
+    """Return forces shared by cam and seat on the base circle, which the rigid model cannot distribute."""
     structure = build_structure(model)
     free = {name: one for name, one in model.driven.items() if isinstance(one, CamContact)}
     found = {n: rigid_train(structure, one, f"contacts.{n}.follower", speed).shared for n, one in free.items()}
@@ -411,7 +411,7 @@ def shared_forces(model: Model, speed: float) -> dict[str, float]:
 
 
 def touching_coils(model: Model, speed: float) -> dict[str, float]:
-    """Return the springs whose coils touch when rigid trains stand at full lift."""
+    """Return the springs with coil clash at full lift of the rigid trains."""
     structure, found = build_structure(model), dict[str, float]()
     for name, contact in model.driven.items():
         train = rigid_train(structure, contact, f"contacts.{name}.follower", speed)

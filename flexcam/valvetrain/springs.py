@@ -1,4 +1,4 @@
-"""Springs of an engine: coils that touch, and what the coils bear."""
+"""Valve springs: coil clash, wire stress and pulsating stiffness."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def coils(structure: Structure) -> Coupling:
     Returns
     -------
     Coupling
-        A local force per spring with a clash travel. Channels, where they say something: ``force`` of the part at the
-        moving end, ``surge`` (largest distance of a coil from where even stretching has it), ``stress`` of the wire,
-        ``clearance`` (travel left until all coils touch, counted by the most compressed part) and ``clash``.
+        A local force per spring with a clash travel. Channels, where applicable: ``force`` of the part at the moving
+        end, ``surge`` (largest deviation of a coil from uniform deformation), ``stress`` of the wire, ``clearance``
+        (travel left until all coils touch, counted by the most compressed part) and ``clash``.
     """
     forces: list[LocalForce] = []
     channels: list[Channel] = []
@@ -51,14 +51,14 @@ def coils(structure: Structure) -> Coupling:
 
 
 def pulsating_spring(stiffness: float, pulsation: Pulsation) -> ForceLaw:
-    """Return the law of what a pulsating stiffness adds to its mean.
+    """Return the law of the fluctuating part of a pulsating stiffness.
 
     Parameters
     ----------
     stiffness
         Mean, N/m.
     pulsation
-        Its swing over the cam angle.
+        Fluctuation over the cam angle.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def pulsating_spring(stiffness: float, pulsation: Pulsation) -> ForceLaw:
 
 
 def _told(spring: Spring) -> bool:
-    """Tell whether a spring is one whose force is of interest, not a bearing or a stand-in for a stiff part."""
+    """Return whether the force of a spring is an output: not of a bearing or a substitute for a stiff part."""
     return spring.installed_force is not None or spring.elements > 1 or spring.wire is not None
 
 
@@ -88,7 +88,7 @@ def _channels(where: str, spring: Spring, rows: FloatArray) -> list[Channel]:
 
 
 def _pushed(spring: Spring, rows: FloatArray) -> Observable:
-    """Return the force in every part, N, shape (m, parts): compression positive where the spring pushes."""
+    """Return the force in every part, N, shape (m, parts), compression positive."""
     installed, stiffness = spring.installed_force or 0.0, spring.stiffness * spring.elements
 
     def pushed(seen: Observation) -> FloatArray:

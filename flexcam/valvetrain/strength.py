@@ -17,21 +17,21 @@ from flexcam.valvetrain.structure import Structure
 
 @dataclass(frozen=True)
 class MemberStrength:
-    """The most stressed place of a member over a run.
+    """Maximum stress and fatigue safety of a member over a run.
 
     Parameters
     ----------
     von_mises
         Largest equivalent stress, Pa.
     mean, alternating
-        Mean and amplitude at the place of the least safety, Pa, torsion counted in as the equivalent stress does.
+        Mean and amplitude at the point of minimum safety, Pa, including torsion as in the equivalent stress.
     safety
-        Goodman's factor, ``1/(alternating/endurance + mean/ultimate)``; None where the material states no strength, and
-        where nothing pulls and nothing alternates.
+        Goodman's factor, ``1/(alternating/endurance + mean/ultimate)``; None without material strengths, and without
+        tensile or alternating stress.
     place
-        Name of the node there.
+        Name of the node.
     rated
-        Whether the material states its strengths.
+        Whether the material has strength values.
     """
 
     von_mises: float
@@ -43,12 +43,11 @@ class MemberStrength:
 
 
 class StrengthSink:
-    """Sink that follows the stresses of every member at the saved instants.
+    """Sink that tracks the stresses of every member at the saved instants.
 
-    Per place on the outline it keeps the least and the largest normal stress, and per section those of the torsional
-    stress. Mean and amplitude are combined as ``sqrt(sigma^2 + 3 tau^2)``, and safety is Goodman's line, with no credit
-    for compressive means (torsion has no sign): J. E. Shigley, Mechanical Engineering Design, 9th ed., eqs. 6-46, 6-55
-    and 6-56.
+    It stores minimum and maximum normal stress per outline point and torsional stress per section. Mean and amplitude
+    are combined as ``sqrt(sigma^2 + 3 tau^2)``, and safety is Goodman's line, with no credit for compressive means
+    (torsion has no sign): J. E. Shigley, Mechanical Engineering Design, 9th ed., eqs. 6-46, 6-55 and 6-56.
 
     Parameters
     ----------
@@ -66,7 +65,7 @@ class StrengthSink:
         self._von_mises = np.zeros((len(structure.beams), 2))
 
     def write(self, block: Block) -> None:
-        """Take the stresses of a block."""
+        """Update with a block."""
         if not len(block.field_time):
             return
         nodal, fields = self._structure.dofs.nodal, block.fields
@@ -83,10 +82,10 @@ class StrengthSink:
         self._von_mises = np.maximum(self._von_mises, self._fibres.von_mises(forces).max(axis=0))
 
     def close(self, status: Status, stats: Stats) -> None:
-        """Do nothing: the figures are asked for with `members`."""
+        """Do nothing."""
 
     def members(self) -> dict[str, MemberStrength]:
-        """Return the most stressed place of every member; empty if nothing was saved."""
+        """Return the strength results of every member; empty without saved fields."""
         if self._normal is None or self._shear is None:
             return {}
         (normal, swing), (shear, twist) = _halves(*self._normal), _halves(*self._shear)

@@ -1,4 +1,4 @@
-"""The structure of a model: its matrices, and the rows that pick motions of its points."""
+"""Structure of a model: matrices, and rows that extract motions of points."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Lever, MassAt, Rocker, Spring, path_name, tip_name
 
 _ACROSS = 1e-6
-"""Cosine below which a direction has nothing to do with another."""
+"""Cosine below which directions are orthogonal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +31,13 @@ class Structure:
     Parameters
     ----------
     model
-        What it was made from.
+        Model of the structure.
     beams, dofs
         Elements and unknowns.
     mass, stiffness, dampers
         n x n, SI; `dampers` holds the discrete dampers only.
     free
-        Motions that cost no strain energy, shape (n, k).
+        Motions without strain energy, shape (n, k).
     """
 
     model: Model
@@ -49,7 +49,7 @@ class Structure:
     free: FloatArray
 
     def row(self, point: str, direction: FloatArray, where: str = "point") -> FloatArray:
-        """Return the row that picks the motion of a named point, shape (n,)."""
+        """Return the row that extracts the motion of a named point, shape (n,)."""
         rocker = self.model.rocker_at(point)
         if rocker is not None:
             along = float(direction @ rocker.direction) if direction.any() else 1.0
@@ -64,7 +64,7 @@ class Structure:
         return self.dofs.vector(find_node(self.model, point, where), direction)
 
     def is_node(self, point: str) -> bool:
-        """Tell whether a point is a node of the mesh, which can move and turn in every direction."""
+        """Return whether a point is a node of the mesh."""
         return self.model.rocker_at(point) is None
 
     def path(self, rocker: Rocker) -> FloatArray:
@@ -86,7 +86,7 @@ class Structure:
 
 
 def lever_ends(structure: Structure, lever: Lever) -> dict[int, tuple[FloatArray, FloatArray]]:
-    """Return, per elastic end of a lever, the rows of its path and of what moves there, shape (n,) each."""
+    """Return the rows of the path and of the driven motion per elastic lever end, shape (n,) each."""
     path = structure.path(lever)
     ends = {1: (path, structure.reach(lever))}
     if not lever.finger:
@@ -116,7 +116,7 @@ def spring_ends(structure: Structure, name: str, spring: Spring) -> tuple[FloatA
 
 
 def spring_row(structure: Structure, name: str, spring: Spring) -> FloatArray:
-    """Return the row of a spring's stretch: motion at its point less that at its other end, shape (n,)."""
+    """Return the row of a spring's elongation: motion at its point minus that at its other end, shape (n,)."""
     moving, other = spring_ends(structure, name, spring)
     return moving - other
 
@@ -139,7 +139,7 @@ def build_structure(model: Model) -> Structure:
 
 
 def structure_in(model: Model, dofs: DofMap) -> Structure:
-    """Assemble the passive part of a model in given unknowns."""
+    """Assemble the passive part of a model with given unknowns."""
     beams, nothing = fem_beams(model.mesh, model.members), Triplets.zeros(dofs.size)
     bare = Structure(model, beams, dofs, nothing, nothing, nothing, np.zeros((dofs.size, 0)))
     mass, stiffness, dampers = [fem_mass(beams, dofs), *_masses(bare)], [fem_stiffness(beams, dofs)], [nothing]
@@ -163,7 +163,7 @@ def _masses(bare: Structure) -> Iterator[Triplets]:
 
 
 def _stretches(bare: Structure) -> Iterator[tuple[FloatArray, float, float]]:
-    """Yield the row, the stiffness and the damping of everything that stretches: ends of levers, parts of springs."""
+    """Yield row, stiffness and damping of all elastic elements: lever ends and spring parts."""
     for lever in bare.model.levers.values():
         for end, (path, moved) in lever_ends(bare, lever).items():
             bent = float(lever.reach(np.zeros(1), end)[1][0]) * path - moved
@@ -175,7 +175,7 @@ def _stretches(bare: Structure) -> Iterator[tuple[FloatArray, float, float]]:
 
 
 def _single(model: Model) -> list[tuple[int, FloatArray]]:
-    """Return what moves at nodes on no member: where a mass has inertia, and along springs."""
+    """Return motions of nodes without members: where a mass has inertia, and along springs."""
     known, used = model.mesh.points, model.mesh.on_members()
     moved = [(part.at, np.diag(part.body.matrix())) for part in model.masses.values()]
     for spring in model.springs.values():

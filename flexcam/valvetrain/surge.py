@@ -1,10 +1,10 @@
-"""Into how many parts a spring with mass has to be divided, so that the cam's waves in it are seen.
+"""Number of parts of a spring with mass to resolve surge.
 
-A spring of stiffness k and mass m is a bar that a wave passes in T = sqrt(m/k); held at both ends it surges at the
-multiples of f1 = 1/(2 T) (A. M. Wahl, Mechanical Springs, 1963). An end that moves at velocity v sends a wave of force
-sqrt(k m) v through it. The harmonic n of a lift at the speed W, of amplitude a_n, sends sqrt(k m) n W a_n, so that all
-beyond the harmonic N send at most ``k T W sum(n a_n, n > N)``. N is the last that matters where this is a hundredth of
-``k h``, what the whole lift h does to the spring; a rocker's ratio changes both alike.
+A spring of stiffness k and mass m is a bar with wave travel time T = sqrt(m/k); fixed at both ends its natural
+frequencies are multiples of f1 = 1/(2 T) (A. M. Wahl, Mechanical Springs, 1963). An end that moves at velocity v sends
+a wave of force sqrt(k m) v through it. The harmonic n of a lift at the speed W, of amplitude a_n, sends sqrt(k m) n W
+a_n, so that all beyond the harmonic N send at most ``k T W sum(n a_n, n > N)``. N is the last that matters where this
+is a hundredth of ``k h``, the spring force of the whole lift h; a rocker's ratio changes both alike.
 
 Linear parts with consistent mass, p of them in half a wave, have a natural frequency too high by ``(pi/p)^2/24`` of it
 (T. J. R. Hughes, The Finite Element Method, 1987): 2.6 % with the four taken here at the last harmonic
@@ -22,24 +22,24 @@ from flexcam.cams import Event, harmonics
 from flexcam.valvetrain.parts import Spring
 
 _PER_HALF_WAVE = 4
-"""Parts; a spring has no fewer, for a valve that comes down on its seat makes it surge at any speed."""
+"""Parts per half wave, and minimum number of parts, as a valve that hits its seat excites surge at any speed."""
 
 _MOST = 16
-"""Parts by default: of springs that a wave takes longer to pass, a case says how many."""
+"""Default maximum number of parts; for longer waves the case must specify the number."""
 
 _MATTERS = 0.01
-"""Part of the force of a lift on a spring below which the waves of its highest harmonics are left out."""
+"""Fraction of the spring force by the lift below which waves of higher harmonics are neglected."""
 
 _HARMONICS = 256
 
 
 def surge_frequency(spring: Spring) -> float:
-    """Return the first natural frequency of a spring with mass that is held at both ends, Hz."""
+    """Return the first natural frequency of a spring with mass fixed at both ends, Hz."""
     return 0.5 * math.sqrt(spring.stiffness / spring.mass)
 
 
 def parts_for_waves(spring: Spring, lifts: Iterable[Event], speed: float) -> int:
-    """Return into how many parts a spring is divided where nobody says it, for given lifts at a camshaft speed."""
+    """Return the default number of parts of a spring for given lifts at a camshaft speed."""
     if not (spring.mass > 0.0 and spring.stiffness > 0.0):
         return 1
     surge = 2.0 * math.pi * surge_frequency(spring) / speed
@@ -48,7 +48,7 @@ def parts_for_waves(spring: Spring, lifts: Iterable[Event], speed: float) -> int
 
 
 def _last_that_matters(lift: Event, surge: float) -> int:
-    """Return the last harmonic of a lift whose waves matter in a spring that surges at an order of the camshaft."""
+    """Return the last relevant harmonic of a lift for a spring with surge at a camshaft order."""
     orders = np.arange(_HARMONICS + 1)
     sent = math.pi / surge * orders * np.abs(harmonics(lift, _HARMONICS))  # W T = pi W / (2 pi f1)
     beyond = np.cumsum(sent[::-1])[::-1]

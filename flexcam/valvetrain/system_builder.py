@@ -1,4 +1,4 @@
-"""From a model to its equations (the rigid one stands in `rigid`)."""
+"""Equations of motion of the flexible model (`rigid_model` builds those of the rigid one)."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from flexcam.valvetrain.springs import coils
 from flexcam.valvetrain.structure import Structure, build_structure, find_node, inner_name
 
 _MODAL_LIMIT = 2 * DENSE_LIMIT
-"""Unknowns up to which all modes are computed."""
+"""Maximum number of unknowns for which all modes are computed."""
 
 
 def build_system(model: Model, speed: float) -> System:
-    """Return the equations of the flexible mechanism."""
+    """Return the system of the flexible mechanism."""
     structure = build_structure(model)
     contacts, faults = gathered(lambda name: _coupled(structure, name, model.contacts[name], speed), model.contacts)
     if faults:
@@ -58,9 +58,9 @@ def build_system(model: Model, speed: float) -> System:
 def _at_any_speed(
     structure: Structure,
 ) -> tuple[Triplets, tuple[Coupling, ...], tuple[Probe, ...], tuple[tuple[HeldEnd, list[Observable]], ...]]:
-    """Return what is the same at any speed.
+    """Return the quantities independent of speed.
 
-    Damping, couplings other than contacts, probes, and where a shaft is held, with what these couplings do there.
+    Damping, couplings other than contacts, probes, and shaft drives with the reactions of these couplings.
     """
     couplings = lever_joints(structure), coils(structure), bowings(structure), shafts(structure)
     probes = (probe_of(structure, point) for point in structure.model.probes)
@@ -69,7 +69,7 @@ def _at_any_speed(
 
 
 def _others(end: HeldEnd) -> list[Observable]:
-    """Return what others than contacts leave a held rotation to bear, in the order in which they are coupled."""
+    """Return the reactions of couplings other than contacts at a prescribed rotation, in coupling order."""
     freed = end.freed
     asked = (lever_joints, end.levers), (coils, end.springs), (bowings, end.bends), (shafts, True)
     found = [make(freed) if there else Coupling((), (), ()) for make, there in asked]
@@ -80,13 +80,13 @@ def _others(end: HeldEnd) -> list[Observable]:
 def _torque(
     end: HeldEnd, others: Sequence[Observable], contacts: Sequence[Coupling], parts: Sequence[_Part], speed: float
 ) -> Channel:
-    """Return the torque that holds a shaft's rotation."""
+    """Return the drive torque of a prescribed shaft rotation."""
     model = end.freed.model
     each = [inertia_torque(end), *map(_within, others, parts[len(contacts) :])]
     for part, (name, contact), coupling in zip(parts, model.contacts.items(), contacts, strict=False):
         if not end.bears(contact):
             continue
-        if isinstance(contact, PublishedLoad):  # no need to look for its stiffness again
+        if isinstance(contact, PublishedLoad):  # stiffness already available
             value = coupling.channels[1].value
         else:
             again = _coupled(end.freed, name, contact, speed)
@@ -122,14 +122,14 @@ def _damping(structure: Structure) -> Triplets:
 
 
 def _uncoupled(structure: Structure) -> list[IntArray]:
-    """Return the unknowns of every part of a structure that neither mass nor stiffness couples with the others."""
+    """Return the unknowns of each part of a structure that is uncoupled in mass and stiffness."""
     both = structure.mass + structure.stiffness
     coupled = both.values != 0.0
     return component_members(connected_components(both.size, both.rows[coupled], both.cols[coupled]))
 
 
 def _modal_damping(structure: Structure, part: IntArray, ratio: float) -> Triplets:
-    """Return the modal damping of a part: no rounding couples it with the others, whatever their frequencies."""
+    """Return the modal damping of one uncoupled part, so that rounding does not couple parts."""
     size, chosen = structure.dofs.size, DofSubset(part, np.zeros(structure.dofs.size))
     mass = structure.mass.part(part)
     if not mass.values.any():
@@ -140,7 +140,7 @@ def _modal_damping(structure: Structure, part: IntArray, ratio: float) -> Triple
 
 
 def _parts(couplings: Iterable[Coupling]) -> list[_Part]:
-    """Return what shows each coupling what concerns it."""
+    """Return views of the observation for each coupling."""
     found: list[_Part] = []
     loads = scalars = states = 0
     for coupling in couplings:
@@ -152,7 +152,7 @@ def _parts(couplings: Iterable[Coupling]) -> list[_Part]:
 
 
 class _Part:
-    """Shows what concerns one coupling, once to all of its channels."""
+    """View of the observation for one coupling, cached for its channels."""
 
     def __init__(self, loads: slice, scalars: slice, states: slice) -> None:
         self._own = loads, scalars, states
@@ -169,7 +169,7 @@ def _within(value: Observable, part: _Part) -> Observable:
 
 
 def probe_of(structure: Structure, point: str) -> Probe:
-    """Return what a user watches at a point: its six components, or the one motion of a rocker's point."""
+    """Return the probe of a point: its six components, or the motion of a rocker's point."""
     if structure.model.rocker_at(point) is not None:
         return Probe(point, (point,), structure.row(point, np.zeros(6))[None, :], (None,))
     node = find_node(structure.model, point, "output.probes")
@@ -178,9 +178,9 @@ def probe_of(structure: Structure, point: str) -> Probe:
 
 
 def _inner_probes(structure: Structure) -> list[Probe]:
-    """Return probes of the unknowns that no node shows: loose points and the inner parts of springs.
+    """Return probes of the unknowns not at nodes: loose points and inner parts of springs.
 
-    Results then hold every unknown, so that a run can go on from them.
+    Results then contain every unknown, so that a run can be resumed from them.
     """
     model = structure.model
     loose = [probe_of(structure, point) for point in model.loose_points if point not in model.probes]

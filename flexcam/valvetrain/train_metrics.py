@@ -1,4 +1,4 @@
-"""What an engine's train did in a run: contact, seating, springs, pushrods, shaft, in figures of one revolution."""
+"""Metrics of a run over one revolution: contact, seating, springs, pushrods and shaft."""
 
 from __future__ import annotations
 
@@ -18,36 +18,36 @@ from flexcam.valvetrain.train_topology import play_of
 Bools = NDArray[np.bool_]
 
 _TOUCH = 1e-6
-"""Height above the seat, m, from which a valve that has closed counts as open again; less for small lifts."""
+"""Lift above the seat, m, above which a closed valve counts as reopened; less for small lifts."""
 
 _TOUCH_PART = 2e-4
-"""The same as a part of the lift, which is the smaller one up to 5 mm: a watch has no micrometres to spare."""
+"""The same relative to the lift, which governs up to 5 mm, as for watch mechanisms."""
 
 _WHOLE = math.radians(355.0)
-"""Cam angle of a record from which on its end meets its begin, rad: a swinging speed may leave a little out."""
+"""Tolerance of cam angle for a complete revolution, rad: a fluctuating speed may leave a gap."""
 
 _PARTED = 0.05
-"""Part of the lift, above ramps and play, from which on a cam is on its main lift: below it ringing decides."""
+"""Fraction of the lift, above ramps and lash, above which a cam is on its main lift: below it ringing dominates."""
 
 OPEN = math.radians(0.5)
-"""Cam angle over which a contact must be open to count as lost, rad: a single step may be a numerical accident."""
+"""Cam angle of an open contact that counts as contact loss, rad: a single step may be numerical."""
 
 BOUNCE_HEIGHT = 1e-4
-"""Height above the seat from which a valve that has closed counts as bouncing, m."""
+"""Lift above the seat above which a closed valve counts as bouncing, m."""
 
 
 @dataclass(frozen=True)
 class Seating:
-    """How a valve comes down.
+    """Seating of a valve.
 
     Parameters
     ----------
     velocity
-        At the first touch after the lift, m/s, towards the seat.
+        Velocity at the first touch after the lift, m/s, towards the seat.
     bounces
-        How often it rises again before its cam lifts it.
+        Number of bounces before the next lift.
     height
-        Of the highest bounce, m.
+        Height of the highest bounce, m.
     angle
         Cam angle of the first touch, rad.
     """
@@ -59,7 +59,7 @@ class Seating:
 
 
 def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating | None:
-    """Return how a valve came down within one revolution."""
+    """Return the seating of a valve within one revolution."""
     top = int(np.argmax(gap))
     height, speed, at = (np.roll(one, -top) for one in (gap, velocity, angle))
     shut = np.flatnonzero(height <= 0.0)
@@ -74,7 +74,7 @@ def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating
 
 
 def _unfinished(gap: FloatArray, angle: FloatArray) -> bool:
-    """Tell whether a record ends with a lift that does not go on at its begin, as that of a whole revolution does."""
+    """Return whether a record ends during a lift that is not continued at its beginning."""
     if gap[-1] <= _TOUCH:
         return False
     around = float(angle[-1] - angle[0]) * len(angle) / max(len(angle) - 1, 1)
@@ -84,7 +84,7 @@ def _unfinished(gap: FloatArray, angle: FloatArray) -> bool:
 
 @dataclass(frozen=True)
 class Metric:
-    """A named result of a run.
+    """Named scalar result of a run.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class Metric:
 
 
 def train_metrics(model: Model, response: Response, period: float) -> list[Metric]:
-    """Return what a train did in the last revolution of a run."""
+    """Return the metrics of the last revolution of a run."""
     if not len(response.time):
         return []
     last = response.latest(period)
@@ -112,7 +112,7 @@ def train_metrics(model: Model, response: Response, period: float) -> list[Metri
             angle = separation(model, response, name, last)
             figures.append(Metric(f"contacts.{name}.open_on_the_lift", angle, "rad"))
     for name, contact in model.contacts.items():
-        if isinstance(contact, Seat) and f"contacts.{name}.gap" in response.channels:  # a rigid train knows no seat
+        if isinstance(contact, Seat) and f"contacts.{name}.gap" in response.channels:  # the rigid model has no seat
             figures += _seat(response, f"contacts.{name}", last)
     for channel, unit in response.outline.channels:
         end = channel.rpartition(".")[2]
@@ -128,7 +128,7 @@ def train_metrics(model: Model, response: Response, period: float) -> list[Metri
 
 
 def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
-    """Return the names of all figures that `train_metrics` may give, whatever a run does."""
+    """Return the names of all metrics that `train_metrics` may return."""
     known = list(channels)
     free = [name for name, one in model.driven.items() if isinstance(one, CamContact) and one.unilateral]
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat) and f"contacts.{name}.gap" in known]
@@ -142,7 +142,7 @@ def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
 
 
 _USE = "buckling_use"
-"""End of the name of a channel: compression by the load at which a member buckles."""
+"""Suffix of the channel of compression divided by buckling load."""
 
 
 def _margin(channel: str) -> str:
@@ -150,16 +150,16 @@ def _margin(channel: str) -> str:
 
 
 _SEATING = ("seating_velocity", "bounces", "bounce_height")
-"""Figures of a seat."""
+"""Metrics of a seat."""
 
 _LARGEST = (
     "force", "torque", "pressure", "sliding", "friction", "surge", "stress", "compression", "twist", "deflection",
     "leak_down",
 )  # fmt: skip
-"""Ends of the names of channels whose largest size says something."""
+"""Suffixes of channels with a metric of maximum magnitude."""
 
 _SIGNED = ("compression",)
-"""Those of which only the positive side is meant."""
+"""Suffixes of channels with a metric of the positive maximum only."""
 
 _LEAST = ("clearance",)
 
@@ -174,7 +174,7 @@ def _seat(response: Response, where: str, last: Bools) -> list[Metric]:
 
 
 def separation(model: Model, response: Response, contact: str, instants: Bools) -> float:
-    """Return over how much cam angle a follower is off its cam on the main lift."""
+    """Return the cam angle of contact loss on the main lift."""
     cam = model.driven[contact].cam
     angle = response.angle[instants]
     if len(angle) < 2:
@@ -185,7 +185,7 @@ def separation(model: Model, response: Response, contact: str, instants: Bools) 
 
 
 def main_lift(model: Model, cam: str) -> float:
-    """Return the lift above which a cam has taken up ramps and play."""
+    """Return the lift above which ramps and lash are taken up."""
     event = model.cams[cam].event
     ramp = getattr(event, "ramp", None)
     return _PARTED * event.height + max(play_of(model, cam), float(ramp.height) if ramp else 0.0)

@@ -1,4 +1,4 @@
-"""What a cam drives: the nodes that move with its follower, its rocker, and the play before its valve."""
+"""Topology of a train: nodes moving with a follower, rockers, and lash before the valve."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Driven = PublishedLoad | CamContact
 
 
 def moved_nodes(model: Model, contact: Driven) -> list[int]:
-    """Return the nodes that a follower moves through members, links and plays."""
+    """Return the nodes moved by a follower through members, links and lash."""
     if contact.follower not in model.mesh.points:
         return []
     joined = _joined(model)
@@ -28,7 +28,7 @@ def moved_nodes(model: Model, contact: Driven) -> list[int]:
 
 
 def plays_before(model: Model, node: int, plays: Sequence[Play]) -> list[Play]:
-    """Return the plays between nodes that are taken up one after the other before a node moves."""
+    """Return the lash elements in series between nodes before a node moves."""
     found: list[Play] = []
     left = list(plays)
     while before := [one for one in left if model.mesh.node(one.ends[1]) in model.connected(node)]:
@@ -39,7 +39,7 @@ def plays_before(model: Model, node: int, plays: Sequence[Play]) -> list[Play]:
 
 
 def _joined(model: Model) -> dict[int, list[int]]:
-    """Return by node the nodes that members and links join to it."""
+    """Return adjacency by members and links."""
     points = model.mesh.points
     ends = [(one.at, one.to) for one in model.springs.values() if one.link and one.to is not None]
     links = [[model.mesh.node(a), model.mesh.node(b)] for a, b in ends if a in points and b in points]
@@ -51,7 +51,7 @@ def _joined(model: Model) -> dict[int, list[int]]:
 
 
 def _outward(joined: Mapping[int, Sequence[int]], start: int) -> list[int]:
-    """Return the nodes that are joined to a node in any number of steps, nearest first."""
+    """Return the nodes connected to a node, nearest first."""
     reached = {start: None}
     waiting = [start]
     for node in waiting:  # grows as it goes
@@ -62,7 +62,7 @@ def _outward(joined: Mapping[int, Sequence[int]], start: int) -> list[int]:
 
 
 def rocker_of(model: Model, contact: Driven) -> Rocker | None:
-    """Return the rocker that a follower drives or is, or None."""
+    """Return the rocker driven by or identical to a follower, or None."""
     nodes, points = set(moved_nodes(model, contact)), model.mesh.points
     own = (
         one
@@ -73,7 +73,7 @@ def rocker_of(model: Model, contact: Driven) -> Rocker | None:
 
 
 def play_of(model: Model, cam: str) -> float:
-    """Return the largest play that a cam's lift takes up, as its follower sees it."""
+    """Return the largest lash taken up by a cam's lift, reduced to the follower."""
     gaps = [0.0]
     for play in model.contacts.values():
         if isinstance(play, Lash):
@@ -84,7 +84,7 @@ def play_of(model: Model, cam: str) -> float:
 
 
 def _taken_up(model: Model, play: Lash) -> float:
-    """Return a play with those before it, as the follower sees them, m."""
+    """Return a lash plus those before it, reduced to the follower, m."""
     rocker = model.rockers[play.rocker] if play.rocker else None
     start = rocker.start if rocker else play.ends[0] if play.ends else ""
     before = plays_before(model, model.mesh.node(start), model.plays) if start in model.mesh.points else []
@@ -92,16 +92,16 @@ def _taken_up(model: Model, play: Lash) -> float:
 
 
 def _within(model: Model, contact: Driven, play: Lash) -> bool:
-    """Tell whether a play is in the train of a contact."""
+    """Return whether a lash is in the train of a contact."""
     if play.ends is not None:
         return model.mesh.node(play.ends[0]) in moved_nodes(model, contact)
     return play.rocker is not None and model.rockers[play.rocker] is rocker_of(model, contact)
 
 
 def complete_motion(structure: Structure, motion: FloatArray) -> FloatArray:
-    """Return a motion of nodes with points and springs following: no play is open, springs stretch evenly."""
+    """Return a motion of nodes with dependent points and springs, lash closed and springs deformed uniformly."""
     moved = motion
-    for _ in [None, *structure.model.plays]:  # each pass goes on by one play at least, whatever their order
+    for _ in [None, *structure.model.plays]:  # each pass adds at least one lash element in any order
         moved = _linked(structure, _pushed_on(structure, moved))
     for rocker in structure.model.rockers.values():
         driven = float(structure.row(rocker.start, rocker.direction) @ moved)
@@ -111,7 +111,7 @@ def complete_motion(structure: Structure, motion: FloatArray) -> FloatArray:
 
 
 def with_springs(structure: Structure, motion: FloatArray) -> FloatArray:
-    """Return a motion with the inner parts of springs evenly between their ends."""
+    """Return a motion with uniformly deformed springs."""
     moved = motion.copy()
     for name, spring in structure.model.springs.items():
         ends = [float(row @ motion) for row in spring_ends(structure, name, spring)]
@@ -122,9 +122,9 @@ def with_springs(structure: Structure, motion: FloatArray) -> FloatArray:
 
 
 def rigid_shift(structure: Structure, end: str, direction: FloatArray) -> FloatArray:
-    """Return the motion of everything that members connect to a node, by which this goes a unit along a direction.
+    """Return the rigid translation of all nodes connected to a node, for a unit displacement along a direction.
 
-    What supports guide at an angle to the direction goes farther: the unit is its part along it.
+    If supports guide at an angle to the direction, the unit is the component along it.
     """
     motion = np.zeros(structure.dofs.size)
     numbers = structure.dofs.numbers[structure.model.mesh.connected(structure.model.mesh.node(end))]
@@ -134,7 +134,7 @@ def rigid_shift(structure: Structure, end: str, direction: FloatArray) -> FloatA
 
 
 def _pushed_on(structure: Structure, motion: FloatArray) -> FloatArray:
-    """Return a motion with what plays between nodes push along, no play being open."""
+    """Return a motion transmitted through lash between nodes, all closed."""
     moved = motion.copy()
     for play in structure.model.plays:
         driven, pushed = (float(structure.row(end, play.direction) @ moved) for end in play.ends)
@@ -144,10 +144,10 @@ def _pushed_on(structure: Structure, motion: FloatArray) -> FloatArray:
 
 
 def _linked(structure: Structure, motion: FloatArray) -> FloatArray:
-    """Return a motion with the points that follow through springs that stand for parts of the train."""
+    """Return a motion with points that follow through link springs."""
     moved = motion.copy()
     links = [(one.direction, (one.at, one.to)) for one in structure.model.springs.values() if one.link and one.to]
-    for _ in links:  # each pass goes on by one link at least
+    for _ in links:  # each pass adds at least one link
         for direction, ends in links:
             drawn = [float(structure.row(end, direction) @ moved) for end in ends]
             for still, (other, end) in enumerate(zip(reversed(drawn), ends, strict=True)):
@@ -157,7 +157,7 @@ def _linked(structure: Structure, motion: FloatArray) -> FloatArray:
 
 
 def _shares(structure: Structure, rocker: Rocker) -> dict[str, float]:
-    """Return what the unknowns of a rocker move per motion of its driven end, as installed, no play being open."""
+    """Return the motion of the unknowns of a rocker per motion of its driven end, as installed with lash closed."""
     own = {rocker.point: rocker.ratio}
     if isinstance(rocker, Lever):
         name = structure.name_of(rocker)
@@ -166,18 +166,18 @@ def _shares(structure: Structure, rocker: Rocker) -> dict[str, float]:
 
 
 _SLIGHT = 1e-9
-"""Part of a motion that counts as none."""
+"""Fraction of a motion that counts as zero."""
 
 
 def follower_motion(structure: Structure, contact: CamContact | PublishedLoad, node: int) -> FloatArray:
-    """Return the unit motion along the lift of everything that members connect to a follower's node.
+    """Return the unit rigid motion along the lift of all nodes connected to a follower by members.
 
-    In the plane of the cam it moves across the lift and turns as its supports ask: a finger about its pivot, each point
-    by ``phi x (x - x_pivot)`` (J. L. Meriam and L. G. Kraige, Engineering Mechanics: Dynamics, ch. 5). Where supports
-    leave several ways, springs are bent with the least energy, as in balance (C. L. Dym and I. H. Shames, Solid
-    Mechanics: A Variational Approach (1973), ch. 3), but for what is behind a play: a finger on a stiff spring under
-    its pivot turns about that, and the spring yields by its force over its stiffness. What costs none does not move.
-    What supports hold along the lift itself, so that it bends, goes along it in what they leave free.
+    In the plane of the cam the motion satisfies the supports: a finger rotates about its pivot, each point by ``phi x
+    (x - x_pivot)`` (J. L. Meriam and L. G. Kraige, Engineering Mechanics: Dynamics, ch. 5). If the supports allow
+    several motions, the one of minimum spring energy is used, as in equilibrium (C. L. Dym and I. H. Shames, Solid
+    Mechanics: A Variational Approach (1973), ch. 3), without parts after a lash: a finger on a stiff spring under its
+    pivot rotates about the pivot, and the spring deflects under its force. Motions without spring energy are zero. A
+    part constrained along the lift itself, which bends, moves in its free components.
     """
     numbers = structure.dofs.numbers[structure.model.mesh.connected(node)]
     fields, free = _fields(structure, contact, node), numbers >= 0
@@ -195,9 +195,9 @@ def follower_motion(structure: Structure, contact: CamContact | PublishedLoad, n
 
 
 def _fields(structure: Structure, contact: CamContact | PublishedLoad, node: int) -> FloatArray:
-    """Return motions of what is joined to a node, shape (k, m, 6): along the lift, across it, turning about the node.
+    """Return motions of the nodes connected to a node, shape (k, m, 6): along the lift, across it, and rotation.
 
-    The last is by the length of it all; a single node does not turn.
+    The rotation is about the node, scaled by the length of the part; a single node does not rotate.
     """
     mesh, axis = structure.model.mesh, np.asarray(contact.shaft_axis)
     away = mesh.nodes[mesh.connected(node)] - mesh.nodes[node]
@@ -209,9 +209,9 @@ def _fields(structure: Structure, contact: CamContact | PublishedLoad, node: int
 
 
 def _supported(held: FloatArray) -> tuple[FloatArray | None, FloatArray]:
-    """Return what of other motions supports ask beside the first, and the ways of these that they leave free.
+    """Return the combination of other motions required by supports for the first, and the free combinations.
 
-    All are given where supports hold them, shape (k, h); None where they cannot hold still.
+    Combinations have the shape (k, h); None if the supports prevent the motion.
     """
     straight, others = held[0], held[1:]
     _, sizes, ways = np.linalg.svd(others.T, full_matrices=True)
@@ -221,12 +221,12 @@ def _supported(held: FloatArray) -> tuple[FloatArray | None, FloatArray]:
 
 
 def _least(matrix: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Return the smallest amounts of columns that come nearest to what is wanted; rounding is no column."""
+    """Return the minimum-norm least-squares coefficients of columns; rounding is not a column."""
     return np.linalg.lstsq(matrix, wanted, rcond=_SLIGHT)[0].astype(np.float64, copy=False)
 
 
 def _bent(structure: Structure) -> FloatArray:
-    """Return the rows of what springs, and plays on what is held, are bent by, by the root of their stiffness."""
+    """Return rows of the deformation of springs, and of lash to fixed parts, times the square root of stiffness."""
     model = structure.model
     rows = [np.sqrt(one.stiffness) * spring_row(structure, name, one) for name, one in model.springs.items()]
     for one in model.contacts.values():

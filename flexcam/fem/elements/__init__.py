@@ -1,4 +1,4 @@
-"""The beam element: axial, torsion and two bending planes, each a file, put together in `beam`.
+"""Beam elements: axial, torsion and bending in two planes, combined in `beam`.
 
-Imports numpy only; works on arrays of elements at once. A new element is a file here with its stiffness and mass.
+The modules import numpy only and work on arrays of elements. A new element is a module with its stiffness and mass.
 """

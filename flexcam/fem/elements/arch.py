@@ -1,9 +1,9 @@
-"""The beam element as a shallow arch: what axial force and bending do to each other.
+"""Shallow arch: beam element with coupled axial force and bending.
 
-Seven scalars deform it: the stretch D of its chord, and in each plane the slope of the chord and both end rotations, y.
-With one axial strain its axial energy is ``EA/(2 L) e^2``, ``e = D + 1/2 y^T g (y + 2 y0)``: bending shortens the chord
-by half the integral of v'^2, y0 is an initial bow, g the geometric stiffness under a unit force. M. A. Crisfield,
-Non-linear Finite Element Analysis of Solids and Structures 1 (1991), sec. 7.1 and 7.2.
+Seven deformation parameters describe the element: the elongation D of its chord, and in each plane the slope of the
+chord and both end rotations, y. With one axial strain its axial energy is ``EA/(2 L) e^2``, ``e = D + 1/2 y^T g (y + 2
+y0)``: bending shortens the chord by half the integral of v'^2, y0 is an initial bow, g the geometric stiffness under a
+unit force. M. A. Crisfield, Non-linear Finite Element Analysis of Solids and Structures 1 (1991), sec. 7.1 and 7.2.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from flexcam.fem.elements import bending
 from flexcam.fem.elements.beam import PLANE_XY, PLANE_XZ, Beams
 
 SCALARS = 7
-"""Per element: the stretch, then slope of the chord and both end rotations in the x-y and the x-z plane."""
+"""Deformation parameters per element: elongation, then chord slope and both end rotations in both planes."""
 
 
 def deforming(beams: Beams, elements: IntArray) -> FloatArray:
-    """Return the seven scalars by the twelve local components.
+    """Return the matrix from the twelve local components to the seven deformation parameters.
 
     Parameters
     ----------
     beams
         All elements.
     elements
-        Which of them, shape (e,).
+        Selected elements, shape (e,).
 
     Returns
     -------
@@ -46,7 +46,7 @@ def deforming(beams: Beams, elements: IntArray) -> FloatArray:
 
 
 def shortening(beams: Beams, elements: IntArray) -> FloatArray:
-    """Return g over slopes and rotations of both planes.
+    """Return g for slopes and rotations of both planes.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def shortening(beams: Beams, elements: IntArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Arch:
-    """Shallow arches side by side, over their seven scalars.
+    """Shallow arch elements in terms of their seven deformation parameters.
 
     Parameters
     ----------
@@ -95,22 +95,22 @@ class Arch:
 
     @classmethod
     def of(cls, beams: Beams, elements: IntArray) -> Arch:
-        """Return the arches of some elements, shape (e,)."""
+        """Return the arches of selected elements, shape (e,)."""
         axial = beams.EA[elements] / beams.length[elements]
         return cls(axial, shortening(beams, elements), beams.bow[elements])
 
     def pull(self, values: FloatArray) -> FloatArray:
-        """Return g (y + y0) of the scalars, shape (..., e, 7): what a unit force does to bending, shape (..., e, 6)."""
+        """Return the bending forces per unit axial force, g (y + y0), shape (..., e, 6), for shape (..., e, 7)."""
         return _behind(self._pull(_before(values)), values)
 
     def axial_force(self, values: FloatArray) -> FloatArray:
-        """Return the axial force, tension positive, N, shape (..., e), of the scalars, shape (..., e, 7)."""
+        """Return the axial force, tension positive, N, shape (..., e), for parameters of shape (..., e, 7)."""
         first = _before(values)
         N = self.axial[:, None] * first[:, 0] + self._beyond(first, self._pull(first))
         return _behind(N, values)
 
     def forces(self, values: FloatArray) -> FloatArray:
-        """Return the forces beyond those of straight bars and beams, shape (..., e, 7), of the scalars, as large."""
+        """Return the forces beyond those of the linear bar and beam, shape (..., e, 7), for that shape."""
         first = _before(values)
         pulled, found = self._pull(first), np.empty_like(first)
         beyond = self._beyond(first, pulled)
@@ -120,27 +120,27 @@ class Arch:
         return _behind(found, values)
 
     def energy(self, values: FloatArray) -> FloatArray:
-        """Return the energy beyond that of straight bars and beams, J, shape (...), of the scalars, (..., e, 7)."""
+        """Return the energy beyond that of the linear bar and beam, J, shape (...), for shape (..., e, 7)."""
         first = _before(values)
-        beyond = self._beyond(first, self._pull(first))  # N^2 less that of the straight bar
+        beyond = self._beyond(first, self._pull(first))  # N^2 minus that of the linear bar
         return np.sum(beyond * (0.5 * beyond / self.axial[:, None] + first[:, 0]), axis=0).reshape(values.shape[:-2])
 
     def _pull(self, first: FloatArray) -> FloatArray:
-        """Return what `pull` does, instants last: shape (e, 7, m) to (e, 6, m)."""
+        """Return `pull` with instants last: shape (e, 7, m) to (e, 6, m)."""
         return self.shortening @ (first[:, 1:] + self.bow[..., None])
 
     def _beyond(self, first: FloatArray, pulled: FloatArray) -> FloatArray:
-        """Return the axial force of the shortening, N, shape (e, m)."""
-        # y.g.(y + 2 y0): the difference of both squares would leave rounding where nothing is bent.
+        """Return the axial force of the shortening by bending, N, shape (e, m)."""
+        # y.g.(y + 2 y0): the difference of both squares would leave rounding at zero bending.
         return 0.5 * self.axial[:, None] * np.einsum("eim,eim->em", first[:, 1:], pulled + self._start)
 
     @cached_property
     def _start(self) -> FloatArray:
-        """What a unit force does to the bow itself, shape (e, 6, 1)."""
+        """Generalized bending forces of the initial bow per unit axial force, shape (e, 6, 1)."""
         return self.shortening @ self.bow[..., None]
 
     def answer(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return these forces, shape (e, 7), and their derivative, (e, 7, 7), of the scalars of one instant, (e, 7)."""
+        """Return the forces, shape (e, 7), and their derivatives, (e, 7, 7), for one instant, (e, 7)."""
         first = values[..., None]
         pulled = self._pull(first)
         beyond, pulled = self._beyond(first, pulled)[:, 0], pulled[..., 0]
@@ -153,17 +153,17 @@ class Arch:
 
 
 def _before(values: FloatArray) -> FloatArray:
-    """Return scalars with the instants last, shape (..., e, k) to (e, k, m): what belongs together lies together."""
+    """Move the instants last, shape (..., e, k) to (e, k, m), for contiguous access."""
     return np.ascontiguousarray(values.reshape(-1, *values.shape[-2:]).transpose(1, 2, 0))
 
 
 def _behind(found: FloatArray, values: FloatArray) -> FloatArray:
-    """Return what has the instants last with the instants of scalars first, shape (e, ..., m) to (..., e, ...)."""
+    """Move the instants back to the front, shape (e, ..., m) to (..., e, ...)."""
     return found.transpose(-1, *range(found.ndim - 1)).reshape(*values.shape[:-2], *found.shape[:-1])
 
 
 def beyond_linear(beams: Beams, local: FloatArray) -> FloatArray:
-    """Return the end forces that shallow arches have beyond those of straight bars and beams.
+    """Return the end forces of shallow arches beyond those of linear bars and beams.
 
     Parameters
     ----------
@@ -188,14 +188,14 @@ def beyond_linear(beams: Beams, local: FloatArray) -> FloatArray:
 
 
 def half_wave(bow: float, length: FloatArray) -> FloatArray:
-    """Return y0 of the elements of a member with an initial half wave in its x-y plane.
+    """Return the initial bow y0 of the elements of a member with a half wave in its x-y plane.
 
     Parameters
     ----------
     bow
         At mid-length, m.
     length
-        Of its elements in order, m, shape (e,).
+        Element lengths in order, m, shape (e,).
 
     Returns
     -------

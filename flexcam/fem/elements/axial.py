@@ -1,4 +1,4 @@
-"""Two-node bar: axial motion and, with other factors, Saint-Venant torsion.
+"""Two-node bar element for axial motion and, with other factors, Saint-Venant torsion.
 
 Linear interpolation. Source: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), eq. 5.82 (stiffness)
 and 11.27 (mass). Unknowns u1, u2 along the bar (or the twists of its ends).
@@ -40,7 +40,7 @@ def stiffness(rigidity: FloatArray, length: FloatArray) -> FloatArray:
 
 
 def mass(inertia: FloatArray, length: FloatArray, lumped: FloatArray) -> FloatArray:
-    """Return the consistent mass rho A L/6 [[2, 1], [1, 2]], or half of it at each end where lumped.
+    """Return the consistent mass rho A L/6 [[2, 1], [1, 2]], or half the mass at each end if lumped.
 
     Parameters
     ----------

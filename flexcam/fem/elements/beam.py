@@ -1,7 +1,7 @@
-"""The 12-DOF beam element in space: a bar, a torsion bar and two bending planes side by side.
+"""Beam element with 12 degrees of freedom in space: bar, torsion bar and bending in two planes.
 
 Local order: ux uy uz rx ry rz at node 1, then at node 2. In the x-y plane the rotation is rz = dv/dx; in the x-z plane
-ry = -dw/dx, so that plane is the same bending element with the signs of its rotations turned.
+ry = -dw/dx, so that plane uses the same bending element with the signs of its rotations reversed.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ class Beams:
     lumped
         1 where the mass is lumped, else 0, shape (e,).
     arched
-        1 where axial force and bending act on each other, else 0, shape (e,).
+        1 where axial force and bending are coupled, else 0, shape (e,).
     bow
-        Initial slopes and rotations of such elements, see `shallow`, shape (e, 6).
+        Initial slopes and rotations of such elements, see `arch`, shape (e, 6).
 
     Examples
     --------
@@ -71,7 +71,7 @@ class Beams:
         return len(self.length)
 
     def part(self, index: slice | IntArray) -> Beams:
-        """Return some of the elements."""
+        """Return a subset of the elements."""
         return Beams(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
 
 
@@ -106,7 +106,7 @@ def stiffness(beams: Beams) -> FloatArray:
 
 
 def mass(beams: Beams) -> FloatArray:
-    """Return the mass matrix of every element, consistent or lumped as it asks.
+    """Return the mass matrix of every element, consistent or lumped.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def geometric(beams: Beams, axial_force: FloatArray) -> FloatArray:
 
 
 def to_global(beams: Beams, local: FloatArray) -> FloatArray:
-    """Return element matrices turned from local into global axes, ``T^T k T``.
+    """Return element matrices transformed from local to global axes, ``T^T k T``.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def to_global(beams: Beams, local: FloatArray) -> FloatArray:
 
 
 def _rows_turned(beams: Beams, matrices: FloatArray) -> FloatArray:
-    """Return ``T^T m``: rows by three are the components of a vector at each end."""
+    """Return ``T^T m``; each group of three rows is a vector at one end."""
     back = np.swapaxes(beams.triads, -1, -2)[:, None]
     return (back @ matrices.reshape(-1, 4, 3, 12)).reshape(-1, 12, 12)
 

@@ -1,13 +1,13 @@
-"""Bending of a two-node beam in one principal plane, with or without shear deformation.
+"""Bending of a two-node beam in one principal plane, with optional shear deformation.
 
 Unknowns v1, r1, v2, r2: deflection and rotation of the section, r = dv/dx for a slender beam. The shear parameter is
-``phi = 12 E I/(kappa A G L^2)``; phi = 0 is the Euler-Bernoulli beam. The interpolation is the one that solves the
-homogeneous static equations, so static nodal values are exact for both theories.
+``phi = 12 E I/(kappa A G L^2)``; phi = 0 is the Euler-Bernoulli beam. The interpolation satisfies the homogeneous
+static equations, so static nodal values are exact for both theories.
 
-Sources: stiffness: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), eq. 5.116; masses: Z. Friedman
-and J. B. Kosmatka, An improved two-node Timoshenko beam finite element, Comput. Struct. 47 (1993), eqs. 28-30;
-geometric stiffness: J. B. Kosmatka, An improved two-node finite element for stability and natural frequencies of
-axially loaded Timoshenko beams, Comput. Struct. 57 (1995). The tests integrate the shape functions again.
+Sources: stiffness: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), eq. 5.116; masses: Z. Friedman and
+J. B. Kosmatka, An improved two-node Timoshenko beam finite element, Comput. Struct. 47 (1993), eqs. 28-30; geometric
+stiffness: J. B. Kosmatka, An improved two-node finite element for stability and natural frequencies of axially loaded
+Timoshenko beams, Comput. Struct. 57 (1995). The tests check the matrices by integrating the shape functions.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from flexcam.core import FloatArray
 def _symmetric(
     L: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, e: FloatArray, f: FloatArray
 ) -> FloatArray:
-    """Lay out [[a, bL, c, dL], [., eL^2, -dL, fL^2], [., ., a, -bL], [., ., ., eL^2]] per element.
+    """Return [[a, bL, c, dL], [., eL^2, -dL, fL^2], [., ., a, -bL], [., ., ., eL^2]] per element.
 
-    Every matrix of the element has this form, because turning the beam end for end maps
-    (v1, r1, v2, r2) to (v2, -r2, v1, -r1).
+    Every matrix of the element has this form because exchanging the ends of the beam maps (v1, r1, v2, r2) to (v2, -r2,
+    v1, -r1).
     """
     rows = [
         [a, b * L, c, d * L],
