@@ -1,7 +1,7 @@
-"""Files: meshes in, results out.
+"""Input and output files: meshes, lift tables, profiles, results and exports.
 
-May import `fem`, `cams`, `dynamics`, `checkpoint`, `core` and `core`; owns h5py and meshio.
-A new format is one file here with one read or write function.
+May import `fem`, `cams`, `dynamics`, `checkpoint` and `core`; only this package imports h5py and meshio.
+Add a new format as one file here with one read or write function.
 """
 
 from flexcam.io.atomic_write import hold, scratch, whole
