@@ -1,4 +1,4 @@
-"""The case file: TOML text to checked records in SI units, all errors in one report, and records to the model.
+"""Case files: read TOML text, check it into records in SI units with one report of all errors, and build the model.
 
-May import `valvetrain`, `io`, `dynamics`, `fem`, `cams` and `core`. A new key is a field of a record in `schema`.
+May import `valvetrain`, `io`, `dynamics`, `fem`, `cams` and `core`. Add a new key as a field of a record in `schema`.
 """
