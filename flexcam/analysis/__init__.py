@@ -1,4 +1,4 @@
-"""Runs of a case and what is asked of them: comparison, error estimate, limits, stability, Campbell, orders.
+"""Runs of a case and their analysis: comparison, error estimate, limits, stability, Campbell diagram, orders.
 
-May import `case` and everything below it. A new analysis is a file here and a command in `cli`.
+May import `case` and everything below it. Add a new analysis as a file here and a command in `cli`.
 """
