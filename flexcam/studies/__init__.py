@@ -1,4 +1,4 @@
-"""Many runs: sweeps, sensitivity, tolerances, optimization, on local processes or a Dask cluster.
+"""Studies of many runs: sweeps, sensitivity, tolerances, optimization, on local processes or a Dask cluster.
 
-May import `analysis` and everything below it. A new quantity is a row in `quantities`.
+May import `analysis` and everything below it. Add a new quantity as a row in `quantities`.
 """
