@@ -1,4 +1,4 @@
-"""Curves with matplotlib and mechanisms in 3D with pyvista.
+"""Curves with matplotlib and 3D views of mechanisms with pyvista.
 
-May import `analysis` and everything below it. A new picture is a function that draws into given axes.
+May import `analysis` and everything below it. Add a new figure as a function that draws into given axes.
 """
