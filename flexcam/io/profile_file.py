@@ -94,7 +94,7 @@ def _scale(head: list[str], given: str | None, path: Path) -> float:
 
 _MM = 1e3
 _LAYERS = {"profile": 1, "pitch curve": 3, "cutter path": 5, "base circle": 8}
-"""Layers of the drawing and their AutoCAD color indices."""
+"""Layers of the drawing and their AutoCAD colour indices."""
 
 
 @dataclass(frozen=True, eq=False)

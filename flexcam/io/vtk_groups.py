@@ -95,7 +95,7 @@ class Geometry:
 
     @cached_property
     def fibres(self) -> Fibres:
-        """Return the extreme fibers of all elements."""
+        """Return the extreme fibres of all elements."""
         counts = [len(line) - 1 for line in self.mesh.lines.values()]
         return fibres([s for name, n in zip(self.mesh.lines, counts, strict=True) for s in [self.sections[name]] * n])
 

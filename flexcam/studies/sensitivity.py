@@ -55,7 +55,7 @@ class Derivative:
 
 
 def central(middle: float, beside: FloatArray, step: float) -> Derivative:
-    """Return the derivative of a function from values at neighboring points.
+    """Return the derivative of a function from values at neighbouring points.
 
     Exact for polynomials of up to the fourth degree. L. F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307.
     """

@@ -39,7 +39,7 @@ class Scatter:
     key
         Key of the case.
     middle, half
-        Center and half width, SI.
+        Centre and half width, SI.
     kind
         Distribution: uniform between both ends, or normal with the ends at three standard deviations.
     """
@@ -50,7 +50,7 @@ class Scatter:
     kind: Literal["uniform", "normal"]
 
     def value(self, part: float) -> float:
-        """Return the quantile for a probability from 0 to 1; a normal scatter is truncated at five standard deviations."""
+        """Return the quantile for a probability from 0 to 1; a normal scatter is truncated at `_CUT` deviations."""
         if self.kind == "uniform":
             return self.middle + self.half * (2.0 * part - 1.0)
         from statistics import NormalDist
@@ -89,7 +89,7 @@ def _scatter(case: Case, setting: str, where: str) -> Scatter:
 
 
 def _half(text: str, middle: float, unit: str, where: str) -> float:
-    """Return the half width: a fraction of the center, or a quantity of the same dimension."""
+    """Return the half width: a fraction of the centre, or a quantity of the same dimension."""
     if text.endswith("%"):
         return abs(middle) * parse(text, "number", where)
     kinds = [name for name, one in DIMENSIONS.items() if one.si == unit]
