@@ -24,7 +24,8 @@ class Instant:
     unknowns
         Displacements of the degrees of freedom of the structure as drawn, m and rad, shape (n,).
     values
-        Colour values of members at the points of their polylines, member by member, shape (points,); None for no colours.
+        Colour values of members at the points of their polylines, member by member, shape (points,); None for no
+        colours.
     """
 
     structure: Structure
