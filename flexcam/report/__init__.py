@@ -1,5 +1,5 @@
-"""Tables, sentences and the HTML page that show results.
+"""Tables, sentences and HTML pages of results.
 
-May import `plotting`, `studies` and everything below them. A new table is a function in a module named after its
+May import `plotting`, `studies` and everything below them. Add a new table as a function in a module named after its
 subject.
 """
