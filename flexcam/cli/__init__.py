@@ -1,4 +1,4 @@
-"""The commands: read, call, print; each returns the status of its run, or None.
+"""Commands: each reads its input, calls the library and prints; it returns the status of its run, or None.
 
-May import everything below it. A new command is a function in the file of its kind and a name in `FILES`.
+May import everything below it. Add a new command as a function in the file of its kind and a name in `FILES`.
 """
