@@ -292,7 +292,7 @@ class Stability:
     resonances
         Resonances in ascending distance from the case's speed.
     open_on_the_lift
-        Range of cam angle with an open contact, or a tensile bilateral one, on the main lift, rad.
+        Width of the cam angle range with an open contact, or a tensile bilateral one, on the main lift, rad.
     status
         Status of the run used to evaluate contacts, modes and the integrator.
     """

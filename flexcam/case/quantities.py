@@ -63,7 +63,7 @@ class Unit:
     most: float | None = None
     noise: bool = False
 
-    def validate(self, value: Any) -> float:  # noqa: ANN401 - whatever stands in the file
+    def validate(self, value: Any) -> float:  # noqa: ANN401 - any TOML value
         """Return the number in SI."""
         try:
             number = parse(value, self.dimension, noise=self.signed or self.noise)
@@ -94,7 +94,7 @@ class Unit:
         return {"anyOf": [{"type": "number"}, {"type": "string"}], **example}
 
 
-def _component(value: Any) -> str:  # noqa: ANN401 - whatever stands in the file
+def _component(value: Any) -> str:  # noqa: ANN401 - any TOML value
     try:
         component(str(value))
     except InputError as refusal:

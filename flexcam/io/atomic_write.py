@@ -30,9 +30,9 @@ def whole(path: Path) -> Generator[Path]:
 
 
 def hold(file: int) -> bool:
-    """Lock an open file until the process ends or the descriptor is closed; return whether the lock was obtained.
+    """Lock an open file until the process ends or the descriptor is closed; raise BlockingIOError if it is locked.
 
-    Without file locks (Windows, some network drives) concurrent access is not prevented.
+    Without file locks (Windows, some network drives) return False; concurrent access is not prevented then.
     """
     try:
         import fcntl

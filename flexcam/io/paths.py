@@ -137,7 +137,7 @@ _OF_FILES = frozenset((
 
 
 def named_as_folder(path: Path) -> Path:
-    """Return a valid folder name for files named after another object, such as the case."""
+    """Return the path of an output folder; raise an error for a name with the suffix of an output file."""
     if path.suffix.lower() not in _OF_FILES or path.exists():
         return path
     allowed, why = "a folder", "its files have names of their own, after the case"

@@ -112,7 +112,7 @@ def _which(variants: Sequence[int], count: int) -> str:
 def check_names(file: CaseFile, plan: Plan, names: Sequence[str]) -> None:
     """Raise an error for scalars that no variant has.
 
-    The parts of a case determine its scalars, and numbers hardly ever do: variants are checked only until every name is
+    The parts of a case determine its scalars, and numbers rarely do: variants are checked only until every name is
     found, first those with the ends of every axis and with every value that is a word.
     """
     known, left = dict[str, None](), list(names)
