@@ -94,7 +94,7 @@ SCALES = frozenset({"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"})
 _FILTERS = {_module_guard.h5z.FILTER_DEFLATE, _module_guard.h5z.FILTER_SHUFFLE, _module_guard.h5z.FILTER_FLETCHER32}
 
 _ALWAYS, _TIMES = 1 << 28, 200
-"""Limit of the declared size: bytes always allowed, plus a multiple of the file size, as constant data compress well."""
+"""Limit of the declared size: bytes always allowed, plus a multiple of the file size, as constant data compress."""
 
 DAMAGE = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError, MemoryError)
 """Exceptions that h5py and numpy raise on damaged content."""
