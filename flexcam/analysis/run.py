@@ -123,8 +123,8 @@ def run(
 
     Parameters
     ----------
-    Checked case from `flexcam.read_case`.
-        From `flexcam.read_case`.
+    case
+        Checked case from `flexcam.read_case`.
     rigid
         Solve the same mechanism with rigid members.
     sinks
